@@ -1,0 +1,1 @@
+//! Calibration, Allan variance, ellipse correction, statistics and uncertainty.

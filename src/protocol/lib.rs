@@ -1,0 +1,1 @@
+//! Messages and frames between the host and the slave test board.

@@ -1,0 +1,1 @@
+//! Production test station for GNC modules.
