@@ -1,1 +1,20 @@
-//! Messages and frames between the host and the slave test board.
+//! What travels between the host and the slave test board.
+//!
+//! `docs/ICD.md` is the contract; this crate is its Rust form. Frames for RS-422 ([`serial`]), messages with
+//! their byte layouts ([`message`]), sample streams ([`stream`]) and the board's end of the conversation
+//! ([`slave`]). No I/O, no clock, no allocator: bytes and link time go in, frames come out.
+#![no_std]
+
+pub mod error;
+pub mod frame;
+pub mod message;
+pub mod pattern;
+pub mod serial;
+pub mod slave;
+pub mod stream;
+pub mod timing;
+pub mod wire;
+
+pub use error::{FaultCode, NakCode};
+pub use frame::{Flags, Frame, Header, Kind, MAX_PAYLOAD, PROTOCOL_VERSION, Payload};
+pub use message::{Call, Request};

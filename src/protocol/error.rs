@@ -1,0 +1,72 @@
+//! Numbers that say why the board would not, or could not.
+
+use crate::wire::wire_enum;
+
+wire_enum! {
+    /// Why the board refused a request (NAK): it was never started.
+    NakCode: u16 {
+        /// No HELLO since the board's start, or its watchdog ended the session.
+        NoSession = 1,
+        /// The message id means nothing to this firmware.
+        UnknownMessage = 2,
+        /// The payload is not laid out as the message demands.
+        BadPayload = 3,
+        /// A field is outside its range.
+        BadParameter = 4,
+        /// Another request uses the same resource, or too many run at once.
+        Busy = 5,
+        /// The module is not powered.
+        NotPowered = 6,
+        /// The flash sector is not a scratch sector.
+        Protected = 7,
+        /// The stream does not fit on the link; the text holds the arithmetic.
+        DoesNotFit = 8,
+        /// The socket has no such device.
+        NoDevice = 9,
+    }
+}
+
+impl NakCode {
+    /// What the code means, in lower case.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::NoSession => "no session with the board",
+            Self::UnknownMessage => "message unknown to the board's firmware",
+            Self::BadPayload => "payload not understood",
+            Self::BadParameter => "parameter out of range",
+            Self::Busy => "board busy",
+            Self::NotPowered => "module not powered",
+            Self::Protected => "flash sector protected",
+            Self::DoesNotFit => "stream does not fit on the link",
+            Self::NoDevice => "no such device in the socket",
+        }
+    }
+}
+
+wire_enum! {
+    /// How a request that was accepted came out: the status of a RESULT.
+    FaultCode: u16 {
+        /// Done; the body follows.
+        None = 0,
+        /// Ended by ABORT, MAKE_SAFE or a new HELLO.
+        Aborted = 1,
+        /// A device of the module did not answer in its time.
+        DeviceTimeout = 2,
+        /// A device of the module answered with its own error.
+        DeviceFault = 3,
+    }
+}
+
+impl FaultCode {
+    /// What the code means, in lower case.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::None => "done",
+            Self::Aborted => "aborted",
+            Self::DeviceTimeout => "a device of the module did not answer",
+            Self::DeviceFault => "a device of the module reported an error",
+        }
+    }
+}

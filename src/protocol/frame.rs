@@ -1,0 +1,173 @@
+//! The frame that both links carry: an eight-byte header, up to 512 bytes of payload, a CRC-32C.
+
+use crc::{CRC_32_ISCSI, Crc, Table};
+
+use crate::wire::wire_enum;
+
+/// Version of the messages in this crate. HELLO frames carry version 0, since their layout never changes.
+pub const PROTOCOL_VERSION: u8 = 1;
+/// Longest payload. A full frame takes 46 ms at 115200 baud, so an ABORT never waits long behind one.
+pub const MAX_PAYLOAD: usize = 512;
+/// Bytes of the header.
+pub const HEADER: usize = 8;
+/// Bytes of the checksum.
+pub const CRC: usize = 4;
+/// Longest frame before it is stuffed for a link.
+pub const MAX_FRAME: usize = HEADER + MAX_PAYLOAD + CRC;
+
+/// A payload in its own buffer.
+pub type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
+
+/// CRC-32C (Castagnoli; CRC-32/ISCSI): finds every error of up to five bits in a frame of this length.
+static CRC_32C: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISCSI);
+
+/// The checksum of `bytes`.
+#[must_use]
+pub fn checksum(bytes: &[u8]) -> u32 {
+    CRC_32C.checksum(bytes)
+}
+
+wire_enum! {
+    /// What a frame is in the life of a request.
+    Kind: u8 {
+        /// Opens a session, both ways.
+        Hello = 0,
+        /// Host: do this.
+        Request = 1,
+        /// Board: understood and started.
+        Accept = 2,
+        /// Board: still at it.
+        Progress = 3,
+        /// Board: ended; status and body.
+        Result = 4,
+        /// Board: numbered samples, never acknowledged.
+        Stream = 5,
+        /// Either side: heartbeat, keep-alive, watchdog; never acknowledged.
+        Event = 6,
+        /// Board: refused, never started.
+        Nak = 7,
+    }
+}
+
+/// Marks on a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Flags(pub u8);
+
+impl Flags {
+    /// Host: this request was sent before under the same id.
+    pub const RESENT: Self = Self(0x01);
+    /// Board: this answer was given before and is repeated from memory.
+    pub const REPLAYED: Self = Self(0x02);
+
+    /// Whether the mark is set.
+    #[must_use]
+    pub fn has(self, mark: Self) -> bool {
+        self.0 & mark.0 != 0
+    }
+}
+
+/// The header, eight bytes: version and kind, flags, request id, message id, sequence number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    /// Version of the layout, 0 in HELLO frames.
+    pub version: u8,
+    /// What the frame is.
+    pub kind: Kind,
+    /// Marks.
+    pub flags: Flags,
+    /// The host's number for the request, echoed; 0 in frames that belong to none.
+    pub request: u16,
+    /// Which message.
+    pub message: u16,
+    /// Counts the frames of one direction, for the statistics of losses.
+    pub sequence: u16,
+}
+
+/// Why bytes with a good length are not a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FrameError {
+    /// Fewer bytes than a header and a checksum.
+    #[error("a frame of {length} bytes is shorter than header and checksum")]
+    Short {
+        /// Bytes received.
+        length: usize,
+    },
+    /// More bytes than the longest frame.
+    #[error("a frame of more than {MAX_FRAME} bytes")]
+    Long,
+    /// The stuffing is broken.
+    #[error("broken byte stuffing")]
+    Stuffing,
+    /// The checksum does not match.
+    #[error("checksum {received:08x} received, {computed:08x} computed")]
+    Checksum {
+        /// As sent.
+        received: u32,
+        /// Over the bytes that came.
+        computed: u32,
+    },
+    /// The kind is unknown; the checksum is good, so the other end speaks another protocol.
+    #[error("frame kind {kind} is unknown")]
+    UnknownKind {
+        /// The number.
+        kind: u8,
+    },
+}
+
+/// A whole frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// The header.
+    pub header: Header,
+    /// The payload.
+    pub payload: Payload,
+}
+
+impl Frame {
+    /// Header, payload and checksum as bytes, before stuffing.
+    #[must_use]
+    pub fn to_bytes(&self) -> heapless::Vec<u8, MAX_FRAME> {
+        let h = &self.header;
+        let mut bytes = heapless::Vec::new();
+        let [r0, r1] = h.request.to_le_bytes();
+        let [m0, m1] = h.message.to_le_bytes();
+        let [s0, s1] = h.sequence.to_le_bytes();
+        // The buffer holds the longest frame, so that none of these can fail.
+        let _ = bytes.extend_from_slice(&[h.version << 4 | h.kind as u8, h.flags.0, r0, r1, m0, m1, s0, s1]);
+        let _ = bytes.extend_from_slice(&self.payload);
+        let crc = checksum(&bytes);
+        let _ = bytes.extend_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+
+    /// Reads a frame from unstuffed bytes.
+    ///
+    /// # Errors
+    /// [`FrameError`] for a wrong length, checksum or kind.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FrameError> {
+        if bytes.len() > MAX_FRAME {
+            return Err(FrameError::Long);
+        }
+        let short = FrameError::Short { length: bytes.len() };
+        let (content, tail) = bytes.split_last_chunk::<CRC>().ok_or(short)?;
+        let (head, payload) = content.split_first_chunk::<HEADER>().ok_or(short)?;
+        let received = u32::from_le_bytes(*tail);
+        let computed = checksum(content);
+        if received != computed {
+            return Err(FrameError::Checksum { received, computed });
+        }
+        let &[first, flags, r0, r1, m0, m1, s0, s1] = head;
+        let kind = Kind::from_number(first & 0x0f).ok_or(FrameError::UnknownKind { kind: first & 0x0f })?;
+        Ok(Self {
+            header: Header {
+                version: first >> 4,
+                kind,
+                flags: Flags(flags),
+                request: u16::from_le_bytes([r0, r1]),
+                message: u16::from_le_bytes([m0, m1]),
+                sequence: u16::from_le_bytes([s0, s1]),
+            },
+            payload: Payload::from_slice(payload).map_err(|_| FrameError::Long)?,
+        })
+    }
+}

@@ -1,0 +1,661 @@
+//! The messages: ids, requests and results, field by field as in the interface document.
+//!
+//! The board measures and reports; it never judges. Values leave it as raw as it has them.
+
+use crate::error::FaultCode;
+use crate::wire::{List, Reader, Text, Wire, WireError, Writer, wire_enum, wire_struct};
+
+/// First bytes of every HELLO.
+pub const MAGIC: [u8; 4] = *b"GNCT";
+
+wire_struct! {
+    /// HELLO from the host: opens a session, or asks again (same nonce) whether it is open.
+    HostHello {
+        /// [`MAGIC`].
+        magic: [u8; 4],
+        /// Lowest protocol version the host speaks.
+        lowest: u8,
+        /// Highest protocol version the host speaks.
+        highest: u8,
+        /// A number of the host's choice; another one than before ends the session before.
+        nonce: u32,
+    }
+}
+
+wire_struct! {
+    /// HELLO from the board.
+    BoardHello {
+        /// [`MAGIC`].
+        magic: [u8; 4],
+        /// The version in force, 0 if there is none in common.
+        chosen: u8,
+        /// Lowest protocol version the board speaks.
+        lowest: u8,
+        /// Highest protocol version the board speaks.
+        highest: u8,
+        /// The host's nonce.
+        nonce: u32,
+        /// A random number drawn at each start of the board.
+        boot_id: u32,
+        /// Bits of [`capability`].
+        capabilities: u32,
+        /// Serial number of the slave board (not of the module).
+        serial: Text<32>,
+        /// Firmware of the slave board.
+        firmware: Text<32>,
+    }
+}
+
+/// What a board can do, as bits in its HELLO.
+pub mod capability {
+    /// Switches the module's supply and measures it.
+    pub const POWER: u32 = 1 << 0;
+    /// Has CAN.
+    pub const CAN: u32 = 1 << 1;
+}
+
+/// Message ids of EVENT frames.
+pub mod event {
+    /// Board, every second: [`super::Heartbeat`].
+    pub const HEARTBEAT: u16 = 0x0001;
+    /// Host, every 500 ms: no payload; any valid frame serves as well.
+    pub const KEEP_ALIVE: u16 = 0x0002;
+    /// Board: the watchdog ended the session and made the board safe: no payload.
+    pub const WATCHDOG: u16 = 0x0003;
+}
+
+wire_struct! {
+    /// The board's sign of life.
+    Heartbeat {
+        /// As in HELLO: another one means that the board restarted.
+        boot_id: u32,
+        /// Board time, in microseconds since its start.
+        board_time_us: u64,
+        /// Bit 0: session open; bit 1: module powered; bit 2: requests running; bit 3: streams running.
+        state: u8,
+    }
+}
+
+wire_struct! {
+    /// Payload of ACCEPT.
+    Accept {
+        /// How long the board expects to take, in board time; 0 for at once.
+        expected_ms: u32,
+    }
+}
+
+wire_struct! {
+    /// Payload of PROGRESS.
+    Progress {
+        /// Share done, 0 to 1000.
+        done_permille: u16,
+        /// Board time spent on the request.
+        elapsed_ms: u32,
+    }
+}
+
+wire_struct! {
+    /// Payload of NAK.
+    Nak {
+        /// A number of [`crate::NakCode`].
+        code: u16,
+        /// For people.
+        text: Text<160>,
+    }
+}
+
+/// Head of a RESULT payload; the body of the message follows when the status is 0, else a text of at most 160
+/// bytes for people.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ResultHead {
+    /// How it ended.
+    pub status: FaultCode,
+    /// Board time from ACCEPT to the end, in microseconds.
+    pub elapsed_us: u32,
+}
+
+impl Wire for ResultHead {
+    fn put(&self, writer: &mut Writer) -> Result<(), crate::wire::Overflow> {
+        self.status.put(writer)?;
+        self.elapsed_us.put(writer)
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+        Ok(Self { status: FaultCode::get(reader)?, elapsed_us: u32::get(reader)? })
+    }
+}
+
+/// A request with the result that answers it.
+pub trait Call: Wire {
+    /// Its message id.
+    const ID: u16;
+    /// The body of its RESULT.
+    type Reply: Wire;
+    /// Its name in texts.
+    const NAME: &'static str;
+}
+
+macro_rules! calls {
+    ($($(#[$meta:meta])* $id:literal $name:ident => $reply:ty),* $(,)?) => {
+        $(impl Call for $name { const ID: u16 = $id; type Reply = $reply; const NAME: &'static str = stringify!($name); })*
+
+        /// Any request.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Request { $($(#[$meta])* $name($name)),* }
+
+        impl Request {
+            /// The ids and names of all requests.
+            pub const IDS: &'static [(u16, &'static str)] = &[$(($id, stringify!($name))),*];
+
+            /// Reads the payload of the request `id`; `None` if there is no such message.
+            pub fn decode(id: u16, payload: &[u8]) -> Option<Result<Self, WireError>> {
+                match id {
+                    $($id => Some($name::from_payload(payload).map(Self::$name)),)*
+                    _ => None,
+                }
+            }
+
+            /// The message id.
+            #[must_use]
+            pub fn id(&self) -> u16 {
+                match self { $(Self::$name(_) => $id),* }
+            }
+        }
+    };
+}
+
+calls! {
+    /// Streams stopped, requests aborted, IO lines released, module's power off.
+    0x0001 MakeSafe => (),
+    /// Ends one running request.
+    0x0002 Abort => AbortReply,
+    /// Switches the module's supply.
+    0x0003 ModulePower => PowerReply,
+    /// Reads the board's memory of what it found wrong.
+    0x0004 ErrorRecords => ErrorRecordsReply,
+    /// Reads the board's own counters of the link.
+    0x0005 LinkCounters => LinkCountersReply,
+    /// Asks the module who it is.
+    0x0010 Identity => IdentityReply,
+    /// Writes words and reads them back.
+    0x0011 CpuWords => CpuWordsReply,
+    /// 32-bit integer arithmetic.
+    0x0012 CpuIntegers => CpuIntegersReply,
+    /// Double arithmetic.
+    0x0013 CpuFloats => CpuFloatsReply,
+    /// Runs a timer repeatedly and measures each interval.
+    0x0014 TimerMeasure => TimerMeasureReply,
+    /// Runs one pattern over a whole memory.
+    0x0015 RamTest => MismatchReply,
+    /// Reads a flash's identification.
+    0x0016 FlashId => FlashIdReply,
+    /// Erases a scratch sector.
+    0x0017 FlashErase => DurationReply,
+    /// Counts words of a sector that are not erased.
+    0x0018 FlashBlankCheck => MismatchReply,
+    /// Fills an erased scratch sector with a pattern.
+    0x0019 FlashWrite => DurationReply,
+    /// Compares a sector with a pattern.
+    0x001a FlashVerify => MismatchReply,
+    /// Samples analogue inputs.
+    0x001b AdRead => AdReadReply,
+    /// Connects two IO lines, drives one and reads all four.
+    0x001c IoTest => IoTestReply,
+    /// Sends bytes over SPI and reports what the far side saw.
+    0x001d SpiTransfer => SpiTransferReply,
+    /// Sends bytes through the module's SCI and reports what came back.
+    0x001e SciEcho => SciEchoReply,
+    /// Restarts the GNSS receiver.
+    0x001f GnssRestart => (),
+    /// Starts a stream.
+    0x0020 StreamStart => StreamStartReply,
+    /// Stops a stream.
+    0x0021 StreamStop => StreamStopReply,
+}
+
+wire_struct! { /// See [`Request::MakeSafe`].
+MakeSafe {} }
+wire_struct! { /// See [`Request::Abort`].
+    Abort {
+        /// The request to end.
+        request: u16,
+    }
+}
+wire_struct! { /// Answers [`Abort`].
+    AbortReply {
+        /// 1 if it was running, 0 if it had ended or never was.
+        was_running: u8,
+    }
+}
+wire_struct! { /// See [`Request::ModulePower`].
+    ModulePower {
+        /// 1 on, 0 off. The result comes when the supply has settled.
+        on: u8,
+    }
+}
+wire_struct! { /// Answers [`ModulePower`].
+    PowerReply {
+        /// Supply at the socket, in microvolts.
+        supply_uv: u32,
+        /// Current into the module, in microamperes.
+        supply_ua: u32,
+    }
+}
+wire_struct! { /// See [`Request::ErrorRecords`].
+    ErrorRecords {
+        /// Index of the first record wanted.
+        from: u16,
+    }
+}
+wire_struct! {
+    /// What the board found wrong, for fault analysis.
+    ErrorRecord {
+        /// Counts from 0 since the session's start.
+        index: u16,
+        /// The request during which it was found.
+        request: u16,
+        /// That request's message id.
+        message: u16,
+        /// What: a number of [`ErrorKind`].
+        kind: u16,
+        /// Board time when it was found, in microseconds.
+        board_time_us: u64,
+        /// Where: an address, a line, a byte's index, as the kind says.
+        place: u32,
+        /// What should have been there.
+        expected: u32,
+        /// What was there.
+        got: u32,
+    }
+}
+wire_struct! { /// Answers [`ErrorRecords`].
+    ErrorRecordsReply {
+        /// Records made since the session's start; the board keeps the last 64.
+        total: u16,
+        /// From the index asked for (or the oldest kept) on.
+        records: List<ErrorRecord, 16>,
+    }
+}
+wire_enum! {
+    /// What an [`ErrorRecord`] is about.
+    ErrorKind: u16 {
+        /// A memory word read back differently; place is the word's index.
+        MemoryMismatch = 1,
+        /// A flash word not erased; place is the word's index in the sector.
+        FlashNotBlank = 2,
+        /// A flash word read back differently; place is the word's index in the sector.
+        FlashMismatch = 3,
+        /// An erase or write took longer than the flash's data sheet allows; expected and got are in microseconds.
+        FlashSlow = 4,
+        /// An IO line did not follow; place is driver * 16 + reader, expected and got are levels of all lines.
+        IoMismatch = 5,
+        /// An SPI byte arrived altered; place is the byte's index.
+        SpiMismatch = 6,
+        /// An SCI byte arrived altered or not at all; place is the byte's index, got is 0x100 for a lost one.
+        SciMismatch = 7,
+        /// A timer's interrupt did not come; place is the timer, expected and got are counts.
+        TimerInterrupts = 8,
+        /// Supply outside 4.5 to 5.5 V when power was switched on; expected and got are in microvolts.
+        Supply = 9,
+    }
+}
+wire_struct! { /// See [`Request::LinkCounters`].
+LinkCounters {} }
+wire_struct! { /// Answers [`LinkCounters`]; all since the board's start.
+    LinkCountersReply {
+        /// Good frames from the host.
+        frames: u32,
+        /// Frames with a wrong checksum.
+        bad_checksum: u32,
+        /// Other rubbish between delimiters.
+        malformed: u32,
+        /// Frames missing by their sequence numbers.
+        missing: u32,
+        /// Frames sent to the host.
+        sent: u32,
+    }
+}
+wire_struct! { /// See [`Request::Identity`].
+Identity {} }
+wire_struct! { /// Answers [`Identity`].
+    IdentityReply {
+        /// Serial number of the module.
+        serial_number: Text<64>,
+        /// Part number.
+        part: Text<32>,
+        /// Hardware revision.
+        hardware: Text<32>,
+        /// Firmware version of the module.
+        firmware: Text<32>,
+        /// Protocol version between slave and module.
+        protocol: u8,
+    }
+}
+
+wire_enum! {
+    /// What [`CpuWords`] writes to.
+    WordTarget: u8 {
+        /// General registers.
+        Registers = 0,
+        /// A block of the core's own memory.
+        Memory = 1,
+    }
+}
+wire_struct! { /// See [`Request::CpuWords`].
+    CpuWords {
+        /// Core 1 or 2.
+        core: u8,
+        /// A number of [`WordTarget`].
+        target: u8,
+        /// Words to write.
+        words: List<u32, 64>,
+    }
+}
+wire_struct! { /// Answers [`CpuWords`].
+    CpuWordsReply {
+        /// Words read back, in order.
+        words: List<u32, 64>,
+    }
+}
+wire_struct! { /// See [`Request::CpuIntegers`].
+    CpuIntegers {
+        /// Core 1 or 2.
+        core: u8,
+        /// Operands a and b; b is not 0.
+        pairs: List<[i32; 2], 16>,
+    }
+}
+wire_struct! { /// Answers [`CpuIntegers`].
+    CpuIntegersReply {
+        /// For each pair a+b, a-b, a*b (the low 32 bits of each, two's complement), a/b towards zero, and the
+        /// remainder with the sign of a. The smallest number divided by -1 is itself, remainder 0.
+        results: List<[i32; 5], 16>,
+    }
+}
+wire_struct! { /// See [`Request::CpuFloats`].
+    CpuFloats {
+        /// Core 1 or 2.
+        core: u8,
+        /// Operands a and b, finite, b is not 0.
+        pairs: List<[f64; 2], 15>,
+    }
+}
+wire_struct! { /// Answers [`CpuFloats`].
+    CpuFloatsReply {
+        /// For each pair a+b, a-b, a*b, a/b in IEEE 754 double precision, rounded to nearest even.
+        results: List<[f64; 4], 15>,
+    }
+}
+wire_struct! { /// See [`Request::TimerMeasure`].
+    TimerMeasure {
+        /// 0 to 2.
+        timer: u8,
+        /// Nominal interval in microseconds, 100 to 100,000.
+        period_us: u32,
+        /// Intervals, 1 to 100.
+        count: u16,
+    }
+}
+wire_struct! { /// Answers [`TimerMeasure`].
+    TimerMeasureReply {
+        /// Interrupts that came.
+        interrupts: u16,
+        /// Each interval by the slave's reference clock, in nanoseconds.
+        intervals_ns: List<u32, 100>,
+    }
+}
+
+wire_enum! {
+    /// Memories of [`RamTest`].
+    Ram: u8 {
+        /// The processor's own: 65,536 words of 16 bits.
+        Internal = 0,
+        /// The SDRAM: 1,048,576 words of 32 bits.
+        Sdram = 1,
+    }
+}
+wire_enum! {
+    /// Patterns of [`RamTest`]; each is written and read back in the order the interface document gives.
+    RamPattern: u8 {
+        /// All zeros, then all ones.
+        Solid = 0,
+        /// 0x55.., then 0xAA...
+        Checkerboard = 1,
+        /// A one walking through the word, starting at another bit from word to word.
+        WalkingOnes = 2,
+        /// Each word's own address, then its complement.
+        Address = 3,
+        /// March C-: up w0; up r0 w1; up r1 w0; down r0 w1; down r1 w0; down r0.
+        MarchC = 4,
+    }
+}
+wire_struct! { /// See [`Request::RamTest`].
+    RamTest {
+        /// A number of [`Ram`].
+        ram: u8,
+        /// A number of [`RamPattern`].
+        pattern: u8,
+    }
+}
+wire_struct! { /// Answers [`RamTest`], [`FlashBlankCheck`] and [`FlashVerify`].
+    MismatchReply {
+        /// Words compared at least once.
+        words: u32,
+        /// Comparisons that failed.
+        mismatches: u32,
+        /// Index of the first word that failed, 0 if none.
+        first_place: u32,
+        /// What should have been there.
+        expected: u32,
+        /// What was there.
+        got: u32,
+    }
+}
+
+wire_enum! {
+    /// Flash memories.
+    Flash: u8 {
+        /// On the module's SPI bus: sectors of 4096 bytes, in words of 32 bits.
+        Spi = 0,
+        /// In the processor: sectors of 16,384 bytes, in words of 32 bits.
+        Internal = 1,
+    }
+}
+wire_struct! { /// See [`Request::FlashId`].
+    FlashId {
+        /// A number of [`Flash`].
+        flash: u8,
+    }
+}
+wire_struct! { /// Answers [`FlashId`].
+    FlashIdReply {
+        /// JEDEC id: manufacturer, type, capacity; zeros for the internal flash.
+        jedec: [u8; 3],
+        /// Bytes of a sector.
+        sector_bytes: u32,
+        /// Number of scratch sectors; they are counted from 0.
+        scratch_sectors: u16,
+    }
+}
+wire_struct! { /// See [`Request::FlashErase`].
+    FlashErase {
+        /// A number of [`Flash`].
+        flash: u8,
+        /// Scratch sector.
+        sector: u16,
+    }
+}
+wire_struct! { /// Answers [`FlashErase`] and [`FlashWrite`].
+    DurationReply {
+        /// Time that the flash was busy, by the slave's clock, in microseconds.
+        duration_us: u32,
+    }
+}
+wire_struct! { /// See [`Request::FlashBlankCheck`].
+    FlashBlankCheck {
+        /// A number of [`Flash`].
+        flash: u8,
+        /// Scratch sector.
+        sector: u16,
+    }
+}
+wire_struct! { /// See [`Request::FlashWrite`].
+    FlashWrite {
+        /// A number of [`Flash`].
+        flash: u8,
+        /// Scratch sector.
+        sector: u16,
+        /// Seed of [`crate::pattern::Xorshift32`], not 0.
+        seed: u32,
+    }
+}
+wire_struct! { /// See [`Request::FlashVerify`].
+    FlashVerify {
+        /// A number of [`Flash`].
+        flash: u8,
+        /// Scratch sector.
+        sector: u16,
+        /// Seed of [`crate::pattern::Xorshift32`], not 0.
+        seed: u32,
+    }
+}
+wire_struct! { /// See [`Request::AdRead`].
+    AdRead {
+        /// Bit 0 is channel 1, bit 7 is channel 8.
+        channels: u8,
+        /// Samples of each channel, 1 to 1000, taken at 10 kHz.
+        samples: u16,
+    }
+}
+wire_struct! {
+    /// One channel's samples.
+    AdChannel {
+        /// 1 to 8.
+        channel: u8,
+        /// Mean, in microvolts.
+        mean_uv: i32,
+        /// Smallest sample.
+        min_uv: i32,
+        /// Largest sample.
+        max_uv: i32,
+    }
+}
+wire_struct! { /// Answers [`AdRead`].
+    AdReadReply {
+        /// The channels asked for, in rising order.
+        channels: List<AdChannel, 8>,
+    }
+}
+wire_struct! { /// See [`Request::IoTest`].
+    IoTest {
+        /// Line that drives, 0 to 3.
+        driver: u8,
+        /// Line connected to it, 0 to 3, another one.
+        reader: u8,
+        /// 0 or 1. The lines that are not driven are pulled to the other level.
+        level: u8,
+    }
+}
+wire_struct! { /// Answers [`IoTest`].
+    IoTestReply {
+        /// Level of line n in bit n.
+        levels: u8,
+    }
+}
+wire_enum! {
+    /// Which side of the SPI sends.
+    SpiDirection: u8 {
+        /// The module sends on SDO, the IO lines listen.
+        FromModule = 0,
+        /// The IO lines send on SDI, the module listens.
+        ToModule = 1,
+    }
+}
+wire_struct! { /// See [`Request::SpiTransfer`].
+    SpiTransfer {
+        /// A number of [`SpiDirection`].
+        direction: u8,
+        /// Clock, 10,000 to 10,000,000 Hz.
+        clock_hz: u32,
+        /// Bytes to send.
+        data: List<u8, 256>,
+    }
+}
+wire_struct! { /// Answers [`SpiTransfer`].
+    SpiTransferReply {
+        /// Bytes that the far side saw.
+        data: List<u8, 256>,
+    }
+}
+wire_struct! { /// See [`Request::SciEcho`].
+    SciEcho {
+        /// Rate of the module's SCI, 9,600 to 2,000,000 baud.
+        rate_baud: u32,
+        /// Bytes to send.
+        data: List<u8, 256>,
+    }
+}
+wire_struct! { /// Answers [`SciEcho`].
+    SciEchoReply {
+        /// Framing errors counted by the module's SCI during this block.
+        framing_errors: u16,
+        /// Parity errors.
+        parity_errors: u16,
+        /// Overruns.
+        overruns: u16,
+        /// Bytes that came back.
+        data: List<u8, 256>,
+    }
+}
+wire_enum! {
+    /// What the GNSS receiver forgets.
+    GnssStart: u8 {
+        /// Nothing: ephemeris, time and position are kept.
+        Hot = 1,
+        /// The ephemeris.
+        Warm = 2,
+        /// Everything.
+        Cold = 3,
+    }
+}
+wire_struct! { /// See [`Request::GnssRestart`].
+    GnssRestart {
+        /// A number of [`GnssStart`].
+        start: u8,
+    }
+}
+wire_struct! { /// See [`Request::StreamStart`].
+    StreamStart {
+        /// A number of [`crate::stream::StreamId`].
+        stream: u8,
+        /// Samples a second for the IMU, 1 to 1000; 0 for the others.
+        rate_hz: u16,
+        /// Samples (GNSS: bytes) after which it ends by itself; 0: at StreamStop.
+        count: u32,
+        /// IMU: samples in a frame, 1 to 12; 0: the board's choice.
+        samples_per_frame: u8,
+    }
+}
+wire_struct! { /// Answers [`StreamStart`].
+    StreamStartReply {
+        /// A number of [`crate::stream::Format`].
+        format: u8,
+        /// Samples in a frame.
+        samples_per_frame: u8,
+        /// Mean share of the link that it takes.
+        load_permille: u16,
+    }
+}
+wire_struct! { /// See [`Request::StreamStop`].
+    StreamStop {
+        /// A number of [`crate::stream::StreamId`].
+        stream: u8,
+    }
+}
+wire_struct! { /// Answers [`StreamStop`].
+    StreamStopReply {
+        /// Samples (GNSS: bytes) produced since its start.
+        produced: u32,
+        /// Of those, dropped on the board.
+        dropped: u32,
+    }
+}
