@@ -178,7 +178,7 @@ impl Slave {
     pub fn tick(&mut self, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
         while let Some(output) = board.poll() {
             match output {
-                Output::Done(done) => self.finish(done, send),
+                Output::Done(done) => self.finish(&done, send),
                 Output::Stream(stream, frame) => {
                     if let Ok(payload) = frame.to_payload() {
                         self.send(stream_header(stream), payload, send);
@@ -304,7 +304,7 @@ impl Slave {
         self.result(request, message, 0, &outcome, send);
     }
 
-    fn finish(&mut self, done: Done, send: &mut impl FnMut(Frame)) {
+    fn finish(&mut self, done: &Done, send: &mut impl FnMut(Frame)) {
         let Some(index) = self.running.iter().position(|running| running.request == done.request) else { return };
         let running = self.running.swap_remove(index);
         self.result(running.request, running.message, done.elapsed_us, &done.outcome, send);
