@@ -5,6 +5,7 @@
 //! ([`slave`]). No I/O, no clock, no allocator: bytes and link time go in, frames come out.
 #![no_std]
 
+pub mod analogue;
 pub mod error;
 pub mod frame;
 pub mod message;

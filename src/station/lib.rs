@@ -1,1 +1,4 @@
-//! Production test station for GNC modules.
+//! The station: it talks to a slave board, runs plans and files what it found.
+
+pub mod board;
+pub mod link;

@@ -1,0 +1,287 @@
+//! The slave board as the station sees it: typed calls, streams, and a plain word when it restarts or falls silent.
+//!
+//! [`Board`] is a handle; the conversation itself ([`conversation`]) is a task that owns the link, repeats what was
+//! lost and keeps the board's watchdog quiet.
+
+mod conversation;
+pub mod stream;
+
+use std::time::Duration;
+
+use gnc_protocol::message::{self, BoardHello, Call};
+use gnc_protocol::stream::StreamId;
+use gnc_protocol::wire::{Wire as _, WireError};
+use gnc_protocol::{FaultCode, NakCode};
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::task::JoinHandle;
+
+use crate::link::serial::SerialLink;
+pub use conversation::{Answer, LinkReport};
+use conversation::{Command, Conversation};
+use stream::Stream;
+
+/// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
+const COMMANDS: usize = 16;
+/// Frames waiting for whoever reads a stream: a second of 1 kHz in single samples.
+const STREAM_FRAMES: usize = 1024;
+
+/// Why the board did not do what it was asked.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BoardError {
+    /// The port is gone: adapter unplugged, or the simulated bench ended.
+    #[error("the port is gone: {reason}")]
+    Gone {
+        /// What the system said.
+        reason: String,
+    },
+    /// Nobody answered, however often it was asked.
+    #[error("no answer from the board to {what}: asked {asked} times in {} ms", waited.as_millis())]
+    NoAnswer {
+        /// The request.
+        what: &'static str,
+        /// Times sent.
+        asked: u32,
+        /// Time since it was first sent.
+        waited: Duration,
+    },
+    /// Not even a heartbeat.
+    #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
+    Silent {
+        /// Time since the last frame.
+        silent: Duration,
+    },
+    /// The other end speaks another version of the protocol.
+    #[error(
+        "the board speaks protocol versions {lowest} to {highest}, this station speaks {}",
+        gnc_protocol::PROTOCOL_VERSION
+    )]
+    Version {
+        /// The board's lowest.
+        lowest: u8,
+        /// The board's highest.
+        highest: u8,
+    },
+    /// The board restarted; it was another boot id before.
+    #[error("the board restarted during {during} (boot id {before:08x} became {after:08x})")]
+    Restarted {
+        /// The request in flight.
+        during: String,
+        /// Boot id before.
+        before: u32,
+        /// Boot id after.
+        after: u32,
+    },
+    /// The board closed the session; its watchdog did not hear the station.
+    #[error("the board ended the session: its watchdog heard nothing from the station")]
+    SessionEnded,
+    /// The board refused.
+    #[error("the board refused {what}: {}{}", code.meaning(), colon(text))]
+    Refused {
+        /// The request.
+        what: &'static str,
+        /// Why.
+        code: NakCode,
+        /// For people.
+        text: String,
+    },
+    /// The board refused with a number that this station does not know.
+    #[error("the board refused {what} with unknown code {code}{}", colon(text))]
+    RefusedUnknown {
+        /// The request.
+        what: &'static str,
+        /// The number.
+        code: u16,
+        /// For people.
+        text: String,
+    },
+    /// The board started and could not finish.
+    #[error("{what} failed on the board: {}{}", code.meaning(), colon(text))]
+    Fault {
+        /// The request.
+        what: &'static str,
+        /// Why.
+        code: FaultCode,
+        /// For people.
+        text: String,
+    },
+    /// The checksum was good, the content not what the message demands.
+    #[error("the board's answer to {what} cannot be read")]
+    BadAnswer {
+        /// The request.
+        what: &'static str,
+        /// What is wrong with it.
+        source: WireError,
+    },
+    /// A stream did not go on although the board's clock did.
+    #[error("stream {stream:?} stopped after sample {last} of {wanted} while the board's clock went on")]
+    StreamStopped {
+        /// Which.
+        stream: StreamId,
+        /// Samples seen.
+        last: u32,
+        /// Samples wanted.
+        wanted: u32,
+    },
+    /// The request's parameters do not fit into a frame: a mistake in this program or an absurd plan.
+    #[error("{what} does not fit into one frame")]
+    TooLong {
+        /// The request.
+        what: &'static str,
+    },
+}
+
+impl BoardError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Gone { .. } => "plug the adapter in and start again; `gnc-station ports` lists what is there",
+            Self::NoAnswer { .. } | Self::Silent { .. } => {
+                "check the board's power, the RS-422 pairs (A/B swapped?) and the rate in the bench file"
+            }
+            Self::Version { .. } => "update the board's firmware or the station so that they share a version",
+            Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
+            Self::SessionEnded => "another program may have used the port, or this computer stalled; start again",
+            Self::Refused { code: NakCode::DoesNotFit, .. } => "lower the rate in the plan or raise the port's rate",
+            Self::Refused { code: NakCode::NotPowered, .. } => {
+                "check the supply and that the module sits in the socket"
+            }
+            Self::Refused { .. } | Self::RefusedUnknown { .. } => {
+                "compare the board's firmware with the interface document"
+            }
+            Self::Fault { .. } => "the module's device did not work; see the error record",
+            Self::BadAnswer { .. } => "compare the board's firmware with the interface document",
+            Self::StreamStopped { .. } => "check the line; a slower stream or a higher rate may help",
+            Self::TooLong { .. } => "shorten the parameters in the plan",
+        }
+    }
+}
+
+fn colon(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!(": {text}") }
+}
+
+/// What the board said last of its own time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Pulse {
+    /// Board time in microseconds.
+    pub board_time_us: u64,
+    /// Heartbeats since the session's start.
+    pub beats: u32,
+}
+
+/// How far the request that runs is, for people; some of these may be skipped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Advance {
+    /// Share done, 0 to 1000.
+    pub done_permille: u16,
+    /// Board time spent.
+    pub elapsed_ms: u32,
+    /// Board time expected in all.
+    pub expected_ms: u32,
+}
+
+/// A handle on the board. Dropping it ends the conversation.
+#[derive(Debug)]
+pub struct Board {
+    commands: mpsc::Sender<Command>,
+    pulse: watch::Receiver<Pulse>,
+    hello: BoardHello,
+    task: JoinHandle<LinkReport>,
+}
+
+impl Board {
+    /// Says HELLO over a link and keeps the conversation going; tells `advance` how far the running request is.
+    ///
+    /// # Errors
+    /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
+    pub async fn connect(link: SerialLink, nonce: u32, advance: watch::Sender<Advance>) -> Result<Self, BoardError> {
+        let (commands, receiver) = mpsc::channel(COMMANDS);
+        let (pulse_sender, pulse) = watch::channel(Pulse::default());
+        let conversation = Conversation::new(link, receiver, pulse_sender, advance);
+        let task = tokio::spawn(conversation.run());
+        let mut board = Self { commands, pulse, hello: BoardHello::default(), task };
+        board.reopen(nonce).await?;
+        Ok(board)
+    }
+
+    /// Opens a new session on the same link, after a restart of the board.
+    ///
+    /// # Errors
+    /// As [`Board::connect`].
+    pub async fn reopen(&mut self, nonce: u32) -> Result<&BoardHello, BoardError> {
+        let (answer, answered) = oneshot::channel();
+        self.send(Command::Hello { nonce, answer }).await?;
+        self.hello = answered.await.map_err(|_| gone())??;
+        Ok(&self.hello)
+    }
+
+    /// What the board said of itself.
+    #[must_use]
+    pub fn hello(&self) -> &BoardHello {
+        &self.hello
+    }
+
+    /// Asks and waits for the result.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub async fn call<C: Call>(&self, call: &C) -> Result<C::Reply, BoardError> {
+        self.ask(call).await.map(|(reply, _)| reply)
+    }
+
+    /// Asks and waits for the result; tells the number of the request too.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub async fn ask<C: Call>(&self, call: &C) -> Result<(C::Reply, Answer), BoardError> {
+        let payload = Box::new(call.to_payload().map_err(|_| BoardError::TooLong { what: C::NAME })?);
+        let (answer, answered) = oneshot::channel();
+        self.send(Command::Ask { message: C::ID, what: C::NAME, payload, answer }).await?;
+        let answer = answered.await.map_err(|_| gone())??;
+        let reply =
+            C::Reply::from_payload(&answer.body).map_err(|source| BoardError::BadAnswer { what: C::NAME, source })?;
+        Ok((reply, answer))
+    }
+
+    /// Listens to a stream from now on; start it with [`message::StreamStart`] after that.
+    ///
+    /// # Errors
+    /// [`BoardError::Gone`].
+    pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
+        let (sender, frames) = mpsc::channel(STREAM_FRAMES);
+        self.send(Command::Listen { stream, sender }).await?;
+        Ok(Stream::new(stream, frames, self.pulse.clone()))
+    }
+
+    /// Ends a stream and listens no longer.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub async fn stop_stream(&self, stream: Stream) -> Result<message::StreamStopReply, BoardError> {
+        let id = stream.id();
+        drop(stream);
+        self.call(&message::StreamStop { stream: id as u8 }).await
+    }
+
+    /// The board's clock as of its last heartbeat.
+    #[must_use]
+    pub fn pulse(&self) -> watch::Receiver<Pulse> {
+        self.pulse.clone()
+    }
+
+    /// Ends the conversation and says what the line was like.
+    pub async fn close(self) -> LinkReport {
+        let Self { commands, task, .. } = self;
+        drop(commands);
+        task.await.unwrap_or_default()
+    }
+
+    async fn send(&self, command: Command) -> Result<(), BoardError> {
+        self.commands.send(command).await.map_err(|_| gone())
+    }
+}
+
+fn gone() -> BoardError {
+    BoardError::Gone { reason: "the conversation with the board has ended".into() }
+}

@@ -1,0 +1,201 @@
+//! Whoever turns the module and flips the DIP switches: a person at a terminal, or the simulated bench.
+
+use std::io::BufRead as _;
+
+use tokio::sync::{Mutex, mpsc};
+
+use crate::procedure::Trouble;
+use crate::runner::report::Report;
+
+/// Number of DIP switches.
+const SWITCHES: u8 = 5;
+/// Lines typed ahead that are kept; more is somebody leaning on the keyboard.
+const TYPED_AHEAD: usize = 16;
+
+/// Why the module was not turned, or a switch not flipped.
+#[derive(Debug, thiserror::Error)]
+pub enum FixtureError {
+    /// The plan needs somebody and nobody is there.
+    #[error("nobody is there to {what}")]
+    Nobody {
+        /// What was to be done.
+        what: String,
+    },
+    /// The operator said no.
+    #[error("the operator could not {what}")]
+    Refused {
+        /// What was to be done.
+        what: String,
+    },
+    /// The terminal is gone.
+    #[error("the terminal was closed while waiting for somebody to {what}")]
+    TerminalClosed {
+        /// What was to be done.
+        what: String,
+    },
+    /// The simulated bench has ended.
+    #[cfg(feature = "sim")]
+    #[error("the simulated bench could not {what}")]
+    Simulation {
+        /// What was to be done.
+        what: String,
+        /// Why.
+        source: hw_mocks::ControlError,
+    },
+}
+
+impl FixtureError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Nobody { .. } | Self::TerminalClosed { .. } => "run the plan on a terminal with an operator",
+            Self::Refused { .. } => "mend the fixture and run the item again",
+            #[cfg(feature = "sim")]
+            Self::Simulation { .. } => "start the simulated bench again",
+        }
+    }
+}
+
+/// The fixture of a bench.
+#[derive(Debug)]
+pub enum Fixture {
+    /// Nobody.
+    Absent,
+    /// A person who presses Enter.
+    Operator(Operator),
+    /// The simulated bench does it by itself.
+    #[cfg(feature = "sim")]
+    Simulated(hw_mocks::Control),
+}
+
+impl Fixture {
+    /// Whether anybody is there.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        !matches!(self, Self::Absent)
+    }
+
+    /// Sets one DIP switch (1 to 5) on and all others off, or all off.
+    ///
+    /// # Errors
+    /// [`FixtureError`], or the record that could not be written.
+    pub async fn only_switch(&self, on: Option<u8>, report: &Report<'_>) -> Result<(), Trouble> {
+        let what = match on {
+            Some(number) => format!("set DIP switch {number} to ON and the other four to OFF"),
+            None => "set all five DIP switches to OFF".to_owned(),
+        };
+        self.ask(&what, report, |bench| bench.only_switch(on)).await
+    }
+
+    /// Turns the level module to a heading, clockwise seen from above, from the mark on the table.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub async fn turn_to(&self, heading_deg: f64, report: &Report<'_>) -> Result<(), Trouble> {
+        let what = format!("turn the module, kept level, to {heading_deg:.0} degrees on the table");
+        self.ask(&what, report, |bench| bench.turn_to(heading_deg)).await
+    }
+
+    /// Asks for something that a plan wants in its own words.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub async fn prompt(&self, what: &str, report: &Report<'_>) -> Result<(), Trouble> {
+        self.ask(what, report, |_| Ok(())).await
+    }
+
+    async fn ask(
+        &self,
+        what: &str,
+        report: &Report<'_>,
+        simulated: impl FnOnce(SimulatedHand<'_>) -> Result<(), SimulatedError>,
+    ) -> Result<(), Trouble> {
+        report.prompted(what).await?;
+        let answer = match self {
+            Self::Absent => return Err(FixtureError::Nobody { what: what.to_owned() }.into()),
+            Self::Operator(operator) => operator.wait(what).await?,
+            #[cfg(feature = "sim")]
+            Self::Simulated(control) => {
+                simulated(SimulatedHand(control))
+                    .map_err(|source| FixtureError::Simulation { what: what.to_owned(), source })?;
+                "done by the simulated bench".to_owned()
+            }
+        };
+        #[cfg(not(feature = "sim"))]
+        let _ = simulated;
+        report.answered(&answer).await
+    }
+}
+
+#[cfg(feature = "sim")]
+type SimulatedError = hw_mocks::ControlError;
+#[cfg(not(feature = "sim"))]
+type SimulatedError = std::convert::Infallible;
+
+/// The hand that the simulated bench lends.
+#[cfg(feature = "sim")]
+struct SimulatedHand<'a>(&'a hw_mocks::Control);
+#[cfg(not(feature = "sim"))]
+struct SimulatedHand<'a>(std::marker::PhantomData<&'a ()>);
+
+#[cfg(feature = "sim")]
+impl SimulatedHand<'_> {
+    fn only_switch(&self, on: Option<u8>) -> Result<(), SimulatedError> {
+        (1..=SWITCHES).try_for_each(|number| self.0.set_switch(number, Some(number) == on))
+    }
+
+    fn turn_to(&self, heading_deg: f64) -> Result<(), SimulatedError> {
+        self.0.set_heading_deg(heading_deg)
+    }
+}
+
+#[cfg(not(feature = "sim"))]
+impl SimulatedHand<'_> {
+    fn only_switch(&self, _: Option<u8>) -> Result<(), SimulatedError> {
+        let _ = SWITCHES;
+        Ok(())
+    }
+
+    fn turn_to(&self, _: f64) -> Result<(), SimulatedError> {
+        Ok(())
+    }
+}
+
+/// A person at the terminal who answers with Enter, or with `n` for no.
+#[derive(Debug)]
+pub struct Operator {
+    lines: Mutex<mpsc::Receiver<String>>,
+}
+
+impl Operator {
+    /// Reads answers from standard input, on a thread that lives as long as the program.
+    ///
+    /// # Errors
+    /// The thread could not be started.
+    pub fn at_the_terminal() -> std::io::Result<Self> {
+        let (sender, lines) = mpsc::channel(TYPED_AHEAD);
+        std::thread::Builder::new().name("operator".into()).spawn(move || {
+            for line in std::io::stdin().lock().lines() {
+                let Ok(line) = line else { break };
+                if sender.blocking_send(line).is_err() {
+                    break;
+                }
+            }
+        })?;
+        Ok(Self { lines: Mutex::new(lines) })
+    }
+
+    async fn wait(&self, what: &str) -> Result<String, FixtureError> {
+        let mut lines = self.lines.lock().await;
+        // What was typed before the question is no answer to it.
+        while lines.try_recv().is_ok() {}
+        match lines.recv().await {
+            None => Err(FixtureError::TerminalClosed { what: what.to_owned() }),
+            Some(line) if line.trim().eq_ignore_ascii_case("n") => {
+                Err(FixtureError::Refused { what: what.to_owned() })
+            }
+            Some(line) => Ok(line.trim().to_owned()),
+        }
+    }
+}

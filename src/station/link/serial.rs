@@ -1,0 +1,162 @@
+//! RS-422 by way of a serial port, an USB adapter or a pseudo-terminal.
+//!
+//! A port that vanishes ends the stream of frames: the driver then reads as "no more bytes" for ever, which is
+//! "device gone" and not "no data".
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use gnc_protocol::Frame;
+use gnc_protocol::frame::FrameError;
+use gnc_protocol::serial::{Decoder, LineCounters};
+use tokio::io::{ReadHalf, WriteHalf};
+use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
+use tokio_util::bytes::{Buf as _, BytesMut};
+use tokio_util::codec::{self, FramedRead};
+
+/// An open port that carries frames.
+///
+/// It is written to directly, never flushed: flushing a port waits in the kernel until the last bit is out, and
+/// blocks all of the station meanwhile.
+#[derive(Debug)]
+pub struct SerialLink {
+    /// What arrives.
+    pub frames: FramedRead<ReadHalf<SerialStream>, FrameCodec>,
+    /// Where encoded frames go.
+    pub writer: WriteHalf<SerialStream>,
+    /// The rate in use.
+    pub rate_baud: u32,
+}
+
+/// Why a port could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// There is no such file.
+    #[error("there is no port {}", port.display())]
+    Missing {
+        /// The port.
+        port: PathBuf,
+    },
+    /// Another program holds it.
+    #[error("port {} is in use by another program", port.display())]
+    Busy {
+        /// The port.
+        port: PathBuf,
+    },
+    /// The user may not open it.
+    #[error("no permission to open port {}", port.display())]
+    Denied {
+        /// The port.
+        port: PathBuf,
+    },
+    /// It is a file, but no terminal device.
+    #[error("{} is not a serial port", port.display())]
+    NotAPort {
+        /// The file.
+        port: PathBuf,
+    },
+    /// The driver chose another rate than asked for.
+    #[error("port {} runs at {got} baud instead of {wanted}", port.display())]
+    Rate {
+        /// The port.
+        port: PathBuf,
+        /// Asked for.
+        wanted: u32,
+        /// Read back.
+        got: u32,
+    },
+    /// Anything else that the system said.
+    #[error("cannot open port {}", port.display())]
+    System {
+        /// The port.
+        port: PathBuf,
+        /// What it said.
+        source: tokio_serial::Error,
+    },
+}
+
+impl OpenError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Missing { .. } => "is the adapter plugged in? `gnc-station ports` lists what is there",
+            Self::Busy { .. } => "end the other program (`fuser` with the port's name shows it) and start again",
+            Self::Denied { .. } => "add the user to the group of the port (often `dialout`) and log in again",
+            Self::NotAPort { .. } => "check [socket] port in the bench file; `gnc-station ports` lists what is there",
+            Self::Rate { .. } => "choose a rate in the bench file that the adapter can produce",
+            Self::System { .. } => "check the cable and the adapter; `gnc-station ports` lists what is there",
+        }
+    }
+}
+
+/// Opens a port: 8 data bits, no parity, 1 stop bit, no flow control, for this program alone.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
+    let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)
+        .open_native_async()
+        .map_err(|source| explain(port, source))?;
+    let got = stream.baud_rate().map_err(|source| explain(port, source))?;
+    if got != rate_baud {
+        return Err(OpenError::Rate { port: port.to_owned(), wanted: rate_baud, got });
+    }
+    let (reader, writer) = tokio::io::split(stream);
+    Ok(SerialLink { frames: FramedRead::new(reader, FrameCodec::default()), writer, rate_baud })
+}
+
+fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
+    use tokio_serial::ErrorKind;
+    let port = port.to_owned();
+    match source.kind() {
+        ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing { port },
+        ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError::Denied { port },
+        ErrorKind::Io(io::ErrorKind::ResourceBusy | io::ErrorKind::WouldBlock) => OpenError::Busy { port },
+        ErrorKind::NoDevice => match std::fs::metadata(&port) {
+            Err(_) => OpenError::Missing { port },
+            Ok(_) => OpenError::Busy { port },
+        },
+        _ if std::fs::metadata(&port).is_ok_and(|meta| meta.is_file() || meta.is_dir()) => OpenError::NotAPort { port },
+        _ => OpenError::System { port, source },
+    }
+}
+
+/// What comes out of the bytes on a line.
+pub type Received = Result<Frame, FrameError>;
+
+/// Bytes to frames. Damaged frames come through as such and do not end the stream.
+#[derive(Debug, Default)]
+pub struct FrameCodec {
+    decoder: Decoder,
+}
+
+impl FrameCodec {
+    /// What was seen on the line so far.
+    #[must_use]
+    pub fn counters(&self) -> LineCounters {
+        self.decoder.counters()
+    }
+
+    /// The other end numbers its frames afresh.
+    pub fn restart_sequence(&mut self) {
+        self.decoder.restart_sequence();
+    }
+}
+
+impl codec::Decoder for FrameCodec {
+    type Item = Received;
+    type Error = io::Error;
+
+    fn decode(&mut self, bytes: &mut BytesMut) -> Result<Option<Received>, io::Error> {
+        let mut rest: &[u8] = bytes;
+        let received = self.decoder.next(&mut rest);
+        let consumed = bytes.len() - rest.len();
+        bytes.advance(consumed);
+        Ok(received)
+    }
+
+    fn decode_eof(&mut self, bytes: &mut BytesMut) -> Result<Option<Received>, io::Error> {
+        self.decode(bytes)
+    }
+}

@@ -1,0 +1,138 @@
+//! Epochs of a receiver from whatever bytes it sends.
+//!
+//! Each sentence is parsed by itself: nothing of an older one is carried over, and an implausible one counts as an
+//! error. An epoch is what GGA, GSA and RMC of the same time say together.
+
+use nmea::ParseResult;
+use nmea::sentences::gsa::GsaMode2;
+use nmea::sentences::{FixType, GgaData, GsaData, RmcData};
+
+/// Longest sentence: 82 characters by NMEA 0183, and room for receivers that exceed it.
+const MAX_SENTENCE: usize = 128;
+const KNOT_MPS: f64 = 1852.0 / 3600.0;
+
+/// One solution of the receiver.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Epoch {
+    /// 0 none, 2 or 3.
+    pub dimensions: u8,
+    /// North positive.
+    pub latitude_deg: Option<f64>,
+    /// East positive.
+    pub longitude_deg: Option<f64>,
+    /// Above the WGS-84 ellipsoid.
+    pub height_m: Option<f64>,
+    /// Over ground.
+    pub ground_speed_mps: Option<f64>,
+    /// In the solution.
+    pub satellites_used: Option<u32>,
+    /// Horizontal dilution of precision.
+    pub hdop: Option<f32>,
+    /// Vertical dilution of precision.
+    pub vdop: Option<f32>,
+}
+
+impl Epoch {
+    /// Whether there is a position.
+    #[must_use]
+    pub fn has_fix(&self) -> bool {
+        self.dimensions > 0 && self.latitude_deg.is_some() && self.longitude_deg.is_some()
+    }
+}
+
+/// Finds sentences in bytes and epochs in sentences.
+#[derive(Debug, Default)]
+pub struct Sentences {
+    line: Vec<u8>,
+    synchronised: bool,
+    errors: u32,
+    gga: Option<GgaData>,
+    gsa: Option<GsaData>,
+    rmc: Option<RmcData>,
+}
+
+impl Sentences {
+    /// Takes bytes as they come; gives the epochs that ended in them.
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
+        let mut epochs = Vec::new();
+        for &byte in bytes {
+            if byte == b'\n' {
+                let line = std::mem::take(&mut self.line);
+                // What was under way when listening began is no error.
+                if std::mem::replace(&mut self.synchronised, true) {
+                    self.sentence(&line, &mut epochs);
+                }
+            } else if self.line.len() < MAX_SENTENCE {
+                self.line.push(byte);
+            } else if self.synchronised {
+                self.errors += 1;
+                self.synchronised = false;
+            }
+        }
+        epochs
+    }
+
+    /// Sentences with a wrong checksum, broken or implausible.
+    #[must_use]
+    pub fn errors(&self) -> u32 {
+        self.errors
+    }
+
+    fn sentence(&mut self, line: &[u8], epochs: &mut Vec<Epoch>) {
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        if line.is_empty() {
+            return;
+        }
+        let Ok(text) = std::str::from_utf8(line) else {
+            self.errors += 1;
+            return;
+        };
+        match nmea::parse_str(text) {
+            Ok(ParseResult::GGA(gga)) => {
+                // GGA opens an epoch.
+                epochs.extend(self.close());
+                if plausible(&gga) {
+                    self.gga = Some(gga);
+                } else {
+                    self.errors += 1;
+                }
+            }
+            Ok(ParseResult::GSA(gsa)) => self.gsa = Some(gsa),
+            Ok(ParseResult::RMC(rmc)) => self.rmc = Some(rmc),
+            Ok(_) | Err(nmea::Error::DisabledSentence | nmea::Error::Unsupported(_)) => {}
+            Err(_) => self.errors += 1,
+        }
+    }
+
+    fn close(&mut self) -> Option<Epoch> {
+        let (gsa, rmc) = (self.gsa.take(), self.rmc.take());
+        let gga = self.gga.take()?;
+        let fixed = !matches!(gga.fix_type, None | Some(FixType::Invalid | FixType::Estimated | FixType::Simulation));
+        let dimensions = match gsa.as_ref().map(|gsa| &gsa.mode2) {
+            Some(GsaMode2::Fix3D) if fixed => 3,
+            Some(GsaMode2::Fix2D) if fixed => 2,
+            _ => 0,
+        };
+        let same_time = rmc.as_ref().is_some_and(|rmc| rmc.fix_time == gga.fix_time);
+        let height_m = gga.altitude.map(f64::from).zip(gga.geoid_separation.map(f64::from));
+        Some(Epoch {
+            dimensions,
+            latitude_deg: gga.latitude,
+            longitude_deg: gga.longitude,
+            height_m: height_m.map(|(above_sea, geoid)| above_sea + geoid),
+            ground_speed_mps: rmc
+                .filter(|_| same_time)
+                .and_then(|rmc| rmc.speed_over_ground)
+                .map(|knots| f64::from(knots) * KNOT_MPS),
+            satellites_used: gga.fix_satellites,
+            hdop: gga.hdop,
+            vdop: gsa.and_then(|gsa| gsa.vdop),
+        })
+    }
+}
+
+/// The parser takes any number for a latitude.
+fn plausible(gga: &GgaData) -> bool {
+    gga.latitude.is_none_or(|latitude| latitude.abs() <= 90.0)
+        && gga.longitude.is_none_or(|longitude| longitude.abs() <= 180.0)
+}

@@ -1,0 +1,120 @@
+//! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
+
+mod ad;
+mod cpu;
+mod flash;
+mod gnss;
+mod identity;
+mod imu;
+mod io;
+mod memory;
+mod sci;
+mod spi;
+mod timers;
+
+use gnc_executive::bench::Site;
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::Params;
+
+use crate::board::stream::Losses;
+use crate::board::{Board, BoardError};
+use crate::fixture::{Fixture, FixtureError};
+use crate::runner::report::Report;
+use crate::store::StoreError;
+
+/// What a procedure works with.
+#[derive(Debug)]
+pub struct Bench<'a> {
+    /// The slave board.
+    pub board: &'a Board,
+    /// Whoever turns the module and flips switches.
+    pub fixture: &'a Fixture,
+    /// Where the bench stands, if its file says so.
+    pub site: Option<&'a Site>,
+}
+
+/// Why a procedure came to no end.
+#[derive(Debug, thiserror::Error)]
+pub enum Trouble {
+    /// The board or the way to it.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// Whoever turns the module.
+    #[error(transparent)]
+    Fixture(#[from] FixtureError),
+    /// What was measured could not be filed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Samples are missing, so that nothing can be said of the module.
+    #[error(
+        "samples are missing: {} of {wanted} received, {} lost on the board, {} on the line",
+        losses.received, losses.on_board, losses.on_line
+    )]
+    SamplesLost {
+        /// Samples asked for.
+        wanted: u32,
+        /// What came and what did not.
+        losses: Losses,
+    },
+    /// The answer does not fit the question, under a good checksum.
+    #[error("the board's answer to {what} does not fit the question: {why}")]
+    Nonsense {
+        /// The request.
+        what: &'static str,
+        /// In which way.
+        why: String,
+    },
+    /// This station has no procedure for the item.
+    #[error("this station cannot run {item}: {why}")]
+    CannotRun {
+        /// The item.
+        item: ItemId,
+        /// Why.
+        why: &'static str,
+    },
+    /// The item took longer in board time than the plan allows.
+    #[error("not done after {limit_s} s of board time")]
+    TookTooLong {
+        /// The plan's limit.
+        limit_s: f64,
+    },
+}
+
+impl Trouble {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Board(error) => error.try_this(),
+            Self::Fixture(error) => error.try_this(),
+            Self::Store(error) => error.try_this(),
+            Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::Nonsense { .. } => "compare the board's firmware with the interface document",
+            Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
+            Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
+        }
+    }
+}
+
+/// Runs the procedure of an item.
+///
+/// # Errors
+/// [`Trouble`] when it came to no end; what was measured up to then is filed.
+pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
+    match item {
+        ItemId::Identity => identity::run(bench, report).await,
+        ItemId::Cpu => cpu::run(bench, params, report).await,
+        ItemId::Timers => timers::run(bench, params, report).await,
+        ItemId::InternalRam => memory::run(bench, gnc_protocol::message::Ram::Internal, params, report).await,
+        ItemId::Sdram => memory::run(bench, gnc_protocol::message::Ram::Sdram, params, report).await,
+        ItemId::SpiFlash => flash::run(bench, gnc_protocol::message::Flash::Spi, params, report).await,
+        ItemId::InternalFlash => flash::run(bench, gnc_protocol::message::Flash::Internal, params, report).await,
+        ItemId::Imu => imu::run(bench, params, report).await,
+        ItemId::Gnss => gnss::run(bench, params, report).await,
+        ItemId::Ad => ad::run(bench, params, report).await,
+        ItemId::Io => io::run(bench, report).await,
+        ItemId::Spi => spi::run(bench, params, report).await,
+        ItemId::Sci => sci::run(bench, params, report).await,
+        ItemId::Can => Err(Trouble::CannotRun { item, why: "it has no CAN link" }),
+    }
+}

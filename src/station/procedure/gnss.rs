@@ -1,0 +1,171 @@
+//! The GNSS receiver: its raw sentences and 1PPS edges come through the board; they are read and weighed here.
+
+use gnc_executive::bench::Site;
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::message::{GnssRestart, GnssStart, StreamStart};
+use gnc_protocol::stream::{PpsCapture, StreamId};
+use gnc_protocol::wire::{Reader, Wire as _};
+
+use super::{Bench, Report, Trouble};
+use crate::board::stream::Stream;
+use crate::nmea::{Epoch, Sentences};
+use crate::statistics::mean;
+
+/// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
+const EARTH_RADIUS_M: f64 = 6_378_137.0;
+const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
+
+pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
+    let seconds = |name| params.quantity(name).in_unit(Unit::Second).unwrap_or_default();
+    let (window_s, timeout_s) = (seconds("window"), seconds("timeout"));
+    let restarted = match params.text("start") {
+        "hot" => Some(GnssStart::Hot),
+        "warm" => Some(GnssStart::Warm),
+        "cold" => Some(GnssStart::Cold),
+        _ => None,
+    };
+    let mut pulses = bench.board.listen(StreamId::Pps).await?;
+    let mut bytes = bench.board.listen(StreamId::Gnss).await?;
+    if let Some(start) = restarted {
+        bench.board.call(&GnssRestart { start: start as u8 }).await?;
+    }
+    for stream in [StreamId::Pps, StreamId::Gnss] {
+        bench.board.call(&StreamStart { stream: stream as u8, ..StreamStart::default() }).await?;
+    }
+    let heard = listen(&mut bytes, &mut pulses, window_s, timeout_s).await?;
+    let losses = bytes.losses();
+    let sent = bench.board.stop_stream(bytes).await?;
+    bench.board.stop_stream(pulses).await?;
+    if losses.any() || sent.dropped > 0 {
+        return Err(Trouble::SamplesLost { wanted: sent.produced, losses });
+    }
+    file(&heard, restarted.is_some(), bench.site, report).await
+}
+
+/// What came of the receiver.
+#[derive(Debug, Default)]
+struct Heard {
+    /// From the first sentence to the first fix.
+    time_to_fix_s: Option<f64>,
+    /// Epochs since the fix.
+    fixes: Vec<Epoch>,
+    /// The last epoch without one.
+    without_fix: Option<Epoch>,
+    /// Epochs after the first fix that had none.
+    fixes_lost: u32,
+    sentence_errors: u32,
+    pulses_ns: Vec<u64>,
+}
+
+/// Listens until the window after the fix is over, or the time for a fix is. Both go by the board's clock.
+async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_s: f64) -> Result<Heard, Trouble> {
+    let mut heard = Heard::default();
+    let mut sentences = Sentences::default();
+    let mut began_us = None;
+    let mut fixed_us = None;
+    let mut now_us = bytes.board_time_us();
+    loop {
+        tokio::select! {
+            frame = bytes.next() => match frame? {
+                Some(frame) => {
+                    now_us = frame.head.board_time_us;
+                    for epoch in sentences.push(&frame.samples) {
+                        if epoch.has_fix() {
+                            fixed_us.get_or_insert(now_us);
+                            heard.fixes.push(epoch);
+                        } else {
+                            heard.fixes_lost += u32::from(fixed_us.is_some());
+                            heard.without_fix = Some(epoch);
+                        }
+                    }
+                }
+                // The receiver is mute, while the board's clock goes on.
+                None => now_us = bytes.board_time_us(),
+            },
+            frame = pulses.next() => {
+                let Some(frame) = frame? else { continue };
+                let mut reader = Reader::new(&frame.samples);
+                for _ in 0..frame.head.count {
+                    let capture = PpsCapture::get(&mut reader)
+                        .map_err(|error| Trouble::Nonsense { what: "the PPS stream", why: error.to_string() })?;
+                    heard.pulses_ns.push(capture.board_time_ns);
+                }
+            }
+        }
+        let began_us = *began_us.get_or_insert(now_us);
+        let waited_s = |since: u64| now_us.saturating_sub(since) as f64 * 1e-6;
+        heard.time_to_fix_s = fixed_us.map(|fixed: u64| fixed.saturating_sub(began_us) as f64 * 1e-6);
+        if fixed_us.map_or(waited_s(began_us) > timeout_s, |fixed| waited_s(fixed) > window_s) {
+            heard.sentence_errors = sentences.errors();
+            return Ok(heard);
+        }
+    }
+}
+
+async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Report<'_>) -> Result<(), Trouble> {
+    report.count("sentence_errors", heard.sentence_errors.into()).await?;
+    report.count("pps_pulses", heard.pulses_ns.len() as u64).await?;
+    let Some(last) = heard.fixes.last() else {
+        let satellites = heard.without_fix.as_ref().and_then(|epoch| epoch.satellites_used).unwrap_or(0);
+        report.count("satellites_used", satellites.into()).await?;
+        let state = if heard.without_fix.is_some() { "none" } else { "none (no sentence heard)" };
+        return report.text("fix_type", state).await;
+    };
+    // Of all epochs the worst counts: one without a fix in the window is none.
+    let worst = heard.fixes.iter().map(|epoch| epoch.dimensions).min().unwrap_or(0);
+    let state = if heard.fixes_lost > 0 { "lost".to_owned() } else { format!("{worst}D") };
+    report.text("fix_type", &state).await?;
+    match heard.time_to_fix_s.filter(|_| restarted) {
+        Some(time_s) => report.number("time_to_fix", time_s, Unit::Second).await?,
+        None => report.not_available("time_to_fix", "the receiver was not restarted").await?,
+    }
+    let average = |pick: &dyn Fn(&Epoch) -> Option<f64>| {
+        mean(&heard.fixes.iter().map(|epoch| pick(epoch).unwrap_or(f64::NAN)).collect::<Vec<_>>())
+    };
+    let latitude_deg = average(&|epoch| epoch.latitude_deg);
+    let longitude_deg = average(&|epoch| epoch.longitude_deg);
+    let height_m = average(&|epoch| epoch.height_m);
+    report.number("latitude", latitude_deg, Unit::Degree).await?;
+    report.number("longitude", longitude_deg, Unit::Degree).await?;
+    report.number("height", height_m, Unit::Metre).await?;
+    match site {
+        Some(site) => {
+            let horizontal_m = horizontal_distance_m(site, latitude_deg, longitude_deg);
+            report.number("horizontal_error", horizontal_m, Unit::Metre).await?;
+            report.number("height_error", (height_m - site.height_m).abs(), Unit::Metre).await?;
+        }
+        None => {
+            let why = "the bench file has no [site]";
+            report.not_available("horizontal_error", why).await?;
+            report.not_available("height_error", why).await?;
+        }
+    }
+    report.number("ground_speed", average(&|epoch| epoch.ground_speed_mps), Unit::MetrePerSecond).await?;
+    let used = heard.fixes.iter().filter_map(|epoch| epoch.satellites_used).min().unwrap_or(0);
+    report.count("satellites_used", used.into()).await?;
+    let dilution = |value: Option<f32>| value.map_or(f64::NAN, f64::from);
+    report.number("hdop", dilution(last.hdop), Unit::Count).await?;
+    report.number("vdop", dilution(last.vdop), Unit::Count).await?;
+    if heard.pulses_ns.len() >= 2 {
+        let error_us = heard.pulses_ns.windows(2).map(|pair| (pair[1].wrapping_sub(pair[0])) as f64 * 1e-3 - 1e6);
+        let worst_us = error_us.map(f64::abs).fold(0.0, f64::max);
+        report.number("pps_period_error", worst_us, Unit::Microsecond).await?;
+    } else {
+        report.not_available("pps_period_error", "fewer than two pulses came").await?;
+    }
+    Ok(())
+}
+
+/// Distance on the ellipsoid, by its radii of curvature at the site: exact to a millimetre over a kilometre.
+fn horizontal_distance_m(site: &Site, latitude_deg: f64, longitude_deg: f64) -> f64 {
+    let (sin, cos) = site.latitude_deg.to_radians().sin_cos();
+    let w = (1.0 - ECCENTRICITY_SQUARED * sin * sin).sqrt();
+    let prime_vertical_m = EARTH_RADIUS_M / w + site.height_m;
+    let meridian_m = EARTH_RADIUS_M * (1.0 - ECCENTRICITY_SQUARED) / w.powi(3) + site.height_m;
+    let north_m = (latitude_deg - site.latitude_deg).to_radians() * meridian_m;
+    // The shorter way round, also across the date line.
+    let east_deg = (longitude_deg - site.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
+    let east_m = east_deg.to_radians() * prime_vertical_m * cos;
+    north_m.hypot(east_m)
+}

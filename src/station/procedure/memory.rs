@@ -1,0 +1,37 @@
+//! Internal RAM and SDRAM, pattern by pattern over every word.
+
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::message::{Ram, RamPattern, RamTest};
+
+use super::{Bench, Report, Trouble};
+
+pub(super) async fn run(bench: &Bench<'_>, ram: Ram, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
+    let mut words = 0;
+    let mut busy_s = 0.0;
+    for name in params.texts("patterns") {
+        let pattern = match name.as_str() {
+            "solid" => RamPattern::Solid,
+            "checkerboard" => RamPattern::Checkerboard,
+            "walking-ones" => RamPattern::WalkingOnes,
+            "address" => RamPattern::Address,
+            _ => RamPattern::MarchC,
+        };
+        let request = RamTest { ram: ram as u8, pattern: pattern as u8 };
+        let (found, answer) = bench.board.ask(&request).await?;
+        words = found.words;
+        busy_s += answer.elapsed.as_secs_f64();
+        let measurement = format!("mismatches_{}", name.replace('-', "_"));
+        report.count(&measurement, found.mismatches.into()).await?;
+        if found.mismatches > 0 {
+            let (place, expected, got) = (found.first_place, found.expected, found.got);
+            let note = format!(
+                "{name}: first at word {place:#08x}, expected {expected:#010x}, read {got:#010x}, bits {:#010x}",
+                expected ^ got
+            );
+            report.note(&note).await?;
+        }
+    }
+    report.count("words_tested", words.into()).await?;
+    report.number("test_time", busy_s, Unit::Second).await
+}

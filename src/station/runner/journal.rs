@@ -1,0 +1,54 @@
+//! The one place from which events of a run come: numbered, timed, folded, and on their way to the record before
+//! anybody else hears of them.
+
+use std::cell::RefCell;
+use std::time::Instant;
+
+use chrono::Local;
+use gnc_executive::event::{Event, EventKind};
+use gnc_executive::state::RunState;
+
+use crate::store::{Scribe, StoreError};
+
+/// Emits the events of one run.
+#[derive(Debug)]
+pub struct Journal {
+    scribe: Scribe,
+    state: RefCell<RunState>,
+    began: Instant,
+}
+
+impl Journal {
+    /// A journal whose first event is due.
+    #[must_use]
+    pub fn new(scribe: Scribe) -> Self {
+        Self { scribe, state: RefCell::new(RunState::new()), began: Instant::now() }
+    }
+
+    /// Emits an event. Those after which a record must be believable (an item's or the run's end) come back only
+    /// when they are on disk.
+    ///
+    /// # Errors
+    /// [`StoreError`] when this or an earlier event could not be written.
+    pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
+        let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
+        let event = {
+            let mut state = self.state.borrow_mut();
+            let elapsed_us = u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX);
+            let event = Event { seq: state.next_seq(), at: Local::now().fixed_offset(), elapsed_us, kind };
+            state.apply(&event).map_err(StoreError::OutOfOrder)?;
+            event
+        };
+        if must_be_on_disk { self.scribe.write_and_sync(event).await } else { self.scribe.write(event).await }
+    }
+
+    /// Looks at the run as it stands.
+    pub fn look<T>(&self, look: impl FnOnce(&RunState) -> T) -> T {
+        look(&self.state.borrow())
+    }
+
+    /// Ends the record.
+    pub async fn close(self) -> Result<(), StoreError> {
+        self.scribe.close().await
+    }
+}
