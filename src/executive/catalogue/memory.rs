@@ -1,0 +1,121 @@
+//! RAM and flash memories.
+
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, if_text, number, text};
+use crate::quantity::{Dimension, Unit};
+
+/// Patterns that are written and read back.
+const PATTERNS: &[&str] = &["solid", "checkerboard", "walking-ones", "address", "march-c"];
+
+const RAM_PARAMS: &[ParamSpec] = &[ParamSpec {
+    name: "patterns",
+    about: "patterns to write and read back",
+    kind: ParamKind::Choices { of: PATTERNS, default: PATTERNS },
+}];
+
+const RAM_MEASUREMENTS: &[MeasurementSpec] = &[
+    mismatches(
+        "solid",
+        "mismatches_solid",
+        "Bits stay 0 or 1: the first failing address and word in the error record name the line or the cell.",
+    ),
+    mismatches(
+        "checkerboard",
+        "mismatches_checkerboard",
+        "Neighbouring bits disturb each other: look for a short between data lines.",
+    ),
+    mismatches(
+        "walking-ones",
+        "mismatches_walking_ones",
+        "One data line is stuck or shorted: the bits that differ in the error record name it.",
+    ),
+    mismatches(
+        "address",
+        "mismatches_address",
+        "Two addresses reach the same cell: an address line is open, stuck or shorted.",
+    ),
+    mismatches(
+        "march-c",
+        "mismatches_march_c",
+        "Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
+    ),
+    count("words_tested", "The test did not cover the whole memory: compare the board's memory map with the plan."),
+    number(
+        "test_time",
+        Unit::Second,
+        Dimension::Time,
+        "The memory answers slowly: check its clock and its wait states.",
+    ),
+];
+
+/// Internal RAM of the DSP.
+pub(super) static INTERNAL_RAM: ItemSpec = ItemSpec {
+    title: "Internal RAM",
+    params: RAM_PARAMS,
+    measurements: RAM_MEASUREMENTS,
+    devices: &[Device::Slave],
+    resources: &[Resource::Processor],
+    timeout_s: 30.0,
+};
+
+/// External SDRAM.
+pub(super) static SDRAM: ItemSpec = ItemSpec {
+    title: "SDRAM",
+    params: RAM_PARAMS,
+    measurements: RAM_MEASUREMENTS,
+    devices: &[Device::Slave],
+    resources: &[Resource::Processor],
+    timeout_s: 60.0,
+};
+
+const FLASH_PARAMS: &[ParamSpec] = &[ParamSpec {
+    name: "sector",
+    about: "index of the scratch sector",
+    kind: ParamKind::Integer { min: 0, max: 65_535, default: 0 },
+}];
+
+const ERASE_TIME: MeasurementSpec = number(
+    "erase_time",
+    Unit::Millisecond,
+    Dimension::Time,
+    "A slow erase is the first sign of a worn or damaged flash; check its supply too.",
+);
+const BLANK_ERRORS: MeasurementSpec =
+    count("blank_errors", "Words are not FF after the erase: a bad sector, or write protection is on.");
+const WRITE_TIME: MeasurementSpec =
+    number("write_time", Unit::Millisecond, Dimension::Time, "Slow programming: suspect a worn flash or a slow clock.");
+const VERIFY_ERRORS: MeasurementSpec =
+    count("verify_errors", "Words differ after programming: a bad sector, or a bad line to the flash.");
+
+/// SPI flash.
+pub(super) static SPI_FLASH: ItemSpec = ItemSpec {
+    title: "SPI flash",
+    params: FLASH_PARAMS,
+    measurements: &[
+        text(
+            "jedec_id",
+            "All 00 or FF: the flash does not answer, check its lines and supply; any other: another type is mounted.",
+        ),
+        ERASE_TIME,
+        BLANK_ERRORS,
+        WRITE_TIME,
+        VERIFY_ERRORS,
+    ],
+    devices: &[Device::Slave],
+    resources: &[Resource::Flash],
+    timeout_s: 30.0,
+};
+
+/// Internal flash of the DSP.
+pub(super) static INTERNAL_FLASH: ItemSpec = ItemSpec {
+    title: "Internal flash",
+    params: FLASH_PARAMS,
+    measurements: &[ERASE_TIME, BLANK_ERRORS, WRITE_TIME, VERIFY_ERRORS],
+    devices: &[Device::Slave],
+    resources: &[Resource::Flash],
+    timeout_s: 30.0,
+};
+
+/// Words that were read otherwise than written, for one pattern.
+const fn mismatches(pattern: &'static str, name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    if_text(count(name, look_at), "patterns", pattern)
+}

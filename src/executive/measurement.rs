@@ -1,0 +1,175 @@
+//! A measured value and its judgement, in the form in which events and records carry them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::limit::{self, Limit};
+use crate::number;
+use crate::outcome::Outcome;
+use crate::printable::printable;
+use crate::quantity::{Quantity, Unit, with_unit};
+
+/// What a procedure measured.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A number with its unit; it may be NaN or infinite, which is then errored.
+    Number(Quantity),
+    /// A text, from outside: shown only through [`printable`].
+    Text(String),
+    /// What this bench or link cannot tell, and why; with a limit it is errored, never assumed.
+    NotAvailable(String),
+}
+
+impl Value {
+    /// A number in a unit.
+    pub const fn number(number: f64, unit: Unit) -> Self {
+        Value::Number(Quantity::new(number, unit))
+    }
+
+    /// A number of pieces, errors, words. Counts above 2^53 lose their last digits.
+    pub fn count(count: u64) -> Self {
+        Value::number(count as f64, Unit::Count)
+    }
+
+    /// A text.
+    pub fn text(text: impl Into<String>) -> Self {
+        Value::Text(text.into())
+    }
+}
+
+/// The value as recorded: a finite number, a text, or null with the raw text beside it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Reading {
+    /// A finite number in the unit of the measurement.
+    Number(f64),
+    /// A text.
+    Text(String),
+    /// No value: not a number, infinite, or not available; `raw` says which.
+    Null,
+}
+
+/// One measured value with the limit that it was judged against.
+///
+/// Value, bounds and marginal bounds are all in `unit`, exactly as they were compared, so that anybody can repeat the
+/// judgement from the record alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    /// Name in the catalogue.
+    pub name: String,
+    /// Which repeat within the attempt, from 1; absent where the plan repeats nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeat: Option<u32>,
+    /// The value.
+    pub value: Reading,
+    /// What came instead of a value: "NaN", "inf", "-inf", or why none is available.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub raw: Option<String>,
+    /// Unit of value and bounds; null for texts and counts.
+    pub unit: Option<Unit>,
+    /// The lowest good value.
+    pub low: Option<f64>,
+    /// The highest good value.
+    pub high: Option<f64>,
+    /// Good values below this are marginal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub marginal_low: Option<f64>,
+    /// Good values above this are marginal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub marginal_high: Option<f64>,
+    /// The text that it must equal.
+    pub expected: Option<String>,
+    /// Null for information: a measurement without a limit is never a pass.
+    pub outcome: Option<Outcome>,
+}
+
+impl Measurement {
+    /// Judges a value against its limit, if there is one.
+    ///
+    /// `shown` is the unit for a number without a limit; with one, the limit's unit is taken. `serial_number` is the
+    /// scanned one, for limits that name it. A value whose kind does not fit its limit is errored.
+    pub fn judge(name: &str, value: &Value, shown: Unit, limit: Option<&Limit>, serial_number: &str) -> Self {
+        let mut measurement = Self {
+            name: name.to_owned(),
+            repeat: None,
+            value: Reading::Null,
+            raw: None,
+            unit: None,
+            low: None,
+            high: None,
+            marginal_low: None,
+            marginal_high: None,
+            expected: None,
+            outcome: limit.map(|_| Outcome::Errored),
+        };
+        let mut unit = shown;
+        match limit {
+            Some(Limit::Range(range)) => {
+                unit = range.unit;
+                (measurement.low, measurement.high) = (range.low, range.high);
+                (measurement.marginal_low, measurement.marginal_high) = (range.marginal_low(), range.marginal_high());
+                measurement.unit = shown_unit(unit);
+            }
+            Some(Limit::Text(expected)) => measurement.expected = Some(expected.resolve(serial_number).to_owned()),
+            None => {}
+        }
+        match value {
+            Value::Number(quantity) => {
+                // Without a limit nothing is compared, and a procedure's own unit is better than no number at all.
+                let number = quantity.in_unit(unit).unwrap_or_else(|| {
+                    unit = quantity.unit;
+                    quantity.number
+                });
+                measurement.unit = shown_unit(unit);
+                if number.is_finite() {
+                    measurement.value = Reading::Number(number);
+                } else {
+                    measurement.raw = Some(number::non_finite(number).to_owned());
+                }
+                if let Some(Limit::Range(range)) = limit
+                    && range.unit == unit
+                {
+                    measurement.outcome = Some(range.judge(number));
+                }
+            }
+            Value::Text(text) => {
+                measurement.value = Reading::Text(text.clone());
+                if let Some(expected) = &measurement.expected {
+                    measurement.outcome = Some(if text == expected { Outcome::Passed } else { Outcome::Failed });
+                }
+            }
+            Value::NotAvailable(why) => measurement.raw = Some(why.clone()),
+        }
+        measurement
+    }
+
+    /// Whether something was measured, were it NaN; false for [`Value::NotAvailable`].
+    pub fn is_available(&self) -> bool {
+        self.value != Reading::Null || matches!(self.raw.as_deref(), Some("NaN" | "inf" | "-inf"))
+    }
+
+    /// The value for people, with its unit: never printed so short that it seems to lie on the other side of a bound.
+    pub fn value_text(&self) -> String {
+        match &self.value {
+            Reading::Number(value) => {
+                let bounds: Vec<f64> =
+                    [self.low, self.high, self.marginal_low, self.marginal_high].into_iter().flatten().collect();
+                let unit = self.unit.unwrap_or(Unit::Count);
+                with_unit(&number::beside(*value, unit.dimension().digits(), &bounds), unit)
+            }
+            Reading::Text(text) => printable(text).into_owned(),
+            Reading::Null => printable(self.raw.as_deref().unwrap_or("no value")).into_owned(),
+        }
+    }
+
+    /// The limit for people: "499 .. 501 us", "== DEMO-1"; empty for information.
+    pub fn limit_text(&self) -> String {
+        match &self.expected {
+            Some(expected) => format!("== {}", printable(expected)),
+            None => limit::bounds(self.low, self.high, self.unit.unwrap_or(Unit::Count)),
+        }
+    }
+}
+
+fn shown_unit(unit: Unit) -> Option<Unit> {
+    (unit != Unit::Count).then_some(unit)
+}

@@ -1,0 +1,75 @@
+//! Numbers printed for people: few digits, but never so few that a value seems to lie on the other side of its limit.
+
+use std::cmp::Ordering;
+
+/// Digits after which an `f64` has no more to say.
+const ALL_DIGITS: usize = 17;
+
+/// Significant digits that survive one or two roundings of an `f64`; noise stands behind them.
+const ARITHMETIC_DIGITS: usize = 12;
+
+/// A number with about so many significant digits, trailing zeros cut; an integer is always printed in full.
+pub(crate) fn plain(number: f64, digits: usize) -> String {
+    if !number.is_finite() {
+        return non_finite(number).to_owned();
+    }
+    if number == 0.0 {
+        return "0".to_owned();
+    }
+    let exponent = decimal_exponent(number, digits);
+    if !(-5..15).contains(&exponent) {
+        let text = format!("{number:.*e}", digits.saturating_sub(1));
+        let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{exponent}", trimmed(mantissa));
+    }
+    let decimals = usize::try_from(digits as i64 - 1 - i64::from(exponent)).unwrap_or(0);
+    let text = trimmed(&format!("{number:.decimals$}")).to_owned();
+    if text == "-0" { "0".to_owned() } else { text }
+}
+
+/// A number that stands beside its bounds: printed with as many digits as keep it on its side of every bound.
+pub(crate) fn beside(number: f64, digits: usize, bounds: &[f64]) -> String {
+    let faithful = |text: &str| {
+        let printed: f64 = text.parse().unwrap_or(f64::NAN);
+        bounds.iter().all(|bound| order(printed, *bound) == order(number, *bound))
+    };
+    (digits..ALL_DIGITS)
+        .map(|digits| plain(number, digits))
+        .find(|text| faithful(text))
+        .unwrap_or_else(|| exact(number))
+}
+
+/// A bound, exactly as the plan has it.
+pub(crate) fn exact(number: f64) -> String {
+    if number != 0.0 && !(1e-5..1e15).contains(&number.abs()) { format!("{number:e}") } else { format!("{number}") }
+}
+
+/// A number without the noise of arithmetic: 0.49 x 1.05 becomes 0.5145 instead of 0.5145000000000001.
+pub(crate) fn denoised(number: f64) -> f64 {
+    format!("{number:.*e}", ARITHMETIC_DIGITS - 1).parse().unwrap_or(number)
+}
+
+/// The name of a number that is none.
+pub(crate) fn non_finite(number: f64) -> &'static str {
+    if number.is_nan() {
+        "NaN"
+    } else if number > 0.0 {
+        "inf"
+    } else {
+        "-inf"
+    }
+}
+
+fn order(a: f64, b: f64) -> Option<Ordering> {
+    a.partial_cmp(&b)
+}
+
+/// Position of the first digit after rounding: 0 for 1..10, -1 for 0.1..1.
+fn decimal_exponent(number: f64, digits: usize) -> i32 {
+    let text = format!("{number:.*e}", digits.saturating_sub(1));
+    text.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0)
+}
+
+fn trimmed(text: &str) -> &str {
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
+}

@@ -1,0 +1,268 @@
+//! Test plans: what is run, in which order, with which parameters, and what every measured value must keep.
+//!
+//! A plan is written in TOML and read here into a checked one; all mistakes come at once, with line and column. The
+//! language, with every key:
+//!
+//! ```toml
+//! name = "functional"                # required; small letters, digits, - _ .
+//! version = "1.0"                    # required
+//! description = "what it is for"
+//! on_fail = "continue"               # or "stop": skip the rest after the first item that is not good
+//! include = ["other.toml"]           # items of other plans, run before those of this one
+//!
+//! [[item]]
+//! id = "imu"                         # required; an item of the catalogue
+//! name = "imu-cold"                  # unique; the id, unless an item stands twice
+//! phase = "test"                     # or "setup": all tests need it; "teardown": always run at the end
+//! optional = false                   # true: skipped, not refused, where the bench lacks a device
+//! requires = ["identity"]            # skipped unless these items, which stand before it, are good
+//! attempts = 2                       # tries of an errored item
+//! retry_failed = false               # true: tries of a failed item too
+//! repeats = 1                        # rounds within an attempt
+//! timeout = "30 s"                   # board time for an attempt
+//! prompt = "Level the table."        # asked before the first attempt
+//! params = { samples = 400, rate = "200 Hz" }
+//! [item.limits]
+//! gyro_x = "0 +- 2 deg/s"
+//! "accel_*_noise" = "<= 5 mg"        # * stands for any letters
+//! accel_norm = { limit = "1 g +- 5 %", marginal = "1 mg" }
+//! ```
+//!
+//! Of several limits for one measurement an exact name counts more than a pattern, and a later pattern more than an
+//! earlier one.
+
+mod closure;
+mod item;
+mod limits;
+mod params;
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::catalogue::{Device, ItemId, MeasurementSpec};
+use crate::limit::Limit;
+use crate::measurement::{Measurement, Value};
+use crate::mistake::{Mistake, Mistakes, Source};
+use crate::outcome::Outcome;
+use crate::quantity::Unit;
+
+pub use params::{ParamError, ParamValue, Params};
+
+/// Bytes of one plan file. The functional plan has about 5 kB and 20,000 items about 2 MB; what is larger is another
+/// file that was given by accident, and reading it would only take memory. Readers should stop at one byte more.
+pub const MAX_PLAN_BYTES: usize = 4 << 20;
+
+/// Files of a plan with all that it includes.
+pub const MAX_PLAN_FILES: usize = 32;
+
+/// Includes within includes.
+pub const MAX_INCLUDE_DEPTH: usize = 8;
+
+/// Items of a plan: what the figures for time and memory are measured with, and far more than anybody runs.
+pub const MAX_ITEMS: usize = 20_000;
+
+/// A checked plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Name, fit for a folder.
+    pub name: String,
+    /// Version.
+    pub version: String,
+    /// What it is for; may be empty.
+    pub description: String,
+    /// What happens after an item that is not good.
+    pub on_fail: OnFail,
+    items: Vec<PlanItem>,
+    sources: Vec<Source>,
+}
+
+/// What happens after an item that is not good.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OnFail {
+    /// The next item is run.
+    #[default]
+    Continue,
+    /// The remaining items are skipped.
+    Stop,
+}
+
+/// When an item is run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// Before all tests, which are skipped unless it is good.
+    Setup,
+    /// The test itself.
+    #[default]
+    Test,
+    /// After all tests, also after a stop in order.
+    Teardown,
+}
+
+/// One item of a checked plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanItem {
+    /// The unique name; fit for a folder.
+    pub name: String,
+    /// Which item of the catalogue.
+    pub id: ItemId,
+    /// When it is run.
+    pub phase: Phase,
+    /// Skipped instead of refused where the bench lacks a device.
+    pub optional: bool,
+    /// Positions of the items that must be good, all before this one.
+    pub requires: Vec<usize>,
+    /// Tries, at least 1.
+    pub attempts: u32,
+    /// Whether a failed attempt is tried again like an errored one.
+    pub retry_failed: bool,
+    /// Rounds within an attempt, at least 1.
+    pub repeats: u32,
+    /// Board time for an attempt.
+    pub timeout_s: f64,
+    /// What the operator is asked to do before the first attempt.
+    pub prompt: Option<String>,
+    /// Every parameter of the catalogue, with its default where the plan is silent.
+    pub params: Params,
+    limits: Vec<ItemLimit>,
+    place: ItemPlace,
+}
+
+/// The limit of one measurement.
+#[derive(Clone, Debug)]
+pub struct ItemLimit {
+    /// The measurement in the catalogue.
+    pub measurement: &'static MeasurementSpec,
+    /// Its limit.
+    pub limit: Limit,
+}
+
+impl PartialEq for ItemLimit {
+    /// Names are unique within an item, so the name stands for the measurement.
+    fn eq(&self, other: &Self) -> bool {
+        self.measurement.name == other.measurement.name && self.limit == other.limit
+    }
+}
+
+/// Where an item stands: file and bytes of its id.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct ItemPlace {
+    source: usize,
+    start: usize,
+    end: usize,
+}
+
+impl Plan {
+    /// Reads a plan and all that it includes.
+    ///
+    /// `name` is how the user named the file; `load` is given the name of an include, joined to the folder of the
+    /// file that includes it, and returns its bytes or says why it cannot. It should read no more than
+    /// [`MAX_PLAN_BYTES`] and one byte.
+    ///
+    /// # Errors
+    /// All mistakes of meaning in all files; or the first syntax error alone.
+    pub fn read(
+        name: &str,
+        bytes: Vec<u8>,
+        load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    ) -> Result<Plan, Mistakes> {
+        closure::read(name, bytes, load)
+    }
+
+    /// The items in the order of running: those of includes first.
+    pub fn items(&self) -> &[PlanItem] {
+        &self.items
+    }
+
+    /// Name and text of every file, the plan itself first, then its includes in the order of reading: what a digest
+    /// of the plan must cover.
+    pub fn files(&self) -> impl Iterator<Item = (&str, &[u8])> {
+        self.sources.iter().map(|source| (source.name.as_str(), source.text.as_bytes()))
+    }
+
+    /// A mistake at the id of an item.
+    pub(crate) fn mistake_at(&self, item: &PlanItem, what: String, hint: &str) -> Mistake {
+        match self.sources.get(item.place.source) {
+            Some(source) => source.mistake(item.place.start..item.place.end, what, hint),
+            None => Mistake::nowhere(what, hint),
+        }
+    }
+}
+
+impl PlanItem {
+    /// For people.
+    pub fn title(&self) -> &'static str {
+        self.id.spec().title
+    }
+
+    /// What the bench must have to run it.
+    pub fn devices(&self) -> impl Iterator<Item = Device> {
+        let asks = self.prompt.is_some() && !self.id.spec().devices.contains(&Device::Operator);
+        self.id.spec().devices.iter().copied().chain(asks.then_some(Device::Operator))
+    }
+
+    /// The limits in the order of the catalogue.
+    pub fn limits(&self) -> &[ItemLimit] {
+        &self.limits
+    }
+
+    /// The limit of a measurement.
+    pub fn limit(&self, measurement: &str) -> Option<&Limit> {
+        self.limits.iter().find(|limit| limit.measurement.name == measurement).map(|limit| &limit.limit)
+    }
+
+    /// Judges a measured value. A measurement that is not in the catalogue has no limit and is information.
+    ///
+    /// `repeat` counts the rounds within an attempt from 1; it is recorded only where the plan repeats.
+    pub fn judge(&self, name: &str, value: &Value, repeat: u32, serial_number: &str) -> Measurement {
+        let shown = self.id.spec().measurement(name).map_or(Unit::Count, |spec| spec.unit);
+        let mut measurement = Measurement::judge(name, value, shown, self.limit(name), serial_number);
+        measurement.repeat = (self.repeats > 1).then_some(repeat);
+        measurement
+    }
+
+    /// The outcome of an attempt that ended by itself.
+    ///
+    /// - The worst measurement counts.
+    /// - A limited measurement that never came, came in too few rounds, or was not available is errored; but if another
+    ///   one violates its limit the attempt is failed, since a procedure that finds no fix has no position either.
+    /// - An attempt in which nothing was judged is errored. Only setup and teardown may go without limits.
+    pub fn attempt_outcome(&self, measurements: &[Measurement]) -> Outcome {
+        let judged = |available: bool| {
+            let these = measurements.iter().filter(move |measurement| measurement.is_available() == available);
+            Outcome::worst(these.filter_map(|measurement| measurement.outcome))
+        };
+        let told = judged(true);
+        if told.is_some_and(|outcome| !outcome.is_good()) {
+            return told.unwrap_or(Outcome::Errored);
+        }
+        let complete = self.limits.iter().all(|limit| {
+            let rounds = measurements.iter().filter(|measurement| measurement.name == limit.measurement.name);
+            rounds.count() >= self.repeats as usize
+        });
+        if !complete || judged(false).is_some() {
+            return Outcome::Errored;
+        }
+        let unlimited = self.limits.is_empty() && self.phase != Phase::Test;
+        told.unwrap_or(if unlimited { Outcome::Passed } else { Outcome::Errored })
+    }
+
+    /// Names of limited measurements that never came, for the message of an errored attempt.
+    pub fn missing<'a>(&'a self, measurements: &'a [Measurement]) -> impl Iterator<Item = &'static str> + 'a {
+        self.limits
+            .iter()
+            .map(|limit| limit.measurement.name)
+            .filter(|name| !measurements.iter().any(|measurement| measurement.name == *name))
+    }
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Phase::Setup => "setup",
+            Phase::Test => "test",
+            Phase::Teardown => "teardown",
+        })
+    }
+}

@@ -1,0 +1,239 @@
+//! A plan file and all that it includes.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use super::item::{self, RawItem};
+use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
+use crate::mistake::{Mistake, Mistakes, Source};
+use crate::printable::{printable, quoted};
+use crate::spanned::{Span, Table, Walk, parse};
+use crate::suggest::nearest;
+
+/// Characters of a name, which becomes a folder.
+const NAME_CHARACTERS: usize = 64;
+
+/// Bytes of a path, as most systems have it.
+const PATH_BYTES: usize = 4096;
+
+/// What is needed to read a closure of files.
+struct Reader<'l> {
+    load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    sources: Vec<Source>,
+    items: Vec<RawItem>,
+    mistakes: Mistakes,
+}
+
+/// The keys of a plan beside its items.
+struct Head {
+    name: String,
+    version: String,
+    description: String,
+    on_fail: OnFail,
+}
+
+/// Reads the plan, its includes first.
+pub(super) fn read(
+    name: &str,
+    bytes: Vec<u8>,
+    load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+) -> Result<Plan, Mistakes> {
+    let source = Source::new(name, bytes, MAX_PLAN_BYTES).map_err(Mistakes::one)?;
+    let mut reader = Reader { load, sources: vec![source], items: Vec::new(), mistakes: Mistakes::default() };
+    let head = reader.file(0, &mut vec![0]).map_err(Mistakes::one)?;
+    let Reader { sources, items, mut mistakes, .. } = reader;
+    if items.len() > MAX_ITEMS {
+        let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
+        mistakes.add(|| Mistake::nowhere(what, "use repeats, or a loop over a shorter plan"));
+    }
+    let items = link(items, &sources, &mut mistakes);
+    let Head { name, version, description, on_fail } = head;
+    mistakes.or(Plan { name, version, description, on_fail, items, sources })
+}
+
+impl Reader<'_> {
+    /// Reads one file; `chain` holds the files that include it, itself last.
+    ///
+    /// A syntax error in any file ends everything; mistakes of meaning are collected.
+    fn file(&mut self, index: usize, chain: &mut Vec<usize>) -> Result<Head, Mistake> {
+        let source = self.sources[index].clone();
+        let tree = parse(&source)?;
+        let walk = Walk::new(&source, std::mem::take(&mut self.mistakes));
+        let root = Table::new(&walk, &tree, 0..0);
+        let head = head(&walk, &root);
+        let includes = root.texts("include");
+        let tables = root.tables("item");
+        if tables.is_empty() && includes.is_empty() {
+            walk.mistake(root.span(), "the plan has no items", "begin each item with a line [[item]]");
+        }
+        let own: Vec<RawItem> = tables.into_iter().filter_map(|table| item::read(&walk, table, index)).collect();
+        root.finish();
+        self.mistakes = walk.into_mistakes();
+        for (include, span) in includes {
+            self.include(&source, include, span, chain)?;
+        }
+        self.items.extend(own);
+        Ok(head)
+    }
+
+    fn include(&mut self, by: &Source, include: &str, span: Span, chain: &mut Vec<usize>) -> Result<(), Mistake> {
+        let refused = |what: String, hint: &str| by.mistake(span.clone(), what, hint);
+        let Some(name) = joined(&by.name, include) else {
+            let what = format!("{} is not a path beside this plan", quoted(include));
+            let hint = "write it relative to this file, with / between folders";
+            self.mistakes.add(|| refused(what, hint));
+            return Ok(());
+        };
+        let known = self.sources.iter().position(|source| source.name == name);
+        let problem = match known {
+            Some(known) if chain.contains(&known) => {
+                let from = chain.iter().position(|file| *file == known).unwrap_or(0);
+                let files: Vec<String> =
+                    chain[from..].iter().chain([&known]).map(|file| quoted(&self.sources[*file].name)).collect();
+                Some((format!("the include runs in a circle: {}", files.join(" > ")), "remove one of them"))
+            }
+            Some(_) => Some((format!("{} is included twice", quoted(&name)), "remove one of them")),
+            None if self.sources.len() >= MAX_PLAN_FILES => {
+                Some((format!("the plan has more than {MAX_PLAN_FILES} files"), "put some of them together"))
+            }
+            None if chain.len() > MAX_INCLUDE_DEPTH => {
+                Some((format!("includes lie more than {MAX_INCLUDE_DEPTH} deep in each other"), "include it higher up"))
+            }
+            None => None,
+        };
+        if let Some((what, hint)) = problem {
+            self.mistakes.add(|| refused(what, hint));
+            return Ok(());
+        }
+        let bytes = match (self.load)(&name) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                let what = format!("{} cannot be read: {}", quoted(&name), printable(&error));
+                self.mistakes.add(|| refused(what, "the path is relative to the file that includes it"));
+                return Ok(());
+            }
+        };
+        let index = self.sources.len();
+        self.sources.push(Source::new(&name, bytes, MAX_PLAN_BYTES)?);
+        chain.push(index);
+        // Name, version and on_fail of an included plan are its own: it may be run by itself too.
+        self.file(index, chain)?;
+        chain.pop();
+        Ok(())
+    }
+}
+
+fn head(walk: &Walk<'_>, root: &Table<'_, '_>) -> Head {
+    let name = root.required_text("name", "write name = \"functional\" at the top").map(|(name, span)| {
+        check_name(walk, name, span);
+        name.to_owned()
+    });
+    let version = root.required_text("version", "write version = \"1.0\" at the top").map(|(version, span)| {
+        if version.chars().count() > NAME_CHARACTERS || version.chars().any(char::is_control) {
+            walk.mistake(span, format!("{} is not fit for a version", quoted(version)), "write it like \"1.0\"");
+        }
+        version.to_owned()
+    });
+    let on_fail = match root.text("on_fail") {
+        None | Some(("continue", _)) => OnFail::Continue,
+        Some(("stop", _)) => OnFail::Stop,
+        Some((text, span)) => {
+            let hint = "\"continue\" runs the remaining items, \"stop\" skips them";
+            walk.mistake(span, format!("on_fail is {}", quoted(text)), hint);
+            OnFail::Continue
+        }
+    };
+    let description = root.text("description").map_or("", |(text, _)| text).to_owned();
+    Head { name: name.unwrap_or_default(), version: version.unwrap_or_default(), description, on_fail }
+}
+
+/// Refuses a name that is no folder's.
+pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
+    let fit = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || matches!(byte, b'-' | b'_' | b'.');
+    let first = name.bytes().next().is_some_and(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit());
+    if !first || !name.bytes().all(fit) || name.len() > NAME_CHARACTERS {
+        let hint = "small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first";
+        walk.mistake(span, format!("{} is not fit for a folder's name", quoted(name)), hint);
+    }
+}
+
+/// Gives every item its requirements by position, and refuses names that stand twice.
+fn link(raw: Vec<RawItem>, sources: &[Source], mistakes: &mut Mistakes) -> Vec<PlanItem> {
+    let mut positions: HashMap<&str, usize> = HashMap::with_capacity(raw.len());
+    for (position, RawItem { item, name_span, .. }) in raw.iter().enumerate() {
+        match positions.entry(item.name.as_str()) {
+            Entry::Vacant(vacant) => {
+                vacant.insert(position);
+            }
+            Entry::Occupied(first) => mistakes.add(|| {
+                let other = &raw[*first.get()];
+                let place = sources[other.item.place.source].place(other.name_span.clone());
+                let what = format!(
+                    "the name {} stands twice, first at {}:{}",
+                    quoted(&item.name),
+                    printable(&place.file),
+                    place.line
+                );
+                let hint = "give one of them a name of its own: name = \"...\"";
+                sources[item.place.source].mistake(name_span.clone(), what, hint)
+            }),
+        }
+    }
+    let mut requires: Vec<Vec<usize>> = Vec::with_capacity(raw.len());
+    for (position, RawItem { item, requires: names, .. }) in raw.iter().enumerate() {
+        let mut found = Vec::with_capacity(names.len());
+        for (name, span) in names {
+            let at = positions.get(name.as_str()).copied();
+            if let Some(required) = at.filter(|at| *at < position) {
+                found.push(required);
+                continue;
+            }
+            mistakes.add(|| {
+                let (what, hint) = match at {
+                    Some(at) if at == position => (format!("{} requires itself", quoted(name)), String::new()),
+                    Some(_) => (
+                        format!("{} stands after the item that requires it", quoted(name)),
+                        "items run in the order of the plan: put it first".to_owned(),
+                    ),
+                    None => (
+                        format!("no item has the name {}", quoted(name)),
+                        nearest(name, positions.keys().copied())
+                            .map(|name| format!("did you mean \"{name}\"?"))
+                            .unwrap_or_default(),
+                    ),
+                };
+                sources[item.place.source].mistake(span.clone(), what, hint)
+            });
+        }
+        requires.push(found);
+    }
+    drop(positions);
+    raw.into_iter().zip(requires).map(|(raw, requires)| PlanItem { requires, ..raw.item }).collect()
+}
+
+/// The name of an included file, relative to the folder of the file that includes it, without `.` and `..` inside.
+///
+/// `None` for an absolute path: a folder of plans must stay whole when it is moved.
+fn joined(by: &str, include: &str) -> Option<String> {
+    let unfit = include.is_empty() || include.len() > PATH_BYTES || include.contains('\\');
+    if unfit || include.starts_with('/') || include.chars().any(char::is_control) {
+        return None;
+    }
+    let folder = by.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let mut parts: Vec<&str> = Vec::new();
+    for part in folder.split('/').chain(include.split('/')) {
+        match part {
+            "." => {}
+            "" if !parts.is_empty() => {}
+            ".." if parts.last().is_some_and(|last| !matches!(*last, "" | "..")) => {
+                parts.pop();
+            }
+            part => parts.push(part),
+        }
+    }
+    // A folder that is not given leaves an empty first part; that of an absolute one must stay.
+    if folder.is_empty() && !by.starts_with('/') && parts.first() == Some(&"") {
+        parts.remove(0);
+    }
+    Some(parts.join("/"))
+}

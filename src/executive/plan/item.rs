@@ -1,0 +1,118 @@
+//! One `[[item]]` of a plan.
+
+use super::closure::check_name;
+use super::{ItemPlace, Phase, PlanItem, limits, params};
+use crate::catalogue::ItemId;
+use crate::printable::quoted;
+use crate::quantity::Dimension;
+use crate::spanned::{Span, Table, Walk};
+use crate::suggest::nearest;
+
+/// Tries of an item: one that fails ten times will fail again.
+const MAX_ATTEMPTS: i64 = 10;
+
+/// Rounds within an attempt: longer runs are loops, each with a record of its own.
+const MAX_REPEATS: i64 = 1000;
+
+/// Shortest and longest time for an attempt.
+const TIMEOUT_S: (f64, f64) = (0.001, 86_400.0);
+
+/// Characters of a prompt: what fits on a screen.
+const PROMPT_CHARACTERS: usize = 500;
+
+/// An item whose requirements are still names.
+pub(super) struct RawItem {
+    pub(super) item: PlanItem,
+    pub(super) name_span: Span,
+    pub(super) requires: Vec<(String, Span)>,
+}
+
+/// Reads an item; `None` if it cannot be told which one it is, in which case its other keys cannot be judged.
+pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Option<RawItem> {
+    let (id, id_span) = table.required_text("id", "write id = \"imu\", or another item of the table")?;
+    let Some(id) = ItemId::from_id(id) else {
+        let hint = match nearest(id, ItemId::ALL.iter().map(|item| item.as_str())) {
+            Some(id) => format!("did you mean \"{id}\"?"),
+            None => format!("the items are {}", ItemId::ALL.map(ItemId::as_str).join(", ")),
+        };
+        walk.mistake(id_span, format!("unknown item {}", quoted(id)), hint);
+        return None;
+    };
+    let spec = id.spec();
+    let (name, name_span) = match table.text("name") {
+        None => (id.as_str(), id_span.clone()),
+        Some((name, span)) => {
+            check_name(walk, name, span.clone());
+            (name, span)
+        }
+    };
+    let phase = phase(walk, &table);
+    let optional = table.flag("optional");
+    let requires = table.texts("requires").into_iter().map(|(name, span)| (name.to_owned(), span)).collect();
+    let attempts = table.integer("attempts", (1, MAX_ATTEMPTS), 1);
+    let retry_failed = table.flag("retry_failed");
+    if retry_failed && attempts == 1 {
+        let span = table.entry("retry_failed").map_or(table.span(), |entry| entry.value.span());
+        walk.mistake(span, "retry_failed without further attempts changes nothing", "write attempts = 2 beside it");
+    }
+    let repeats = table.integer("repeats", (1, MAX_REPEATS), 1);
+    let timeout_s = timeout(walk, &table).unwrap_or(spec.timeout_s);
+    let prompt = prompt(walk, &table);
+    let params = params::read(walk, table.table("params"), id);
+    let limits = limits::read(walk, table.table("limits"), id, &params);
+    if limits.as_ref().is_some_and(Vec::is_empty) && phase == Phase::Test {
+        let what = format!("{} has no limits: nothing would be judged", quoted(name));
+        walk.mistake(id_span.clone(), what, "write them below a line [item.limits]");
+    }
+    table.finish();
+    let item = PlanItem {
+        name: name.to_owned(),
+        id,
+        phase,
+        optional,
+        requires: Vec::new(),
+        attempts: u32::try_from(attempts).unwrap_or(1),
+        retry_failed,
+        repeats: u32::try_from(repeats).unwrap_or(1),
+        timeout_s,
+        prompt,
+        params,
+        limits: limits.unwrap_or_default(),
+        place: ItemPlace { source, start: id_span.start, end: id_span.end },
+    };
+    Some(RawItem { item, name_span, requires })
+}
+
+fn phase(walk: &Walk<'_>, table: &Table<'_, '_>) -> Phase {
+    match table.text("phase") {
+        None | Some(("test", _)) => Phase::Test,
+        Some(("setup", _)) => Phase::Setup,
+        Some(("teardown", _)) => Phase::Teardown,
+        Some((text, span)) => {
+            let hint = "\"setup\" comes before all tests, \"teardown\" after them, and \"test\" is the usual one";
+            walk.mistake(span, format!("unknown phase {}", quoted(text)), hint);
+            Phase::Test
+        }
+    }
+}
+
+fn timeout(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<f64> {
+    let (timeout, span) = table.quantity("timeout", Dimension::Time)?;
+    let seconds = timeout.si();
+    if !(TIMEOUT_S.0..=TIMEOUT_S.1).contains(&seconds) {
+        walk.mistake(span, format!("a timeout of {timeout} is out of range"), "it may be 1 ms to 24 h");
+        return None;
+    }
+    Some(seconds)
+}
+
+fn prompt(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<String> {
+    let (prompt, span) = table.text("prompt")?;
+    let length = prompt.chars().count();
+    if prompt.trim().is_empty() || length > PROMPT_CHARACTERS {
+        let what = format!("the prompt has {length} characters");
+        walk.mistake(span, what, format!("write 1 to {PROMPT_CHARACTERS}, or leave it out"));
+        return None;
+    }
+    Some(prompt.to_owned())
+}

@@ -1,0 +1,196 @@
+//! The `[item.limits]` of a plan.
+
+use toml::Spanned;
+use toml::de::DeValue;
+
+use super::{ItemLimit, Params};
+use crate::catalogue::{ItemId, MeasurementSpec};
+use crate::limit::{Kind, Limit, LimitError};
+use crate::printable::quoted;
+use crate::quantity::Unit;
+use crate::spanned::{Entry, Span, Table, Walk};
+use crate::suggest::nearest;
+
+/// How exactly a key names a measurement; the more exact one counts.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Exactness {
+    Pattern,
+    Name,
+}
+
+/// A limit as written, with its marginal band.
+struct Written<'t> {
+    limit: (&'t str, Span),
+    marginal: Option<(&'t str, Span)>,
+}
+
+/// Reads the limits of an item, in the order of the catalogue; `None` if some were refused, so that nobody is told
+/// on top that there are none.
+pub(super) fn read(
+    walk: &Walk<'_>,
+    table: Option<Table<'_, '_>>,
+    id: ItemId,
+    params: &Params,
+) -> Option<Vec<ItemLimit>> {
+    let spec = id.spec();
+    let mut chosen: Vec<Option<(Exactness, Limit)>> = vec![None; spec.measurements.len()];
+    let mut refused = false;
+    for entry in table.iter().flat_map(Table::entries) {
+        let taken = one(walk, &entry, id, params, &mut chosen);
+        refused |= taken.is_none();
+    }
+    let limits: Vec<ItemLimit> = spec
+        .measurements
+        .iter()
+        .zip(chosen)
+        .filter_map(|(measurement, chosen)| chosen.map(|(_, limit)| ItemLimit { measurement, limit }))
+        .collect();
+    (!refused || !limits.is_empty()).then_some(limits)
+}
+
+/// Reads one entry and gives its limit to every measurement that it names; `None` if it is refused.
+fn one(
+    walk: &Walk<'_>,
+    entry: &Entry<'_>,
+    id: ItemId,
+    params: &Params,
+    chosen: &mut [Option<(Exactness, Limit)>],
+) -> Option<()> {
+    let key_span = entry.key_span.0..entry.key_span.1;
+    let exactness = if entry.key.contains('*') { Exactness::Pattern } else { Exactness::Name };
+    let named = |measurement: &MeasurementSpec| match exactness {
+        Exactness::Name => measurement.name == entry.key,
+        Exactness::Pattern => matches(entry.key, measurement.name),
+    };
+    let all: Vec<(usize, &MeasurementSpec)> =
+        id.spec().measurements.iter().enumerate().filter(|(_, measurement)| named(measurement)).collect();
+    if all.is_empty() {
+        unknown(walk, entry.key, key_span, id);
+        return None;
+    }
+    let on: Vec<(usize, &MeasurementSpec)> =
+        all.into_iter().filter(|(_, measurement)| params.switch_on(measurement.when)).collect();
+    if on.is_empty() {
+        let what = format!("{} is not measured with these parameters", quoted(entry.key));
+        walk.mistake(key_span, what, "change the parameters, or leave the limit out");
+        return None;
+    }
+    let written = written(walk, entry.key, entry.value)?;
+    for (index, measurement) in on {
+        let limit = parse(walk, &written, measurement)?;
+        if chosen[index].as_ref().is_none_or(|(before, _)| *before <= exactness) {
+            chosen[index] = Some((exactness, limit));
+        }
+    }
+    Some(())
+}
+
+fn parse(walk: &Walk<'_>, written: &Written<'_>, measurement: &MeasurementSpec) -> Option<Limit> {
+    let refuse = |span: &Span, error: &LimitError| {
+        let what = match error {
+            LimitError::WrongDimension { .. } | LimitError::MissingUnit { .. } | LimitError::TextNeedsEqual { .. } => {
+                format!("{}: {error}", measurement.name)
+            }
+            _ => error.to_string(),
+        };
+        walk.mistake(span.clone(), what, hint(error, measurement));
+    };
+    let (text, span) = &written.limit;
+    let limit = Limit::parse(text, measurement.kind).map_err(|error| refuse(span, &error)).ok()?;
+    match &written.marginal {
+        None => Some(limit),
+        Some((text, span)) => limit.with_marginal(text).map_err(|error| refuse(span, &error)).ok(),
+    }
+}
+
+/// The hint of an error; for a missing unit the unit in which the measurement is usually shown.
+fn hint(error: &LimitError, measurement: &MeasurementSpec) -> String {
+    match (error, measurement.kind) {
+        (LimitError::MissingUnit { number, .. }, Kind::Number(_)) if measurement.unit != Unit::Count => {
+            format!("write \"{number} {}\", if that is the unit you mean", measurement.unit)
+        }
+        _ => error.hint(),
+    }
+}
+
+fn written<'t>(walk: &Walk<'_>, key: &str, value: &'t Spanned<DeValue<'t>>) -> Option<Written<'t>> {
+    let grammar = "a limit is one of: \"<= Q\", \">= Q\", \"Q .. Q\", \"Q +- Q\", \"Q +- N %\", \"== text\"";
+    match value.get_ref() {
+        DeValue::String(text) => Some(Written { limit: (text, value.span()), marginal: None }),
+        DeValue::Table(inner) => {
+            let table = Table::new(walk, inner, value.span());
+            let limit = table.required_text("limit", grammar);
+            let marginal = table.text("marginal");
+            table.finish();
+            Some(Written { limit: limit?, marginal })
+        }
+        _ => {
+            walk.mistake(value.span(), format!("the limit of {} is not a text in quotes", quoted(key)), grammar);
+            None
+        }
+    }
+}
+
+fn unknown(walk: &Walk<'_>, key: &str, span: Span, id: ItemId) {
+    let names = || id.spec().measurements.iter().map(|measurement| measurement.name);
+    let what = if key.contains('*') {
+        format!("{} matches no measurement of {id}", quoted(key))
+    } else {
+        format!("{id} does not measure {}", quoted(key))
+    };
+    let hint = match nearest(key, names()) {
+        Some(name) => format!("did you mean \"{name}\"?"),
+        None => format!("it measures {}", names().collect::<Vec<_>>().join(", ")),
+    };
+    walk.mistake(span, what, hint);
+}
+
+/// Whether a pattern, in which `*` stands for any letters, matches a name.
+///
+/// The work is at most the product of both lengths: only the last `*` is ever tried again.
+fn matches(pattern: &str, name: &str) -> bool {
+    let (pattern, name) = (pattern.as_bytes(), name.as_bytes());
+    let (mut p, mut n) = (0, 0);
+    let mut star: Option<(usize, usize)> = None;
+    while n < name.len() {
+        if pattern.get(p) == Some(&b'*') {
+            star = Some((p, n));
+            p += 1;
+        } else if pattern.get(p) == Some(&name[n]) {
+            p += 1;
+            n += 1;
+        } else if let Some((star_p, star_n)) = star {
+            star = Some((star_p, star_n + 1));
+            p = star_p + 1;
+            n = star_n + 1;
+        } else {
+            return false;
+        }
+    }
+    pattern[p..].iter().all(|byte| *byte == b'*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_match_like_a_shell() {
+        for (pattern, name, expected) in [
+            ("*", "gyro_x", true),
+            ("*", "", true),
+            ("gyro_*", "gyro_x_noise", true),
+            ("timer*_500us_mean", "timer2_500us_mean", true),
+            ("timer*_500us_mean", "timer2_1ms_mean", false),
+            ("*_noise", "gyro_x_noise", true),
+            ("*_noise", "gyro_x_noise_", false),
+            ("a*b*c", "aXbXbXc", true),
+            ("a*b*c", "aXcXb", false),
+            ("gyro_x", "gyro_x", true),
+            ("gyro_", "gyro_x", false),
+            ("**x**", "gyro_x", true),
+        ] {
+            assert_eq!(matches(pattern, name), expected, "{pattern} {name}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! Parameters of an item: those of the plan, checked against the catalogue, with its defaults for the others.
+
+use std::collections::BTreeMap;
+
+use toml::Spanned;
+use toml::de::DeValue;
+
+use crate::catalogue::{ItemId, ParamKind, When};
+use crate::printable::quoted;
+use crate::quantity::{Quantity, Unit};
+use crate::spanned::{Table, Walk, integer, quantity, texts};
+use crate::suggest::nearest;
+
+/// Every parameter of an item.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Params(BTreeMap<&'static str, ParamValue>);
+
+/// The value of a parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamValue {
+    /// A whole number.
+    Integer(i64),
+    /// Different whole numbers, at least one.
+    Integers(Vec<i64>),
+    /// A number with its unit, as written.
+    Quantity(Quantity),
+    /// One text of the catalogue's set.
+    Choice(&'static str),
+    /// Different texts of the catalogue's set, at least one.
+    Choices(Vec<&'static str>),
+}
+
+/// A procedure asks for a parameter that its item does not have in this form: a mistake in the procedure.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the item has no parameter {name} that is {wanted}")]
+pub struct ParamError {
+    /// Name of the parameter.
+    pub name: String,
+    /// The form that was asked for.
+    pub wanted: &'static str,
+}
+
+impl Params {
+    /// The value of a parameter.
+    pub fn get(&self, name: &str) -> Option<&ParamValue> {
+        self.0.get(name)
+    }
+
+    /// All parameters in the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &ParamValue)> {
+        self.0.iter().map(|(name, value)| (*name, value))
+    }
+
+    /// A whole number.
+    ///
+    /// # Errors
+    /// The catalogue has no such parameter for the item.
+    pub fn integer(&self, name: &str) -> Result<i64, ParamError> {
+        match self.get(name) {
+            Some(ParamValue::Integer(value)) => Ok(*value),
+            _ => Err(missing(name, "a whole number")),
+        }
+    }
+
+    /// A list of whole numbers.
+    ///
+    /// # Errors
+    /// The catalogue has no such parameter for the item.
+    pub fn integers(&self, name: &str) -> Result<&[i64], ParamError> {
+        match self.get(name) {
+            Some(ParamValue::Integers(values)) => Ok(values),
+            _ => Err(missing(name, "a list of whole numbers")),
+        }
+    }
+
+    /// A number in the unit that the procedure works with.
+    ///
+    /// # Errors
+    /// The catalogue has no such parameter for the item, or it has another dimension.
+    pub fn quantity(&self, name: &str, unit: Unit) -> Result<f64, ParamError> {
+        match self.get(name) {
+            Some(ParamValue::Quantity(value)) => value.in_unit(unit).ok_or_else(|| missing(name, unit.symbol())),
+            _ => Err(missing(name, unit.symbol())),
+        }
+    }
+
+    /// One text of a set.
+    ///
+    /// # Errors
+    /// The catalogue has no such parameter for the item.
+    pub fn choice(&self, name: &str) -> Result<&'static str, ParamError> {
+        match self.get(name) {
+            Some(ParamValue::Choice(value)) => Ok(value),
+            _ => Err(missing(name, "a text")),
+        }
+    }
+
+    /// A list of texts of a set.
+    ///
+    /// # Errors
+    /// The catalogue has no such parameter for the item.
+    pub fn choices(&self, name: &str) -> Result<&[&'static str], ParamError> {
+        match self.get(name) {
+            Some(ParamValue::Choices(values)) => Ok(values),
+            _ => Err(missing(name, "a list of texts")),
+        }
+    }
+
+    /// Whether a measurement comes with these parameters.
+    pub fn switch_on(&self, when: Option<When>) -> bool {
+        match when {
+            None => true,
+            Some(When::HasInteger { param, element }) => {
+                self.integers(param).is_ok_and(|values| values.contains(&element))
+            }
+            Some(When::HasText { param, element }) => self.choices(param).is_ok_and(|values| values.contains(&element)),
+        }
+    }
+}
+
+/// Reads the parameters of an item; a mistaken one counts with its default, so that the walk can go on.
+pub(super) fn read(walk: &Walk<'_>, table: Option<Table<'_, '_>>, id: ItemId) -> Params {
+    let spec = id.spec();
+    let mut params: BTreeMap<&'static str, ParamValue> =
+        spec.params.iter().map(|param| (param.name, default(&param.kind))).collect();
+    for entry in table.iter().flat_map(Table::entries) {
+        let Some(param) = spec.param(entry.key) else {
+            let names: Vec<&str> = spec.params.iter().map(|param| param.name).collect();
+            let hint = match nearest(entry.key, names.iter().copied()) {
+                Some(name) => format!("did you mean \"{name}\"?"),
+                None if names.is_empty() => "it has no parameters".to_owned(),
+                None => format!("its parameters are {}", names.join(", ")),
+            };
+            let what = format!("{id} has no parameter {}", quoted(entry.key));
+            walk.mistake(entry.key_span.0..entry.key_span.1, what, hint);
+            continue;
+        };
+        if let Some(value) = value(walk, entry.value, param.name, &param.kind) {
+            params.insert(param.name, value);
+        }
+    }
+    Params(params)
+}
+
+fn default(kind: &ParamKind) -> ParamValue {
+    match *kind {
+        ParamKind::Integer { default, .. } => ParamValue::Integer(default),
+        ParamKind::Integers { default, .. } => ParamValue::Integers(default.to_vec()),
+        ParamKind::Quantity { unit, default, .. } => ParamValue::Quantity(Quantity::new(default, unit)),
+        ParamKind::Choice { default, .. } => ParamValue::Choice(default),
+        ParamKind::Choices { default, .. } => ParamValue::Choices(default.to_vec()),
+    }
+}
+
+fn value<'t>(
+    walk: &Walk<'_>,
+    value: &'t Spanned<DeValue<'t>>,
+    name: &'static str,
+    kind: &ParamKind,
+) -> Option<ParamValue> {
+    match *kind {
+        ParamKind::Integer { min, max, .. } => integer(walk, value, name, (min, max)).map(ParamValue::Integer),
+        ParamKind::Integers { min, max, .. } => integers(walk, value, name, (min, max)).map(ParamValue::Integers),
+        ParamKind::Quantity { unit, min, max, .. } => {
+            let written = quantity(walk, value, name, unit.dimension())?;
+            if !written.in_unit(unit).is_some_and(|number| (min..=max).contains(&number)) {
+                let what = format!("{name} is {written}");
+                let hint = format!("it may be {} to {}", Quantity::new(min, unit), Quantity::new(max, unit));
+                walk.mistake(value.span(), what, hint);
+                return None;
+            }
+            Some(ParamValue::Quantity(written))
+        }
+        ParamKind::Choice { of, .. } => {
+            let text = value.get_ref().as_str().unwrap_or_default();
+            let choice = of.iter().find(|choice| **choice == text);
+            if choice.is_none() {
+                walk.mistake(value.span(), format!("{name} cannot be {}", written(value)), choices_hint(text, of));
+            }
+            choice.map(|choice| ParamValue::Choice(choice))
+        }
+        ParamKind::Choices { of, .. } => {
+            let mut chosen: Vec<&'static str> = Vec::new();
+            for (text, span) in texts(walk, value, name) {
+                match of.iter().find(|choice| **choice == text) {
+                    Some(choice) if chosen.contains(choice) => {
+                        walk.mistake(span, format!("{} stands twice in {name}", quoted(text)), "");
+                    }
+                    Some(choice) => chosen.push(choice),
+                    None => walk.mistake(span, format!("{name} cannot hold {}", quoted(text)), choices_hint(text, of)),
+                }
+            }
+            if value.get_ref().as_array().is_some_and(|list| list.is_empty()) {
+                walk.mistake(value.span(), format!("{name} is empty"), choices_hint("", of));
+            }
+            (!chosen.is_empty()).then_some(ParamValue::Choices(chosen))
+        }
+    }
+}
+
+fn integers(walk: &Walk<'_>, value: &Spanned<DeValue<'_>>, name: &str, bounds: (i64, i64)) -> Option<Vec<i64>> {
+    let list = value.get_ref().as_array().filter(|list| !list.is_empty());
+    let Some(list) = list else {
+        let hint = format!("write a list of whole numbers from {} to {}", bounds.0, bounds.1);
+        walk.mistake(value.span(), format!("{name} cannot be {}", written(value)), hint);
+        return None;
+    };
+    let mut numbers = Vec::new();
+    for element in list {
+        let number = integer(walk, element, name, bounds)?;
+        if numbers.contains(&number) {
+            walk.mistake(element.span(), format!("{number} stands twice in {name}"), "");
+        } else {
+            numbers.push(number);
+        }
+    }
+    Some(numbers)
+}
+
+/// A value as it may stand in a message.
+fn written(value: &Spanned<DeValue<'_>>) -> String {
+    match value.get_ref() {
+        DeValue::String(text) => quoted(text),
+        DeValue::Integer(number) => number.as_str().to_owned(),
+        DeValue::Array(list) if list.is_empty() => "an empty list".to_owned(),
+        DeValue::Array(_) => "a list".to_owned(),
+        DeValue::Table(_) => "a table".to_owned(),
+        DeValue::Boolean(flag) => flag.to_string(),
+        DeValue::Float(_) => "a number without unit".to_owned(),
+        DeValue::Datetime(_) => "a date".to_owned(),
+    }
+}
+
+fn choices_hint(text: &str, of: &[&'static str]) -> String {
+    match nearest(text, of.iter().copied()) {
+        Some(choice) => format!("did you mean \"{choice}\"?"),
+        None => format!("it may be {}", of.iter().map(|choice| format!("\"{choice}\"")).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+fn missing(name: &str, wanted: &'static str) -> ParamError {
+    ParamError { name: name.to_owned(), wanted }
+}

@@ -1,0 +1,458 @@
+//! Numbers with units: what a plan writes and a procedure measures.
+//!
+//! A quantity stays in the unit in which it was given, and is converted once, where it is compared. Scales are exact
+//! ratios of integers, so that 1 g is 1000 mg and 500 us is 0.5 ms without an error in the last place, and a value
+//! that lies on its limit stays there.
+
+use std::f64::consts::PI;
+use std::fmt;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+use crate::number;
+use crate::printable::quoted;
+use crate::suggest::nearest;
+
+/// What kind of quantity a number is; numbers compare only within a dimension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Dimension {
+    /// A plain number without unit: pieces, errors, dilution of precision.
+    Count,
+    /// A part of a whole; written in % or ppm.
+    Ratio,
+    /// Time; SI unit s.
+    Time,
+    /// Frequency; SI unit Hz.
+    Frequency,
+    /// Voltage; SI unit V.
+    Voltage,
+    /// Current; SI unit A.
+    Current,
+    /// Length; SI unit m.
+    Length,
+    /// Speed; SI unit m/s.
+    Speed,
+    /// Angle; SI unit rad.
+    Angle,
+    /// Angular rate; SI unit rad/s.
+    AngularRate,
+    /// Acceleration; SI unit m/s^2.
+    Acceleration,
+    /// Magnetic flux density; SI unit T.
+    MagneticField,
+    /// Temperature, kept in degC, since a bench never speaks of kelvin.
+    Temperature,
+    /// Rate of a link; bit/s.
+    BitRate,
+    /// Amount of data; bytes.
+    Data,
+}
+
+impl Dimension {
+    /// For people: "angular rate".
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Dimension::Count => "plain number",
+            Dimension::Ratio => "ratio",
+            Dimension::Time => "time",
+            Dimension::Frequency => "frequency",
+            Dimension::Voltage => "voltage",
+            Dimension::Current => "current",
+            Dimension::Length => "length",
+            Dimension::Speed => "speed",
+            Dimension::Angle => "angle",
+            Dimension::AngularRate => "angular rate",
+            Dimension::Acceleration => "acceleration",
+            Dimension::MagneticField => "magnetic field",
+            Dimension::Temperature => "temperature",
+            Dimension::BitRate => "bit rate",
+            Dimension::Data => "amount of data",
+        }
+    }
+
+    /// The units of this dimension, as they stand in [`Unit::ALL`].
+    pub fn units(self) -> impl Iterator<Item = Unit> {
+        Unit::ALL.into_iter().filter(move |unit| unit.dimension() == self)
+    }
+
+    /// Significant digits that a person needs: an angle may be a latitude, where 9 digits are a centimetre.
+    pub(crate) fn digits(self) -> usize {
+        if self == Dimension::Angle { 9 } else { 6 }
+    }
+}
+
+impl fmt::Display for Dimension {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// A unit that plans and measurements may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "each is its symbol in words")]
+pub enum Unit {
+    Count,
+    Percent,
+    PartsPerMillion,
+    Nanosecond,
+    Microsecond,
+    Millisecond,
+    Second,
+    Minute,
+    Hour,
+    Hertz,
+    Kilohertz,
+    Megahertz,
+    Microvolt,
+    Millivolt,
+    Volt,
+    Milliampere,
+    Ampere,
+    Millimetre,
+    Metre,
+    Kilometre,
+    MetrePerSecond,
+    Degree,
+    Radian,
+    DegreePerSecond,
+    DegreePerHour,
+    RadianPerSecond,
+    Milligravity,
+    Gravity,
+    MetrePerSecondSquared,
+    Gauss,
+    Milligauss,
+    Microtesla,
+    Nanotesla,
+    DegreeCelsius,
+    BitPerSecond,
+    KilobitPerSecond,
+    Byte,
+}
+
+/// Size of a unit in the SI unit of its dimension: `numerator / denominator`, times pi if `pi`.
+struct Scale {
+    numerator: u64,
+    denominator: u64,
+    pi: bool,
+}
+
+impl Unit {
+    /// Every unit.
+    pub const ALL: [Unit; 37] = [
+        Unit::Count,
+        Unit::Percent,
+        Unit::PartsPerMillion,
+        Unit::Nanosecond,
+        Unit::Microsecond,
+        Unit::Millisecond,
+        Unit::Second,
+        Unit::Minute,
+        Unit::Hour,
+        Unit::Hertz,
+        Unit::Kilohertz,
+        Unit::Megahertz,
+        Unit::Microvolt,
+        Unit::Millivolt,
+        Unit::Volt,
+        Unit::Milliampere,
+        Unit::Ampere,
+        Unit::Millimetre,
+        Unit::Metre,
+        Unit::Kilometre,
+        Unit::MetrePerSecond,
+        Unit::Degree,
+        Unit::Radian,
+        Unit::DegreePerSecond,
+        Unit::DegreePerHour,
+        Unit::RadianPerSecond,
+        Unit::Milligravity,
+        Unit::Gravity,
+        Unit::MetrePerSecondSquared,
+        Unit::Gauss,
+        Unit::Milligauss,
+        Unit::Microtesla,
+        Unit::Nanotesla,
+        Unit::DegreeCelsius,
+        Unit::BitPerSecond,
+        Unit::KilobitPerSecond,
+        Unit::Byte,
+    ];
+
+    /// The symbol as plans write it; empty for a count.
+    pub fn symbol(self) -> &'static str {
+        self.table().0
+    }
+
+    /// The dimension that the unit measures.
+    pub fn dimension(self) -> Dimension {
+        self.table().1
+    }
+
+    /// The unit with this symbol.
+    pub fn from_symbol(symbol: &str) -> Option<Unit> {
+        Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
+    }
+
+    /// Converts a number from this unit to another; `None` if the other measures another dimension.
+    pub fn convert(self, number: f64, to: Unit) -> Option<f64> {
+        if self == to {
+            return Some(number);
+        }
+        if self.dimension() != to.dimension() {
+            return None;
+        }
+        let (from, to) = (self.scale(), to.scale());
+        let up = u128::from(from.numerator) * u128::from(to.denominator);
+        let down = u128::from(from.denominator) * u128::from(to.numerator);
+        let common = gcd(up, down);
+        // Below 2^53 after reduction for every pair of the table, so both are exact, and at most one step rounds
+        // where one of them is 1.
+        let (up, down) = ((up / common) as f64, (down / common) as f64);
+        let number = match (from.pi, to.pi) {
+            (true, false) => number * PI,
+            (false, true) => number / PI,
+            _ => number,
+        };
+        Some(number * up / down)
+    }
+
+    fn scale(self) -> Scale {
+        let (_, _, numerator, denominator, pi) = self.table();
+        Scale { numerator, denominator, pi }
+    }
+
+    /// Symbol, dimension, size in SI (numerator, denominator, times pi).
+    fn table(self) -> (&'static str, Dimension, u64, u64, bool) {
+        match self {
+            Unit::Count => ("", Dimension::Count, 1, 1, false),
+            Unit::Percent => ("%", Dimension::Ratio, 1, 100, false),
+            Unit::PartsPerMillion => ("ppm", Dimension::Ratio, 1, 1_000_000, false),
+            Unit::Nanosecond => ("ns", Dimension::Time, 1, 1_000_000_000, false),
+            Unit::Microsecond => ("us", Dimension::Time, 1, 1_000_000, false),
+            Unit::Millisecond => ("ms", Dimension::Time, 1, 1000, false),
+            Unit::Second => ("s", Dimension::Time, 1, 1, false),
+            Unit::Minute => ("min", Dimension::Time, 60, 1, false),
+            Unit::Hour => ("h", Dimension::Time, 3600, 1, false),
+            Unit::Hertz => ("Hz", Dimension::Frequency, 1, 1, false),
+            Unit::Kilohertz => ("kHz", Dimension::Frequency, 1000, 1, false),
+            Unit::Megahertz => ("MHz", Dimension::Frequency, 1_000_000, 1, false),
+            Unit::Microvolt => ("uV", Dimension::Voltage, 1, 1_000_000, false),
+            Unit::Millivolt => ("mV", Dimension::Voltage, 1, 1000, false),
+            Unit::Volt => ("V", Dimension::Voltage, 1, 1, false),
+            Unit::Milliampere => ("mA", Dimension::Current, 1, 1000, false),
+            Unit::Ampere => ("A", Dimension::Current, 1, 1, false),
+            Unit::Millimetre => ("mm", Dimension::Length, 1, 1000, false),
+            Unit::Metre => ("m", Dimension::Length, 1, 1, false),
+            Unit::Kilometre => ("km", Dimension::Length, 1000, 1, false),
+            Unit::MetrePerSecond => ("m/s", Dimension::Speed, 1, 1, false),
+            Unit::Degree => ("deg", Dimension::Angle, 1, 180, true),
+            Unit::Radian => ("rad", Dimension::Angle, 1, 1, false),
+            Unit::DegreePerSecond => ("deg/s", Dimension::AngularRate, 1, 180, true),
+            Unit::DegreePerHour => ("deg/h", Dimension::AngularRate, 1, 180 * 3600, true),
+            Unit::RadianPerSecond => ("rad/s", Dimension::AngularRate, 1, 1, false),
+            // Standard gravity, exactly 9.80665 m/s^2 (3rd CGPM, 1901); the local one belongs to the bench file.
+            Unit::Gravity => ("g", Dimension::Acceleration, 980_665, 100_000, false),
+            Unit::Milligravity => ("mg", Dimension::Acceleration, 980_665, 100_000_000, false),
+            Unit::MetrePerSecondSquared => ("m/s^2", Dimension::Acceleration, 1, 1, false),
+            Unit::Gauss => ("gauss", Dimension::MagneticField, 1, 10_000, false),
+            Unit::Milligauss => ("mgauss", Dimension::MagneticField, 1, 10_000_000, false),
+            Unit::Microtesla => ("uT", Dimension::MagneticField, 1, 1_000_000, false),
+            Unit::Nanotesla => ("nT", Dimension::MagneticField, 1, 1_000_000_000, false),
+            Unit::DegreeCelsius => ("degC", Dimension::Temperature, 1, 1, false),
+            Unit::BitPerSecond => ("bit/s", Dimension::BitRate, 1, 1, false),
+            Unit::KilobitPerSecond => ("kbit/s", Dimension::BitRate, 1000, 1, false),
+            Unit::Byte => ("bytes", Dimension::Data, 1, 1, false),
+        }
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.symbol())
+    }
+}
+
+impl Serialize for Unit {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.symbol())
+    }
+}
+
+impl<'de> Deserialize<'de> for Unit {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let symbol = String::deserialize(deserializer)?;
+        Unit::from_symbol(&symbol).ok_or_else(|| de::Error::custom(format_args!("unknown unit {}", quoted(&symbol))))
+    }
+}
+
+/// A number with its unit. The number may be anything that an `f64` can be: measurements do come as NaN.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantity {
+    /// The number, in `unit`.
+    pub number: f64,
+    /// Its unit.
+    pub unit: Unit,
+}
+
+impl Quantity {
+    /// A number in a unit.
+    pub const fn new(number: f64, unit: Unit) -> Self {
+        Self { number, unit }
+    }
+
+    /// Reads "2 mg", "0.49 A", "20 deg/h", "5 %" or "12" (a count). The space is optional, the result finite.
+    ///
+    /// # Errors
+    /// No number, a number beyond the range of an `f64`, or a unit that is not in the table.
+    pub fn parse(text: &str) -> Result<Self, QuantityError> {
+        let (number, unit) = number_and_unit(text)?;
+        match Unit::from_symbol(unit) {
+            Some(unit) => Ok(Self { number, unit }),
+            None => Err(QuantityError::UnknownUnit { unit: unit.to_owned() }),
+        }
+    }
+
+    /// The number in another unit; `None` if that measures another dimension.
+    pub fn in_unit(self, unit: Unit) -> Option<f64> {
+        self.unit.convert(self.number, unit)
+    }
+
+    /// The number in the SI unit of its dimension (degC for temperatures).
+    pub fn si(self) -> f64 {
+        let scale = self.unit.scale();
+        let number = self.number * scale.numerator as f64 / scale.denominator as f64;
+        if scale.pi { number * PI } else { number }
+    }
+
+    /// The dimension of the unit.
+    pub fn dimension(self) -> Dimension {
+        self.unit.dimension()
+    }
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&with_unit(&number::plain(self.number, self.dimension().digits()), self.unit))
+    }
+}
+
+/// Why a text is not a quantity.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum QuantityError {
+    /// It does not begin with a number.
+    #[error("{} does not begin with a number", quoted(text))]
+    NotANumber {
+        /// The text.
+        text: String,
+    },
+    /// The number has no finite value.
+    #[error("the number {} is too large", quoted(text))]
+    TooLarge {
+        /// The number as written.
+        text: String,
+    },
+    /// The unit is not in the table.
+    #[error("unknown unit {}", quoted(unit))]
+    UnknownUnit {
+        /// The unit as written.
+        unit: String,
+    },
+}
+
+impl QuantityError {
+    /// What the writer can try.
+    pub fn hint(&self) -> String {
+        match self {
+            QuantityError::NotANumber { .. } => "write a number and its unit, such as \"0.49 A\"".to_owned(),
+            QuantityError::TooLarge { .. } => "the largest number is about 1.8e308".to_owned(),
+            QuantityError::UnknownUnit { unit } => match suggested_unit(unit) {
+                Some(unit) => format!("did you mean \"{unit}\"?"),
+                None => {
+                    let symbols: Vec<&str> =
+                        Unit::ALL.iter().map(|unit| unit.symbol()).filter(|symbol| !symbol.is_empty()).collect();
+                    format!("the units are {}", symbols.join(", "))
+                }
+            },
+        }
+    }
+}
+
+/// Splits a text into its finite number and what follows, trimmed.
+pub(crate) fn number_and_unit(text: &str) -> Result<(f64, &str), QuantityError> {
+    let text = text.trim();
+    let end = number_length(text);
+    let (number, unit) = text.split_at(end);
+    let value: f64 = number.parse().map_err(|_| QuantityError::NotANumber { text: text.to_owned() })?;
+    if !value.is_finite() {
+        return Err(QuantityError::TooLarge { text: number.to_owned() });
+    }
+    Ok((value, unit.trim_start()))
+}
+
+/// A printed number with the symbol of its unit.
+pub(crate) fn with_unit(number: &str, unit: Unit) -> String {
+    if unit == Unit::Count { number.to_owned() } else { format!("{number} {unit}") }
+}
+
+/// Length of the decimal number at the beginning; the exponent belongs to it only if digits follow.
+fn number_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let digits = |from: usize| from + bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let sign = |at: usize| at + usize::from(matches!(bytes.get(at), Some(b'+' | b'-')));
+    let mut end = digits(sign(0));
+    if bytes.get(end) == Some(&b'.') {
+        end = digits(end + 1);
+    }
+    if matches!(bytes.get(end), Some(b'e' | b'E')) {
+        let exponent = sign(end + 1);
+        let exponent_end = digits(exponent);
+        if exponent_end > exponent {
+            end = exponent_end;
+        }
+    }
+    end
+}
+
+/// The unit that a writer probably meant.
+fn suggested_unit(unit: &str) -> Option<&'static str> {
+    /// Other spellings that people use, with ours.
+    const ALIASES: [(&str, &str); 24] = [
+        ("sec", "s"),
+        ("second", "s"),
+        ("seconds", "s"),
+        ("µs", "us"),
+        ("μs", "us"),
+        ("hour", "h"),
+        ("hours", "h"),
+        ("minutes", "min"),
+        ("hz", "Hz"),
+        ("v", "V"),
+        ("a", "A"),
+        ("meter", "m"),
+        ("dps", "deg/s"),
+        ("°/s", "deg/s"),
+        ("°/h", "deg/h"),
+        ("deg/hr", "deg/h"),
+        ("°", "deg"),
+        ("°C", "degC"),
+        ("C", "degC"),
+        ("G", "gauss"),
+        ("Gs", "gauss"),
+        ("m/s2", "m/s^2"),
+        ("m/s²", "m/s^2"),
+        ("baud", "bit/s"),
+    ];
+    ALIASES
+        .iter()
+        .find(|(alias, _)| *alias == unit)
+        .map(|(_, symbol)| *symbol)
+        .or_else(|| nearest(unit, Unit::ALL.iter().map(|unit| unit.symbol()).filter(|symbol| symbol.len() > 1)))
+}
+
+fn gcd(mut a: u128, mut b: u128) -> u128 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}

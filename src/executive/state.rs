@@ -1,0 +1,428 @@
+//! The one fold over the events of a run.
+
+use chrono::{DateTime, FixedOffset};
+
+use crate::event::{AttemptError, Board, ErrorRecord, Event, EventKind, Level, PlannedItem, Power, RunHeader, StopHow};
+use crate::measurement::Measurement;
+use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
+
+/// Notes that the state keeps; a board that babbles must not fill the memory, and the journal has them all.
+pub const MAX_NOTES: usize = 1000;
+
+/// Everything that is known of a run after some of its events.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunState {
+    header: Option<Box<RunHeader>>,
+    started: Option<DateTime<FixedOffset>>,
+    rows: Vec<Row>,
+    /// Row numbers in the order of their names, to find a row without a second copy of its name.
+    by_name: Vec<u32>,
+    /// Rows before this one have all ended; they need not be looked at again to find out what comes next.
+    first_open: usize,
+    in_flight: usize,
+    board: Option<Board>,
+    power: Option<Power>,
+    notes: Vec<Note>,
+    notes_dropped: u64,
+    stop: Option<(StopHow, String)>,
+    next_seq: u64,
+    last: Option<Stamp>,
+    ended: Option<Outcome>,
+}
+
+/// When something happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// Time of day.
+    pub at: DateTime<FixedOffset>,
+    /// Microseconds since the start of the run.
+    pub elapsed_us: u64,
+}
+
+/// One planned item.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// What the plan says.
+    pub planned: PlannedItem,
+    /// How it ended; not run as long as it has not.
+    pub outcome: Outcome,
+    /// Why it was skipped or not run.
+    pub cause: Option<Cause>,
+    /// Its attempts, every one of them.
+    pub attempts: Vec<Attempt>,
+    /// When its first attempt began.
+    pub started: Option<Stamp>,
+    /// When it ended.
+    pub ended: Option<Stamp>,
+}
+
+impl Row {
+    /// Whether no event of this item can follow.
+    pub fn is_over(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// The attempt that is being run.
+    pub fn running(&self) -> Option<&Attempt> {
+        self.attempts.last().filter(|attempt| attempt.outcome.is_none())
+    }
+
+    /// Time from the first attempt's start to the end, if both are known.
+    pub fn elapsed_us(&self) -> Option<u64> {
+        Some(self.ended?.elapsed_us.saturating_sub(self.started?.elapsed_us))
+    }
+}
+
+/// One attempt of an item.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attempt {
+    /// When it began.
+    pub started: Stamp,
+    /// When it ended.
+    pub ended: Option<Stamp>,
+    /// How it ended; `None` while it runs, or where the journal was cut off.
+    pub outcome: Option<Outcome>,
+    /// What was measured, in the order of measuring.
+    pub measurements: Vec<Measurement>,
+    /// What the slave recorded.
+    pub error_records: Vec<ErrorRecord>,
+    /// Why there is no verdict.
+    pub error: Option<AttemptError>,
+}
+
+/// A line for people.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Note {
+    /// When.
+    pub stamp: Stamp,
+    /// How much it matters.
+    pub level: Level,
+    /// One sentence.
+    pub text: String,
+    /// The item to which it belongs.
+    pub item: Option<String>,
+}
+
+/// An event that cannot follow those before it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OutOfOrder {
+    /// A number is missing or comes twice.
+    #[error("event {seq} comes where event {expected} is due")]
+    Sequence {
+        /// Number of the event.
+        seq: u64,
+        /// Number that is due.
+        expected: u64,
+    },
+    /// The first event is another than `run_started`.
+    #[error("event {seq} is {kind} before run_started")]
+    NotStarted {
+        /// Number of the event.
+        seq: u64,
+        /// Its name.
+        kind: &'static str,
+    },
+    /// The run has started already.
+    #[error("event {seq} is a second run_started")]
+    StartedTwice {
+        /// Number of the event.
+        seq: u64,
+    },
+    /// The run has ended already.
+    #[error("event {seq} is {kind} after run_ended")]
+    AfterEnd {
+        /// Number of the event.
+        seq: u64,
+        /// Its name.
+        kind: &'static str,
+    },
+    /// Two rows would have one name.
+    #[error("item {} is planned twice", crate::printable::quoted(item))]
+    PlannedTwice {
+        /// Name of the item.
+        item: String,
+    },
+    /// No row has this name.
+    #[error("event {seq} is {kind} of the item {}, which is not planned", crate::printable::quoted(item))]
+    UnknownItem {
+        /// Number of the event.
+        seq: u64,
+        /// Its name.
+        kind: &'static str,
+        /// Name of the item.
+        item: String,
+    },
+    /// The item is not in the state in which this can happen.
+    #[error("event {seq} is {kind} of {}, which {state}", crate::printable::quoted(item))]
+    Item {
+        /// Number of the event.
+        seq: u64,
+        /// Its name.
+        kind: &'static str,
+        /// Name of the item.
+        item: String,
+        /// What is in the way: "has ended already".
+        state: &'static str,
+    },
+}
+
+impl RunState {
+    /// A run of which nothing is known.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes the next event. A refused event changes nothing.
+    ///
+    /// # Errors
+    /// The event cannot follow those before it: see the order at [`EventKind`].
+    pub fn apply(&mut self, event: &Event) -> Result<(), OutOfOrder> {
+        let (seq, kind) = (event.seq, event.kind.name());
+        if seq != self.next_seq {
+            return Err(OutOfOrder::Sequence { seq, expected: self.next_seq });
+        }
+        if self.ended.is_some() {
+            return Err(OutOfOrder::AfterEnd { seq, kind });
+        }
+        let stamp = Stamp { at: event.at, elapsed_us: event.elapsed_us };
+        match (&event.kind, &self.header) {
+            (EventKind::RunStarted { header, items }, None) => self.start(stamp, header, items)?,
+            (EventKind::RunStarted { .. }, Some(_)) => return Err(OutOfOrder::StartedTwice { seq }),
+            (_, None) => return Err(OutOfOrder::NotStarted { seq, kind }),
+            (event_kind, Some(_)) => self.follow(seq, stamp, event_kind)?,
+        }
+        self.next_seq = seq + 1;
+        self.last = Some(stamp);
+        Ok(())
+    }
+
+    /// Who, what, where; `None` before `run_started`.
+    pub fn header(&self) -> Option<&RunHeader> {
+        self.header.as_deref()
+    }
+
+    /// When the run started.
+    pub fn started(&self) -> Option<DateTime<FixedOffset>> {
+        self.started
+    }
+
+    /// A row for every planned item, in the order of the plan.
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The row of an item.
+    pub fn row(&self, name: &str) -> Option<&Row> {
+        self.rows.get(self.index(name)?)
+    }
+
+    /// The slave board that answered last.
+    pub fn board(&self) -> Option<&Board> {
+        self.board.as_ref()
+    }
+
+    /// The module's supply, as last switched.
+    pub fn power(&self) -> Option<&Power> {
+        self.power.as_ref()
+    }
+
+    /// Lines for people, at most [`MAX_NOTES`].
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
+    /// Notes beyond [`MAX_NOTES`].
+    pub fn notes_dropped(&self) -> u64 {
+        self.notes_dropped
+    }
+
+    /// How and by what a stop was requested; the strongest request counts.
+    pub fn stop(&self) -> Option<(StopHow, &str)> {
+        self.stop.as_ref().map(|(how, by)| (*how, by.as_str()))
+    }
+
+    /// The number that the next event must have.
+    pub fn next_seq(&self) -> u64 {
+        self.next_seq
+    }
+
+    /// When the last event happened: of an ended run its end, of an interrupted one the last that is known.
+    pub fn last(&self) -> Option<Stamp> {
+        self.last
+    }
+
+    /// The outcome of the run; `None` before `run_ended`.
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.ended
+    }
+
+    /// The run started and has no end: it still runs, or its journal was cut off.
+    pub fn is_interrupted(&self) -> bool {
+        self.header.is_some() && self.ended.is_none()
+    }
+
+    /// The outcome that follows from the rows as they are, by [`run_outcome`].
+    pub fn outcome_so_far(&self) -> Outcome {
+        let ends = self
+            .rows
+            .iter()
+            .map(|row| ItemEnd { outcome: row.outcome, dispensable: row.planned.optional || !row.planned.selected });
+        run_outcome(ends, self.stop.is_some())
+    }
+
+    /// Number of attempts that have begun and not ended.
+    pub fn in_flight(&self) -> usize {
+        self.in_flight
+    }
+
+    /// Rows before this one have all ended.
+    pub(crate) fn first_open(&self) -> usize {
+        self.first_open
+    }
+
+    fn index(&self, name: &str) -> Option<usize> {
+        let name_of = |row: &u32| self.rows[*row as usize].planned.name.as_str();
+        let at = self.by_name.binary_search_by(|row| name_of(row).cmp(name)).ok()?;
+        Some(self.by_name[at] as usize)
+    }
+
+    fn start(&mut self, stamp: Stamp, header: &RunHeader, items: &[PlannedItem]) -> Result<(), OutOfOrder> {
+        let mut by_name: Vec<u32> = (0u32..).take(items.len()).collect();
+        by_name.sort_by_key(|row| items[*row as usize].name.as_str());
+        let twice = by_name.windows(2).find(|pair| items[pair[0] as usize].name == items[pair[1] as usize].name);
+        if let Some(pair) = twice {
+            return Err(OutOfOrder::PlannedTwice { item: items[pair[0] as usize].name.clone() });
+        }
+        self.by_name = by_name;
+        self.rows = items
+            .iter()
+            .map(|planned| Row {
+                planned: planned.clone(),
+                outcome: Outcome::NotRun,
+                cause: (!planned.selected).then_some(Cause::NotSelected),
+                attempts: Vec::new(),
+                started: None,
+                ended: None,
+            })
+            .collect();
+        self.header = Some(Box::new(header.clone()));
+        self.started = Some(stamp.at);
+        Ok(())
+    }
+
+    fn follow(&mut self, seq: u64, stamp: Stamp, kind: &EventKind) -> Result<(), OutOfOrder> {
+        match kind {
+            EventKind::RunStarted { .. } => return Err(OutOfOrder::StartedTwice { seq }),
+            EventKind::BoardFound(board) => self.board = Some(board.clone()),
+            EventKind::BoardRebooted { item, boot_id } => {
+                if let Some(board) = &mut self.board {
+                    board.boot_id.clone_from(boot_id);
+                }
+                let text = "the slave board restarted".to_owned();
+                self.note(Note { stamp, level: Level::Error, text, item: item.clone() });
+            }
+            EventKind::Power(power) => self.power = Some(power.clone()),
+            EventKind::ItemStarted { item, attempt } => {
+                let row = self.open_row(seq, kind, item)?;
+                let due = row.attempts.len() + 1;
+                if row.running().is_some() {
+                    return Err(wrong(seq, kind, item, "has an attempt that runs"));
+                }
+                if usize::try_from(*attempt) != Ok(due) {
+                    return Err(wrong(seq, kind, item, "is due for another attempt"));
+                }
+                row.started.get_or_insert(stamp);
+                row.attempts.push(Attempt {
+                    started: stamp,
+                    ended: None,
+                    outcome: None,
+                    measurements: Vec::new(),
+                    error_records: Vec::new(),
+                    error: None,
+                });
+                self.in_flight += 1;
+            }
+            EventKind::Measured { item, attempt, measurement } => {
+                self.running(seq, kind, item, *attempt)?.measurements.push(measurement.clone());
+            }
+            EventKind::ErrorRecord { item, attempt, record } => {
+                self.running(seq, kind, item, *attempt)?.error_records.push(record.clone());
+            }
+            EventKind::AttemptEnded { item, attempt, outcome, error } => {
+                let running = self.running(seq, kind, item, *attempt)?;
+                running.outcome = Some(*outcome);
+                running.ended = Some(stamp);
+                running.error.clone_from(error);
+                // Nothing is added any more, and a run may have 20,000 items: keep no spare room.
+                running.measurements.shrink_to_fit();
+                running.error_records.shrink_to_fit();
+                self.in_flight -= 1;
+            }
+            EventKind::ItemEnded { item, outcome, cause } => {
+                let row = self.open_row(seq, kind, item)?;
+                if row.running().is_some() {
+                    return Err(wrong(seq, kind, item, "has an attempt that runs"));
+                }
+                row.outcome = *outcome;
+                row.cause.clone_from(cause);
+                row.ended = Some(stamp);
+                row.attempts.shrink_to_fit();
+                while self.rows.get(self.first_open).is_some_and(Row::is_over) {
+                    self.first_open += 1;
+                }
+            }
+            EventKind::Prompted { item, text } => {
+                let text = format!("asked: {text}");
+                self.note(Note { stamp, level: Level::Info, text, item: item.clone() });
+            }
+            EventKind::Answered { item, answer } => {
+                let text = if answer.is_empty() { "answered".to_owned() } else { format!("answered: {answer}") };
+                self.note(Note { stamp, level: Level::Info, text, item: item.clone() });
+            }
+            EventKind::Note { level, text, item } => {
+                self.note(Note { stamp, level: *level, text: text.clone(), item: item.clone() });
+            }
+            EventKind::StopRequested { how, by } => {
+                if !matches!(self.stop, Some((StopHow::AtOnce, _))) {
+                    self.stop = Some((*how, by.clone()));
+                }
+                let text = match how {
+                    StopHow::InOrder => format!("stop requested by {by}"),
+                    StopHow::AtOnce => format!("stop at once requested by {by}"),
+                };
+                self.note(Note { stamp, level: Level::Warning, text, item: None });
+            }
+            EventKind::RunEnded { outcome } => self.ended = Some(*outcome),
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, note: Note) {
+        if self.notes.len() < MAX_NOTES {
+            self.notes.push(note);
+        } else {
+            self.notes_dropped += 1;
+        }
+    }
+
+    fn open_row(&mut self, seq: u64, kind: &EventKind, item: &str) -> Result<&mut Row, OutOfOrder> {
+        let unknown = || OutOfOrder::UnknownItem { seq, kind: kind.name(), item: item.to_owned() };
+        let index = self.index(item).ok_or_else(unknown)?;
+        let row = self.rows.get_mut(index).ok_or_else(unknown)?;
+        if row.is_over() { Err(wrong(seq, kind, item, "has ended already")) } else { Ok(row) }
+    }
+
+    fn running(&mut self, seq: u64, kind: &EventKind, item: &str, attempt: u32) -> Result<&mut Attempt, OutOfOrder> {
+        let row = self.open_row(seq, kind, item)?;
+        let count = row.attempts.len();
+        match row.attempts.last_mut() {
+            Some(last) if last.outcome.is_none() && usize::try_from(attempt) == Ok(count) => Ok(last),
+            Some(last) if last.outcome.is_none() => Err(wrong(seq, kind, item, "runs another attempt")),
+            _ => Err(wrong(seq, kind, item, "has no attempt that runs")),
+        }
+    }
+}
+
+fn wrong(seq: u64, kind: &EventKind, item: &str, state: &'static str) -> OutOfOrder {
+    OutOfOrder::Item { seq, kind: kind.name(), item: item.to_owned(), state }
+}
