@@ -1,3 +1,5 @@
-//! Starts the program.
+//! Starts the station.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    gnc_station::cli::main()
+}

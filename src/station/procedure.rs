@@ -14,7 +14,7 @@ mod timers;
 
 use gnc_executive::bench::Site;
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::plan::Params;
+use gnc_executive::plan::{ParamError, Params};
 
 use crate::board::stream::Losses;
 use crate::board::{Board, BoardError};
@@ -45,6 +45,9 @@ pub enum Trouble {
     /// What was measured could not be filed.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The plan was not checked against the catalogue: a mistake in this program.
+    #[error(transparent)]
+    Param(#[from] ParamError),
     /// Samples are missing, so that nothing can be said of the module.
     #[error(
         "samples are missing: {} of {wanted} received, {} lost on the board, {} on the line",
@@ -88,6 +91,7 @@ impl Trouble {
             Self::Board(error) => error.try_this(),
             Self::Fixture(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
+            Self::Param(_) => "report this: the plan was accepted and should not have been",
             Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
             Self::Nonsense { .. } => "compare the board's firmware with the interface document",
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",

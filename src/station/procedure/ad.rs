@@ -13,9 +13,9 @@ const MAG_ZERO_V: f64 = gnc_protocol::analogue::MAG_ZERO_V;
 const MAG_V_PER_GAUSS: f64 = gnc_protocol::analogue::MAG_V_PER_GAUSS;
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let samples = u16::try_from(params.integer("samples")).unwrap_or(u16::MAX);
+    let samples = u16::try_from(params.integer("samples")?).unwrap_or(u16::MAX);
     switches(bench, samples, report).await?;
-    magnetometer(bench, samples, params.integer("headings"), report).await
+    magnetometer(bench, samples, params.integer("headings")?, report).await
 }
 
 /// One switch on at a time; its reading follows and no other moves.

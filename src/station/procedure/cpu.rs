@@ -33,7 +33,7 @@ const FLOAT_CORNERS: [[f64; 2]; 8] = [
 ];
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let sets = usize::try_from(params.integer("operand_sets")).unwrap_or(1);
+    let sets = usize::try_from(params.integer("operand_sets")?).unwrap_or(1);
     for core in CORES {
         let registers = words(bench, core, WordTarget::Registers).await?;
         report.count(&format!("core{core}_register_errors"), registers).await?;

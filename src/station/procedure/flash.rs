@@ -11,7 +11,7 @@ use super::{Bench, Report, Trouble};
 const PATTERN_SEED: u32 = 0x2545_f491;
 
 pub(super) async fn run(bench: &Bench<'_>, flash: Flash, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let sector = u16::try_from(params.integer("sector")).unwrap_or(u16::MAX);
+    let sector = u16::try_from(params.integer("sector")?).unwrap_or(u16::MAX);
     let device = flash as u8;
     if flash == Flash::Spi {
         let [manufacturer, kind, capacity] = bench.board.call(&FlashId { flash: device }).await?.jedec;

@@ -17,9 +17,9 @@ const EARTH_RADIUS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let seconds = |name| params.quantity(name).in_unit(Unit::Second).unwrap_or_default();
-    let (window_s, timeout_s) = (seconds("window"), seconds("timeout"));
-    let restarted = match params.text("start") {
+    let window_s = params.quantity("window", Unit::Second)?;
+    let timeout_s = params.quantity("timeout", Unit::Second)?;
+    let restarted = match params.choice("start")? {
         "hot" => Some(GnssStart::Hot),
         "warm" => Some(GnssStart::Warm),
         "cold" => Some(GnssStart::Cold),

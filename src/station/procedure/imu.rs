@@ -12,8 +12,8 @@ use crate::statistics::{mean, standard_deviation};
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let wanted = u32::try_from(params.integer("samples")).unwrap_or(u32::MAX);
-    let rate_hz = params.quantity("rate").in_unit(Unit::Hertz).unwrap_or_default().round() as u16;
+    let wanted = u32::try_from(params.integer("samples")?).unwrap_or(u32::MAX);
+    let rate_hz = params.quantity("rate", Unit::Hertz)?.round() as u16;
     let samples = capture(bench, rate_hz, wanted).await?;
 
     let gyro = AXES.map(|axis| format!("gyro_{axis}"));

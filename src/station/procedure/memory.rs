@@ -9,8 +9,8 @@ use super::{Bench, Report, Trouble};
 pub(super) async fn run(bench: &Bench<'_>, ram: Ram, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
     let mut words = 0;
     let mut busy_s = 0.0;
-    for name in params.texts("patterns") {
-        let pattern = match name.as_str() {
+    for name in params.choices("patterns")? {
+        let pattern = match *name {
             "solid" => RamPattern::Solid,
             "checkerboard" => RamPattern::Checkerboard,
             "walking-ones" => RamPattern::WalkingOnes,

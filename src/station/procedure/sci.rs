@@ -12,7 +12,7 @@ use super::{Bench, Report, Trouble};
 const LENGTHS: [usize; 6] = [1, 15, 16, 17, 101, 256];
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let rate_baud = params.quantity("rate").in_unit(Unit::BitPerSecond).unwrap_or_default() as u32;
+    let rate_baud = params.quantity("rate", Unit::BitPerSecond)? as u32;
     let every_byte: List<u8, 256> = (0..=u8::MAX).collect();
     let mixed = LENGTHS.map(|length| Xorshift32::new(length as u32).map(|word| word as u8).take(length).collect());
     let (mut lost, mut wrong, mut bytes) = (0, 0, 0);

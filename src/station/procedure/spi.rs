@@ -8,7 +8,7 @@ use gnc_protocol::wire::List;
 use super::{Bench, Report, Trouble};
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let clock_hz = params.quantity("clock").in_unit(Unit::Hertz).unwrap_or_default() as u32;
+    let clock_hz = params.quantity("clock", Unit::Hertz)? as u32;
     // Level and alternating lines, each bit alone, and every value of a byte.
     let lone_bits = (0..8).flat_map(|bit| [1 << bit, !(1 << bit)]);
     let first: List<u8, 256> = [0x00, 0xff, 0x55, 0xaa].into_iter().chain(lone_bits).collect();

@@ -10,8 +10,8 @@ use crate::statistics::{mean, standard_deviation};
 const PERIODS: [(u32, &str); 4] = [(500, "500us"), (1000, "1ms"), (2000, "2ms"), (5000, "5ms")];
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let count = u16::try_from(params.integer("repeats")).unwrap_or(u16::MAX);
-    for &timer in params.integers("timers") {
+    let count = u16::try_from(params.integer("repeats")?).unwrap_or(u16::MAX);
+    for &timer in params.integers("timers")? {
         let timer = u8::try_from(timer).unwrap_or(u8::MAX);
         let mut missing = 0.0;
         for (period_us, name) in PERIODS {

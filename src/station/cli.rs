@@ -1,0 +1,132 @@
+//! The command line.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Exit code for a mistake on the command line or in a plan.
+pub const USAGE: u8 = 2;
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  passed or marginal
+  1  failed: the module violates a limit
+  2  usage, or a plan or bench file is refused
+  3  errored: the station could not tell
+  4  aborted by a person or a signal";
+
+/// Production test station for GNC modules.
+#[derive(Debug, Parser)]
+#[command(name = "gnc-station", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Lists the serial ports that are there.
+    Ports,
+    /// Looks through the records.
+    Records {
+        #[command(subcommand)]
+        what: RecordsCommand,
+        /// The records folder.
+        #[arg(long, value_name = "DIR", default_value = "records", global = true)]
+        records: PathBuf,
+    },
+}
+
+/// What to do with records.
+#[derive(Debug, Subcommand)]
+pub enum RecordsCommand {
+    /// Lists all runs, oldest first.
+    List,
+    /// Shows a run.
+    Show {
+        /// Its folder, whole or below the records folder.
+        run: PathBuf,
+    },
+    /// Compares runs with their digests and their journals.
+    Verify {
+        /// Their folders; all runs if none is named.
+        runs: Vec<PathBuf>,
+    },
+}
+
+/// How to run a plan.
+#[derive(Debug, Clone, Args)]
+pub struct RunArgs {
+    /// Runs a plan without a screen.
+    #[arg(long, value_name = "PLAN")]
+    pub auto: Option<PathBuf>,
+    /// Tests a simulated module: a good one, or the one that FILE describes.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with = "bench")]
+    pub sim: Option<PathBuf>,
+    /// How fast simulated time passes: a factor, or `max`.
+    #[arg(long, value_name = "N|max", default_value = "1", requires = "sim")]
+    pub sim_speed: String,
+    /// Seed of the simulated noise.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "sim")]
+    pub seed: u64,
+    /// The bench file; `bench.toml` if that is there.
+    #[arg(long, value_name = "FILE")]
+    pub bench: Option<PathBuf>,
+    /// Serial number of the module.
+    #[arg(long, value_name = "SN")]
+    pub serial_number: Option<String>,
+    /// Who tests.
+    #[arg(long, value_name = "NAME")]
+    pub operator: Option<String>,
+    /// Which station this is; the bench file's, if not given.
+    #[arg(long, value_name = "ID")]
+    pub station: Option<String>,
+    /// Where records go; the bench file's folder or `records`, if not given.
+    #[arg(long, value_name = "DIR")]
+    pub records: Option<PathBuf>,
+    /// Runs only these items of the plan: never a module's pass.
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    pub only: Option<Vec<String>>,
+    /// Runs the plan so many times, each with a record of its own.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub loops: u32,
+    /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
+    #[arg(long)]
+    pub events: bool,
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(USAGE));
+        }
+    };
+    match cli.command {
+        Some(Command::Ports) => crate::ports::run(),
+        Some(Command::Records { what, records }) => crate::records::run(&what, &records),
+        None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
+        None => refuse("nothing to do", "give a plan with --auto PLAN; --help shows all there is"),
+    }
+}
+
+/// Says why nothing was done.
+pub(crate) fn refuse(what: impl std::fmt::Display, try_this: &str) -> ExitCode {
+    complain(what, try_this);
+    ExitCode::from(USAGE)
+}
+
+/// An error for people, on standard error: what went wrong, and what can be tried.
+pub(crate) fn complain(what: impl std::fmt::Display, try_this: &str) {
+    use std::io::Write as _;
+    // Where nobody can read it there is nobody to tell.
+    let _ = writeln!(std::io::stderr(), "gnc-station: {what}");
+    if !try_this.is_empty() {
+        let _ = writeln!(std::io::stderr(), "  try: {try_this}");
+    }
+}

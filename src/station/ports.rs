@@ -1,0 +1,35 @@
+//! `gnc-station ports`: what could be a bench's port.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use gnc_executive::printable::printable;
+use serialport::SerialPortType;
+
+/// Lists the serial ports of this computer.
+pub(crate) fn run() -> ExitCode {
+    let ports = match serialport::available_ports() {
+        Ok(ports) => ports,
+        Err(error) => return crate::cli::refuse(format_args!("cannot list the serial ports: {error}"), ""),
+    };
+    let mut out = std::io::stdout();
+    if ports.is_empty() {
+        let _ = writeln!(out, "no serial port is there; plug in an adapter, or use --sim");
+    }
+    for port in ports {
+        let what = match port.port_type {
+            SerialPortType::UsbPort(usb) => {
+                let part = |text: Option<String>| text.map(|text| format!(" {}", printable(&text))).unwrap_or_default();
+                format!(
+                    "USB {:04x}:{:04x}{}{}{}",
+                    usb.vid, usb.pid, part(usb.manufacturer), part(usb.product), part(usb.serial_number)
+                )
+            }
+            SerialPortType::PciPort => "on board".to_owned(),
+            SerialPortType::BluetoothPort => "Bluetooth".to_owned(),
+            SerialPortType::Unknown => String::new(),
+        };
+        let _ = writeln!(out, "{:<24}{what}", port.port_name);
+    }
+    ExitCode::SUCCESS
+}

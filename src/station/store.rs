@@ -1,0 +1,78 @@
+//! The records folder. Nobody else touches it.
+//!
+//! A run has a folder `DATE/SERIAL/TIME-PLAN`. Its journal is written as things happen and synced at the end of each
+//! item; everything else is made from it at the end, and a list of digests closes the folder.
+
+pub mod digest;
+pub mod folder;
+pub mod reader;
+mod scribe;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use gnc_executive::state::OutOfOrder;
+
+pub use folder::RunFolder;
+pub use scribe::Scribe;
+
+/// The journal of a run.
+pub const JOURNAL: &str = "events.jsonl";
+/// The record for programs.
+pub const RECORD: &str = "run.json";
+/// The record for people.
+pub const LOG: &str = "log.txt";
+/// Digests of all other files, in the form that `sha256sum -c` reads.
+pub const DIGESTS: &str = "SHA256SUMS";
+/// The plan as run, and what it includes.
+pub const PLAN: &str = "plan";
+
+/// Why a record could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// A file or folder.
+    #[error("cannot {what} {}", path.display())]
+    File {
+        /// "write", "create".
+        what: &'static str,
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// An event could not be turned into text: a mistake in this program.
+    #[error("an event cannot be written as JSON")]
+    Json(#[from] serde_json::Error),
+    /// The runner emitted an event that cannot follow: a mistake in this program.
+    #[error("the run's events are out of order")]
+    OutOfOrder(#[source] OutOfOrder),
+    /// The thread that writes has ended.
+    #[error("the record is closed: {why}")]
+    Closed {
+        /// The first error, or why.
+        why: String,
+    },
+}
+
+impl StoreError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        let Self::File { source, .. } = self else {
+            return "look at the first error of the record; if there is none, report this";
+        };
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room on the disk and run again",
+            io::ErrorKind::PermissionDenied => "make the folder writable for this user, or choose one with --records",
+            io::ErrorKind::ReadOnlyFilesystem => "mount it writable, or choose another folder with --records",
+            io::ErrorKind::NotFound => "check the path, or choose another folder with --records",
+            io::ErrorKind::NotADirectory => "that name is taken by a file; choose another folder with --records",
+            _ => "check the disk, or choose another folder with --records",
+        }
+    }
+}
+
+/// Attaches a path to what the system says.
+pub(crate) fn on<T>(result: io::Result<T>, what: &'static str, path: &Path) -> Result<T, StoreError> {
+    result.map_err(|source| StoreError::File { what, path: path.to_owned(), source })
+}

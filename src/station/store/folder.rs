@@ -1,0 +1,137 @@
+//! A run's folder: its name, and files that are there whole or not at all.
+
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use chrono::{DateTime, FixedOffset};
+use sha2::{Digest as _, Sha256};
+
+use super::{StoreError, on};
+
+/// Runs of one plan with one serial number in one second; more are a loop gone wild.
+const MAX_SAME_SECOND: u32 = 10_000;
+/// Longest part of a serial number that stands in a folder's name.
+const MAX_NAME: usize = 64;
+
+/// The folder of a run.
+#[derive(Debug, Clone)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+impl RunFolder {
+    /// Creates `DATE/SERIAL/TIME-PLAN` below the records folder, with `-2`, `-3` where that is taken.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub fn create(
+        records: &Path,
+        at: DateTime<FixedOffset>,
+        serial_number: &str,
+        plan: &str,
+    ) -> Result<Self, StoreError> {
+        let day = records.join(at.format("%Y-%m-%d").to_string()).join(folder_name(serial_number));
+        on(fs::create_dir_all(&day), "create", &day)?;
+        let name = format!("{}-{}", at.format("%H%M%S"), folder_name(plan));
+        for number in 1..=MAX_SAME_SECOND {
+            let path = day.join(if number == 1 { name.clone() } else { format!("{name}-{number}") });
+            match DirBuilder::new().create(&path) {
+                Ok(()) => {
+                    let folder = Self { path };
+                    // The names of the new folders must outlive a power cut as well.
+                    for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
+                        sync_dir(dir)?;
+                    }
+                    return Ok(folder);
+                }
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return on(Err(error), "create", &path),
+            }
+        }
+        on(Err(io::ErrorKind::AlreadyExists.into()), "create", &day.join(name))
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Opens a new file to append to.
+    pub(super) fn create_file(&self, name: &str) -> Result<File, StoreError> {
+        let path = self.path.join(name);
+        let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
+        sync_dir(&self.path)?;
+        Ok(file)
+    }
+
+    /// Writes a whole file: it appears under its name only when all of it is written.
+    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.place(name, bytes, false)
+    }
+
+    /// Writes a whole file and waits until it is on disk.
+    pub(super) fn put_synced(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.place(name, bytes, true)?;
+        sync_dir(&self.path)
+    }
+
+    /// Waits until everything that was written is on disk.
+    pub(super) fn sync(&self) -> Result<(), StoreError> {
+        let dir = on(File::open(&self.path), "read", &self.path)?;
+        on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", &self.path)
+    }
+
+    fn place(&self, name: &str, bytes: &[u8], sync: bool) -> Result<(), StoreError> {
+        let path = self.path.join(name);
+        let parent = path.parent().unwrap_or(&self.path);
+        on(fs::create_dir_all(parent), "create", parent)?;
+        let mut hidden = path.file_name().unwrap_or_default().to_os_string();
+        hidden.push(".part");
+        let part = parent.join(hidden);
+        let mut file = on(File::create(&part), "create", &part)?;
+        on(file.write_all(bytes), "write", &part)?;
+        if sync {
+            on(file.sync_all(), "write", &part)?;
+        }
+        on(fs::rename(&part, &path), "write", &path)
+    }
+}
+
+fn sync_dir(dir: &Path) -> Result<(), StoreError> {
+    on(File::open(dir).and_then(|dir| dir.sync_all()), "write", dir)
+}
+
+/// A text from outside as the name of a folder: letters, digits, `-`, `_`, `.` and nothing hidden. Where something
+/// had to be replaced or cut, a digest keeps different texts apart.
+#[must_use]
+pub fn folder_name(text: &str) -> String {
+    let harmless = |character: char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_' | '.');
+    let mut name: String =
+        text.chars().take(MAX_NAME).map(|character| if harmless(character) { character } else { '_' }).collect();
+    if name.starts_with('.') {
+        name.replace_range(..1, "_");
+    }
+    if name == text && !name.is_empty() {
+        return name;
+    }
+    let digest = Sha256::digest(text.as_bytes());
+    format!("{name}~{:02x}{:02x}{:02x}{:02x}", digest[0], digest[1], digest[2], digest[3])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stay_inside_the_records_folder() {
+        assert_eq!(folder_name("DEMO-1"), "DEMO-1");
+        for hostile in ["", ".", "..", "../x", "/etc/passwd", "a\0b", "a\nb", "\u{1b}[2J", &"x".repeat(10_000)] {
+            let name = folder_name(hostile);
+            assert!(name.len() <= MAX_NAME + 9, "{name}");
+            assert!(!name.is_empty() && !name.starts_with('.') && !name.contains('/'), "{hostile:?} became {name}");
+        }
+        assert_ne!(folder_name("a/b"), folder_name("a\\b"));
+    }
+}

@@ -1,0 +1,122 @@
+//! Reads records back. The journal is the truth; what was made from it is compared with it.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use gnc_executive::journal;
+use gnc_executive::record::RunRecord;
+
+use super::{DIGESTS, JOURNAL, RECORD, StoreError, digest, on};
+
+/// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
+const MAX_JOURNAL_BYTES: u64 = 1 << 30;
+
+/// A run found in the records folder.
+#[derive(Debug)]
+pub struct FoundRun {
+    /// Its folder.
+    pub path: PathBuf,
+    /// What it holds, or why that cannot be read.
+    pub run: Result<RunRecord, String>,
+}
+
+/// All runs below a records folder, oldest first.
+///
+/// # Errors
+/// The folder itself cannot be read.
+pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
+    let mut runs = Vec::new();
+    for day in folders(records)? {
+        for serial in folders(&day)? {
+            for path in folders(&serial)? {
+                let run = read(&path);
+                runs.push(FoundRun { path, run });
+            }
+        }
+    }
+    runs.sort_by(|a, b| {
+        let started = |found: &FoundRun| found.run.as_ref().ok().map(|run| run.started);
+        started(a).cmp(&started(b)).then_with(|| a.path.cmp(&b.path))
+    });
+    Ok(runs)
+}
+
+/// Reads a run from its journal.
+///
+/// # Errors
+/// A sentence for people.
+pub fn read(folder: &Path) -> Result<RunRecord, String> {
+    let state = fold(folder)?;
+    RunRecord::from_state(&state).ok_or_else(|| "the journal holds no whole event: the run was cut off at its start".into())
+}
+
+/// Folds a run's journal.
+///
+/// # Errors
+/// A sentence for people.
+pub fn fold(folder: &Path) -> Result<gnc_executive::state::RunState, String> {
+    let path = folder.join(JOURNAL);
+    let in_words = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
+    if fs::metadata(&path).map_err(in_words)?.len() > MAX_JOURNAL_BYTES {
+        return Err(format!("{} is longer than any journal", path.display()));
+    }
+    let bytes = fs::read(&path).map_err(in_words)?;
+    journal::fold(&bytes).map(|journal| journal.state).map_err(|error| format!("the journal is damaged: {error}"))
+}
+
+/// What is wrong with a run's folder; nothing if all is as it was written.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn verify(folder: &Path) -> Result<Vec<String>, StoreError> {
+    let state = match fold(folder) {
+        Ok(state) => state,
+        Err(why) => return Ok(vec![why]),
+    };
+    if state.is_interrupted() || state.header().is_none() {
+        return Ok(vec!["interrupted: the run has no end, so nothing vouches for it".into()]);
+    }
+    let path = folder.join(DIGESTS);
+    if !path.exists() {
+        return Ok(vec![format!("{DIGESTS} is missing: nothing vouches for this run")]);
+    }
+    let mut problems = Vec::new();
+    let mut promised = BTreeMap::new();
+    for line in on(fs::read_to_string(&path), "read", &path)?.lines() {
+        match line.split_once("  ") {
+            Some((digest, file)) if digest.len() == 64 => {
+                promised.insert(PathBuf::from(file), digest.to_owned());
+            }
+            _ => problems.push(format!("{DIGESTS} holds a line that is no digest")),
+        }
+    }
+    for file in digest::files_below(folder)? {
+        match promised.remove(&file) {
+            None => problems.push(format!("{} was added", file.display())),
+            Some(digest) if digest::of_file(&folder.join(&file))? != digest => {
+                problems.push(format!("{} was changed", file.display()));
+            }
+            Some(_) => {}
+        }
+    }
+    problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
+    let stored = fs::read(folder.join(RECORD)).ok().and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
+    match (stored, RunRecord::from_state(&state)) {
+        (Some(stored), Some(folded)) if stored == folded => {}
+        _ => problems.push(format!("{RECORD} does not say what {JOURNAL} says")),
+    }
+    Ok(problems)
+}
+
+fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let mut found = Vec::new();
+    for entry in on(fs::read_dir(dir), "read", dir)? {
+        let path = on(entry, "read", dir)?.path();
+        if path.is_dir() {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}

@@ -1,0 +1,158 @@
+//! The thread that writes a run's record, so that a slow disk never holds up the link.
+//!
+//! Whoever watches the run hears of an event after it is in the journal, never before. After the first error nothing
+//! more is written or passed on: the journal then ends where the disk ended it.
+
+use std::fs::File;
+use std::io::Write as _;
+use std::sync::mpsc as channel;
+use std::thread::JoinHandle;
+
+use gnc_executive::event::{Event, EventKind};
+use gnc_executive::state::RunState;
+use gnc_executive::{plan::Plan, record};
+use tokio::sync::{mpsc, oneshot};
+
+use super::{DIGESTS, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
+
+/// Events on their way to the disk: more than the largest item yields at once.
+const ON_THE_WAY: usize = 1024;
+
+type Written = oneshot::Sender<Result<(), StoreError>>;
+
+/// A handle on the thread.
+#[derive(Debug)]
+pub struct Scribe {
+    events: mpsc::Sender<(Event, Option<Written>)>,
+    thread: JoinHandle<Result<(), StoreError>>,
+}
+
+impl Scribe {
+    /// Opens the journal in a run's folder, files the plan, and starts to write. Everybody in `watchers` hears of
+    /// what is written.
+    ///
+    /// # Errors
+    /// [`StoreError`]; nothing was tested yet.
+    pub fn start(
+        folder: RunFolder,
+        plan: &Plan,
+        watchers: Vec<channel::SyncSender<Event>>,
+    ) -> Result<Self, StoreError> {
+        for (index, (name, text)) in plan.files().enumerate() {
+            let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
+            folder.put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), text)?;
+        }
+        let journal = folder.create_file(JOURNAL)?;
+        let (events, receiver) = mpsc::channel(ON_THE_WAY);
+        let writer = Writer { folder, journal, state: RunState::new(), watchers, line: Vec::new() };
+        let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
+        let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
+        Ok(Self { events, thread })
+    }
+
+    /// Hands an event over.
+    ///
+    /// # Errors
+    /// [`StoreError::Closed`] if an earlier one could not be written.
+    pub async fn write(&self, event: Event) -> Result<(), StoreError> {
+        self.events.send((event, None)).await.map_err(|_| closed())
+    }
+
+    /// Hands an event over and waits until it is on disk.
+    ///
+    /// # Errors
+    /// The first error of the record.
+    pub async fn write_and_sync(&self, event: Event) -> Result<(), StoreError> {
+        let (sender, written) = oneshot::channel();
+        self.events.send((event, Some(sender))).await.map_err(|_| closed())?;
+        written.await.map_err(|_| closed())?
+    }
+
+    /// Waits until all is on disk and the folder is closed with its digests.
+    ///
+    /// # Errors
+    /// The first error of the record, if nobody heard of it yet.
+    pub async fn close(self) -> Result<(), StoreError> {
+        drop(self.events);
+        let joined = tokio::task::spawn_blocking(move || self.thread.join()).await;
+        match joined {
+            Ok(Ok(result)) => result,
+            _ => Err(StoreError::Closed { why: "the thread that writes it came to grief".into() }),
+        }
+    }
+}
+
+fn closed() -> StoreError {
+    StoreError::Closed { why: "an earlier event could not be written".into() }
+}
+
+struct Writer {
+    folder: RunFolder,
+    journal: File,
+    state: RunState,
+    watchers: Vec<channel::SyncSender<Event>>,
+    line: Vec<u8>,
+}
+
+impl Writer {
+    fn run(mut self, mut events: mpsc::Receiver<(Event, Option<Written>)>) -> Result<(), StoreError> {
+        while let Some((event, written)) = events.blocking_recv() {
+            let result = self.write(&event, written.is_some());
+            let failed = result.is_err();
+            if !failed {
+                // Somebody who no longer listens is no reason to stop.
+                self.watchers.retain(|watcher| watcher.send(event.clone()).is_ok());
+            }
+            match written {
+                Some(written) => {
+                    let _ = written.send(result);
+                }
+                None => result?,
+            }
+            if failed {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, event: &Event, sync: bool) -> Result<(), StoreError> {
+        self.line.clear();
+        serde_json::to_writer(&mut self.line, event)?;
+        self.line.push(b'\n');
+        let path = self.folder.path().join(JOURNAL);
+        on(self.journal.write_all(&self.line), "write", &path)?;
+        self.state.apply(event).map_err(StoreError::OutOfOrder)?;
+        match &event.kind {
+            EventKind::ItemEnded { item, .. } => self.file_item(item)?,
+            EventKind::RunEnded { .. } => self.close_folder()?,
+            _ => {}
+        }
+        if sync {
+            on(self.journal.sync_data(), "write", &path)?;
+        }
+        Ok(())
+    }
+
+    /// A folder for the item, with what was measured and what the slave recorded.
+    fn file_item(&self, item: &str) -> Result<(), StoreError> {
+        let Some(position) = self.state.rows().iter().position(|row| row.planned.name == *item) else { return Ok(()) };
+        let row = &self.state.rows()[position];
+        if row.attempts.is_empty() {
+            return Ok(());
+        }
+        let name = format!("{:02}-{}", position + 1, folder::folder_name(item));
+        for (file, text) in record::item_files(row) {
+            self.folder.put(&format!("{name}/{file}"), text.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    fn close_folder(&self) -> Result<(), StoreError> {
+        self.folder.put(LOG, record::log_txt(&self.state).as_bytes())?;
+        self.folder.put(RECORD, record::run_json(&self.state).as_bytes())?;
+        // One wait for all files of the run, then the digests that vouch for them.
+        self.folder.sync()?;
+        self.folder.put_synced(DIGESTS, digest::list(self.folder.path())?.as_bytes())
+    }
+}
