@@ -211,7 +211,7 @@ pub enum ParamKind {
 }
 
 /// One measurement of an item.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct MeasurementSpec {
     /// The key in the plan's limits and in records.
     pub name: &'static str,

@@ -230,19 +230,14 @@ impl Job {
             return Condition::Skip(Cause::DeviceMissing { device: device.as_str().to_owned() });
         }
         let rows = state.rows();
-        if item.phase == Phase::Test {
-            let stopper = |row: &&Row| {
-                row.planned.phase == Phase::Setup
-                    || self.plan.on_fail == OnFail::Stop && row.planned.phase == Phase::Test
-            };
-            let bad = |row: &&Row| row.is_over() && !row.outcome.is_good() && row.outcome != Outcome::Skipped;
-            if let Some(row) = rows.iter().filter(stopper).find(bad) {
-                let (item, outcome) = (row.planned.name.clone(), row.outcome);
-                return Condition::Skip(match row.planned.phase {
-                    Phase::Setup => Cause::Setup { item, outcome },
-                    _ => Cause::StoppedAfter { item, outcome },
-                });
-            }
+        if item.phase == Phase::Test
+            && let Some(row) = state.stopper(self.plan.on_fail == OnFail::Stop)
+        {
+            let (item, outcome) = (row.planned.name.clone(), row.outcome);
+            return Condition::Skip(match row.planned.phase {
+                Phase::Setup => Cause::Setup { item, outcome },
+                _ => Cause::StoppedAfter { item, outcome },
+            });
         }
         let mut condition = Condition::Good;
         for row in item.requires.iter().filter_map(|required| rows.get(*required)) {

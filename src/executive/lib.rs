@@ -9,11 +9,11 @@
 //! [`plan::PlanItem::judge`] makes [`measurement::Measurement`]s of them, the runner emits
 //! [`event::Event`]s, and [`state::RunState::apply`] folds them.
 
-//pub mod bench;
+pub mod bench;
 pub mod catalogue;
 pub mod event;
 pub mod job;
-//pub mod journal;
+pub mod journal;
 pub mod limit;
 pub mod measurement;
 pub mod mistake;
@@ -22,8 +22,8 @@ pub mod outcome;
 pub mod plan;
 pub mod printable;
 pub mod quantity;
-//pub mod record;
+pub mod record;
 mod spanned;
 pub mod state;
 mod suggest;
-//pub mod text;
+pub mod text;

@@ -145,10 +145,10 @@ impl Source {
     ///
     /// # Errors
     /// Too many bytes, or bytes that are not UTF-8.
-    pub(crate) fn new(name: &str, bytes: Vec<u8>, max_bytes: usize) -> Result<Self, Mistake> {
+    pub(crate) fn new(name: &str, bytes: Vec<u8>, max_bytes: usize) -> Result<Self, Mistakes> {
         if bytes.len() > max_bytes {
             let what = format!("{} has {} bytes, and at most {max_bytes} are read", quoted(name), bytes.len());
-            return Err(Mistake::nowhere(what, "is this the right file?"));
+            return Err(Mistakes::one(Mistake::nowhere(what, "is this the right file?")));
         }
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Self { name: name.to_owned(), text }),
@@ -157,11 +157,8 @@ impl Source {
                 let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
                 let source = Self { name: name.to_owned(), text };
                 let byte = error.as_bytes().get(at).copied().unwrap_or_default();
-                Err(source.mistake(
-                    at..at + 1,
-                    format!("byte 0x{byte:02x} is not UTF-8"),
-                    "save the file with the encoding UTF-8",
-                ))
+                let what = format!("byte 0x{byte:02x} is not UTF-8");
+                Err(Mistakes::one(source.mistake(at..at + 1, what, "save the file with the encoding UTF-8")))
             }
         }
     }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::mistake::{Mistake, Mistakes, Source, syntax_message};
+use crate::mistake::{Mistakes, Source, syntax_message};
 use crate::printable::quoted;
 use crate::quantity::{Dimension, Quantity, Unit};
 use crate::suggest::nearest;
@@ -47,14 +47,14 @@ impl<'s> Walk<'s> {
 }
 
 /// Parses a file; a syntax error stands alone, since what follows it is guesswork.
-pub(crate) fn parse(source: &Source) -> Result<DeTable<'_>, Mistake> {
+pub(crate) fn parse(source: &Source) -> Result<DeTable<'_>, Mistakes> {
     DeTable::parse(&source.text).map(Spanned::into_inner).map_err(|error| {
         let hint = if error.message().contains("recursion limit") || error.message().contains("recurse") {
             "values may lie at most 80 deep in each other"
         } else {
             "texts stand in quotes, a table begins with [name], a list item with [[name]]"
         };
-        source.mistake(error.span().unwrap_or(0..0), syntax_message(error.message()), hint)
+        Mistakes::one(source.mistake(error.span().unwrap_or(0..0), syntax_message(error.message()), hint))
     })
 }
 

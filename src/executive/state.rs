@@ -5,6 +5,7 @@ use chrono::{DateTime, FixedOffset};
 use crate::event::{AttemptError, Board, ErrorRecord, Event, EventKind, Level, PlannedItem, Power, RunHeader, StopHow};
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
+use crate::plan::Phase;
 
 /// Notes that the state keeps; a board that babbles must not fill the memory, and the journal has them all.
 pub const MAX_NOTES: usize = 1000;
@@ -19,6 +20,10 @@ pub struct RunState {
     by_name: Vec<u32>,
     /// Rows before this one have all ended; they need not be looked at again to find out what comes next.
     first_open: usize,
+    /// The first setup item that ended badly, which skips all tests.
+    bad_setup: Option<u32>,
+    /// The first test that ended badly, after which a plan may stop.
+    bad_test: Option<u32>,
     in_flight: usize,
     board: Option<Board>,
     power: Option<Power>,
@@ -275,6 +280,12 @@ impl RunState {
         self.in_flight
     }
 
+    /// The item whose end skips the tests after it: a bad setup item, or a bad test if the plan stops at one.
+    pub(crate) fn stopper(&self, stop_at_tests: bool) -> Option<&Row> {
+        let test = self.bad_test.filter(|_| stop_at_tests);
+        self.rows.get(self.bad_setup.or(test)? as usize)
+    }
+
     /// Rows before this one have all ended.
     pub(crate) fn first_open(&self) -> usize {
         self.first_open
@@ -359,7 +370,8 @@ impl RunState {
                 self.in_flight -= 1;
             }
             EventKind::ItemEnded { item, outcome, cause } => {
-                let row = self.open_row(seq, kind, item)?;
+                let index = self.open_index(seq, kind, item)?;
+                let row = &mut self.rows[index];
                 if row.running().is_some() {
                     return Err(wrong(seq, kind, item, "has an attempt that runs"));
                 }
@@ -367,6 +379,15 @@ impl RunState {
                 row.cause.clone_from(cause);
                 row.ended = Some(stamp);
                 row.attempts.shrink_to_fit();
+                let bad = match row.planned.phase {
+                    _ if outcome.is_good() || *outcome == Outcome::Skipped => None,
+                    Phase::Setup => Some(&mut self.bad_setup),
+                    Phase::Test => Some(&mut self.bad_test),
+                    Phase::Teardown => None,
+                };
+                if let (Some(bad), Ok(index)) = (bad, u32::try_from(index)) {
+                    bad.get_or_insert(index);
+                }
                 while self.rows.get(self.first_open).is_some_and(Row::is_over) {
                     self.first_open += 1;
                 }
@@ -405,11 +426,15 @@ impl RunState {
         }
     }
 
-    fn open_row(&mut self, seq: u64, kind: &EventKind, item: &str) -> Result<&mut Row, OutOfOrder> {
+    fn open_index(&self, seq: u64, kind: &EventKind, item: &str) -> Result<usize, OutOfOrder> {
         let unknown = || OutOfOrder::UnknownItem { seq, kind: kind.name(), item: item.to_owned() };
         let index = self.index(item).ok_or_else(unknown)?;
-        let row = self.rows.get_mut(index).ok_or_else(unknown)?;
-        if row.is_over() { Err(wrong(seq, kind, item, "has ended already")) } else { Ok(row) }
+        if self.rows[index].is_over() { Err(wrong(seq, kind, item, "has ended already")) } else { Ok(index) }
+    }
+
+    fn open_row(&mut self, seq: u64, kind: &EventKind, item: &str) -> Result<&mut Row, OutOfOrder> {
+        let index = self.open_index(seq, kind, item)?;
+        Ok(&mut self.rows[index])
     }
 
     fn running(&mut self, seq: u64, kind: &EventKind, item: &str, attempt: u32) -> Result<&mut Attempt, OutOfOrder> {

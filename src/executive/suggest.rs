@@ -53,7 +53,7 @@ mod tests {
         assert_eq!(nearest("sd_ram", names), Some("sdram"));
         assert_eq!(nearest("idnetity", names), Some("identity"));
         assert_eq!(nearest("SPI_FLASH", names), Some("spi-flash"));
-        assert_eq!(nearest("umi", names), Some("imu"));
+        assert_eq!(nearest("imuu", names), Some("imu"));
         assert_eq!(nearest("gnss", names), None);
         assert_eq!(nearest("", names), None);
         assert_eq!(nearest(&"x".repeat(1_000_000), names), None);

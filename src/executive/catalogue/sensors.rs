@@ -53,7 +53,7 @@ pub(super) static IMU: ItemSpec = ItemSpec {
     timeout_s: 30.0,
 };
 
-const PLACE: &str = "Does the antenna see the sky, and is its place in the bench file right?";
+const PLACE: &str = "Check that the antenna sees the sky, and that its place in the bench file is right.";
 
 /// Satellite receiver, judged against the surveyed place of the antenna.
 pub(super) static GNSS: ItemSpec = ItemSpec {
@@ -114,7 +114,7 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
 const AD_ON: &str = "Check the DIP switch, the rail that it connects and the channel's input.";
 const AD_OFF: &str = "The channel reads something with its switch off: look for a short, or a switch that was left on.";
 const MAG_SPAN: &str =
-    "The reading hardly follows the heading: is the module turned, is iron near, is the sensor alive?";
+    "The reading does not follow the heading as the field does: look for iron nearby, then suspect the magnetometer.";
 
 /// AD channels: 1-3 the magnetometer, 4-8 through the DIP switches.
 pub(super) static AD: ItemSpec = ItemSpec {

@@ -38,9 +38,9 @@ pub(super) fn read(
     bytes: Vec<u8>,
     load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Plan, Mistakes> {
-    let source = Source::new(name, bytes, MAX_PLAN_BYTES).map_err(Mistakes::one)?;
+    let source = Source::new(name, bytes, MAX_PLAN_BYTES)?;
     let mut reader = Reader { load, sources: vec![source], items: Vec::new(), mistakes: Mistakes::default() };
-    let head = reader.file(0, &mut vec![0]).map_err(Mistakes::one)?;
+    let head = reader.file(0, &mut vec![0])?;
     let Reader { sources, items, mut mistakes, .. } = reader;
     if items.len() > MAX_ITEMS {
         let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
@@ -55,7 +55,7 @@ impl Reader<'_> {
     /// Reads one file; `chain` holds the files that include it, itself last.
     ///
     /// A syntax error in any file ends everything; mistakes of meaning are collected.
-    fn file(&mut self, index: usize, chain: &mut Vec<usize>) -> Result<Head, Mistake> {
+    fn file(&mut self, index: usize, chain: &mut Vec<usize>) -> Result<Head, Mistakes> {
         let source = self.sources[index].clone();
         let tree = parse(&source)?;
         let walk = Walk::new(&source, std::mem::take(&mut self.mistakes));
@@ -76,7 +76,7 @@ impl Reader<'_> {
         Ok(head)
     }
 
-    fn include(&mut self, by: &Source, include: &str, span: Span, chain: &mut Vec<usize>) -> Result<(), Mistake> {
+    fn include(&mut self, by: &Source, include: &str, span: Span, chain: &mut Vec<usize>) -> Result<(), Mistakes> {
         let refused = |what: String, hint: &str| by.mistake(span.clone(), what, hint);
         let Some(name) = joined(&by.name, include) else {
             let what = format!("{} is not a path beside this plan", quoted(include));

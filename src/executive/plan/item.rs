@@ -58,8 +58,8 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     let repeats = table.integer("repeats", (1, MAX_REPEATS), 1);
     let timeout_s = timeout(walk, &table).unwrap_or(spec.timeout_s);
     let prompt = prompt(walk, &table);
-    let params = params::read(walk, table.table("params"), id);
-    let limits = limits::read(walk, table.table("limits"), id, &params);
+    let params = params::read(walk, table.table("params").as_ref(), id);
+    let limits = limits::read(walk, table.table("limits").as_ref(), id, &params);
     if limits.as_ref().is_some_and(Vec::is_empty) && phase == Phase::Test {
         let what = format!("{} has no limits: nothing would be judged", quoted(name));
         walk.mistake(id_span.clone(), what, "write them below a line [item.limits]");

@@ -28,14 +28,14 @@ struct Written<'t> {
 /// on top that there are none.
 pub(super) fn read(
     walk: &Walk<'_>,
-    table: Option<Table<'_, '_>>,
+    table: Option<&Table<'_, '_>>,
     id: ItemId,
     params: &Params,
 ) -> Option<Vec<ItemLimit>> {
     let spec = id.spec();
     let mut chosen: Vec<Option<(Exactness, Limit)>> = vec![None; spec.measurements.len()];
     let mut refused = false;
-    for entry in table.iter().flat_map(Table::entries) {
+    for entry in table.into_iter().flat_map(Table::entries) {
         let taken = one(walk, &entry, id, params, &mut chosen);
         refused |= taken.is_none();
     }

@@ -119,11 +119,11 @@ impl Params {
 }
 
 /// Reads the parameters of an item; a mistaken one counts with its default, so that the walk can go on.
-pub(super) fn read(walk: &Walk<'_>, table: Option<Table<'_, '_>>, id: ItemId) -> Params {
+pub(super) fn read(walk: &Walk<'_>, table: Option<&Table<'_, '_>>, id: ItemId) -> Params {
     let spec = id.spec();
     let mut params: BTreeMap<&'static str, ParamValue> =
         spec.params.iter().map(|param| (param.name, default(&param.kind))).collect();
-    for entry in table.iter().flat_map(Table::entries) {
+    for entry in table.into_iter().flat_map(Table::entries) {
         let Some(param) = spec.param(entry.key) else {
             let names: Vec<&str> = spec.params.iter().map(|param| param.name).collect();
             let hint = match nearest(entry.key, names.iter().copied()) {

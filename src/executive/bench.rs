@@ -1,0 +1,179 @@
+//! The bench file: where the bench stands and how its board is reached.
+//!
+//! ```toml
+//! [station]
+//! id = "line-2"                      # required
+//! records = "records"                # folder of the records, relative to this file
+//!
+//! [site]                             # optional
+//! name = "hall 3"
+//! latitude = "39.9042 deg"           # surveyed place of the antenna
+//! longitude = "116.4074 deg"
+//! height = "44 m"
+//! gravity = "9.80151 m/s^2"          # local gravity, where it was measured
+//! field = "0.55 gauss"               # total magnetic field
+//!
+//! [socket]                           # optional; --sim needs none
+//! port = "/dev/ttyUSB0"              # required
+//! rate = "921600 bit/s"
+//! ```
+
+use crate::mistake::{Mistakes, Source};
+use crate::printable::quoted;
+use crate::quantity::{Dimension, Quantity, Unit};
+use crate::spanned::{Table, Walk, parse};
+
+/// Bytes of a bench file; one has about 1 kB.
+pub const MAX_BENCH_BYTES: usize = 64 << 10;
+
+/// Rate of the RS-422 link where the bench file is silent.
+pub const DEFAULT_RATE_BPS: u32 = 921_600;
+
+/// Characters of a name or path.
+const TEXT_CHARACTERS: usize = 1024;
+
+/// A checked bench file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BenchFile {
+    /// Name of the station.
+    pub station_id: String,
+    /// Folder of the records as written; `None` leaves it to the program.
+    pub records: Option<String>,
+    /// Where the bench stands.
+    pub site: Option<Site>,
+    /// How the board is reached; `None` on a bench that only simulates.
+    pub socket: Option<Socket>,
+}
+
+/// Where a bench stands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Site {
+    /// Name for records.
+    pub name: Option<String>,
+    /// Surveyed place of the antenna, if it is known.
+    pub place: Option<SitePlace>,
+    /// Local gravity in m/s^2, if it was measured.
+    pub gravity_mps2: Option<f64>,
+    /// Total magnetic field in gauss, if it was measured.
+    pub field_gauss: Option<f64>,
+}
+
+/// A surveyed place, WGS 84.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SitePlace {
+    /// Latitude, north positive.
+    pub latitude_deg: f64,
+    /// Longitude, east positive.
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid.
+    pub height_m: f64,
+}
+
+/// A test socket with its slave board.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Socket {
+    /// The serial port.
+    pub port: String,
+    /// Its rate.
+    pub rate_bps: u32,
+}
+
+impl BenchFile {
+    /// Reads a bench file; `name` is how the user named it.
+    ///
+    /// # Errors
+    /// All mistakes of meaning, or the first syntax error alone.
+    pub fn read(name: &str, bytes: Vec<u8>) -> Result<BenchFile, Mistakes> {
+        let source = Source::new(name, bytes, MAX_BENCH_BYTES)?;
+        let tree = parse(&source)?;
+        let walk = Walk::new(&source, Mistakes::default());
+        let root = Table::new(&walk, &tree, 0..0);
+        let (station_id, records) = match root.table("station") {
+            Some(table) => station(&walk, table),
+            None => {
+                walk.mistake(0..0, "the table [station] is missing", "write [station] and id = \"line-2\" below it");
+                (String::new(), None)
+            }
+        };
+        let site = root.table("site").map(|table| site(&walk, table));
+        let socket = root.table("socket").and_then(|table| socket(&walk, table));
+        root.finish();
+        walk.into_mistakes().or(BenchFile { station_id, records, site, socket })
+    }
+}
+
+fn station(walk: &Walk<'_>, table: Table<'_, '_>) -> (String, Option<String>) {
+    let id = table.required_text("id", "write id = \"line-2\" below [station]");
+    let records = table.text("records");
+    for (text, span) in id.iter().chain(&records) {
+        check_text(walk, text, span.clone());
+    }
+    table.finish();
+    (id.map(|(id, _)| id.to_owned()).unwrap_or_default(), records.map(|(records, _)| records.to_owned()))
+}
+
+fn site(walk: &Walk<'_>, table: Table<'_, '_>) -> Site {
+    let name = table.text("name").map(|(name, span)| {
+        check_text(walk, name, span);
+        name.to_owned()
+    });
+    let bounded = |key, unit: Unit, min: f64, max: f64| {
+        let (quantity, span) = table.quantity(key, unit.dimension())?;
+        let number = quantity.in_unit(unit).filter(|number| (min..=max).contains(number));
+        if number.is_none() {
+            let hint = format!("it may be {} to {}", Quantity::new(min, unit), Quantity::new(max, unit));
+            walk.mistake(span, format!("{key} is {quantity}"), hint);
+        }
+        number
+    };
+    let latitude_deg = bounded("latitude", Unit::Degree, -90.0, 90.0);
+    let longitude_deg = bounded("longitude", Unit::Degree, -180.0, 180.0);
+    // From the shore of the Dead Sea to the highest town, with some room.
+    let height_m = bounded("height", Unit::Metre, -1000.0, 9000.0);
+    // Gravity on the surface of the earth lies between 9.76 and 9.84 m/s^2.
+    let gravity_mps2 = bounded("gravity", Unit::MetrePerSecondSquared, 9.7, 9.9);
+    // The earth's field lies between 0.22 and 0.67 gauss; a shielded room or a coil may change it.
+    let field_gauss = bounded("field", Unit::Gauss, 0.0, 6.0);
+    let written = ["latitude", "longitude", "height"].map(|key| table.entry(key).is_some());
+    if written.contains(&true) && written.contains(&false) {
+        walk.mistake(table.span(), "the place of the antenna is incomplete", "write latitude, longitude and height");
+    }
+    table.finish();
+    let place = match (latitude_deg, longitude_deg, height_m) {
+        (Some(latitude_deg), Some(longitude_deg), Some(height_m)) => {
+            Some(SitePlace { latitude_deg, longitude_deg, height_m })
+        }
+        _ => None,
+    };
+    Site { name, place, gravity_mps2, field_gauss }
+}
+
+fn socket(walk: &Walk<'_>, table: Table<'_, '_>) -> Option<Socket> {
+    let port = table.required_text("port", "write port = \"/dev/ttyUSB0\" below [socket]");
+    if let Some((port, span)) = &port {
+        check_text(walk, port, span.clone());
+    }
+    let rate = table.quantity("rate", Dimension::BitRate);
+    let rate_bps = match rate {
+        None => DEFAULT_RATE_BPS,
+        Some((rate, span)) => {
+            let bps = rate.si();
+            if !(1200.0..=4e6).contains(&bps) || bps.fract() != 0.0 {
+                walk.mistake(
+                    span,
+                    format!("rate is {rate}"),
+                    "it may be a whole number from 1200 bit/s to 4000000 bit/s",
+                );
+            }
+            bps as u32
+        }
+    };
+    table.finish();
+    Some(Socket { port: port?.0.to_owned(), rate_bps })
+}
+
+fn check_text(walk: &Walk<'_>, text: &str, span: std::ops::Range<usize>) {
+    if text.chars().any(char::is_control) || text.chars().count() > TEXT_CHARACTERS {
+        walk.mistake(span, format!("{} is not fit for a name", quoted(text)), "write it without control characters");
+    }
+}

@@ -1,0 +1,72 @@
+//! A run's journal: its events as JSON lines, and the fold of a stored one.
+//!
+//! Each event is one line, appended at once. A station that loses its power leaves a journal whose last line may be cut
+//! off, or followed by zero bytes where the file system had no time for the data; that run is interrupted, and all
+//! events before are good. Anything else that cannot be read is a damaged journal.
+
+use crate::event::Event;
+use crate::state::{OutOfOrder, RunState};
+
+/// What a stored journal holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Journal {
+    /// The run after the last whole event; [`RunState::is_interrupted`] if it has no end.
+    pub state: RunState,
+    /// Bytes of the whole events, line ends included.
+    pub good_bytes: usize,
+    /// Bytes behind them: the event that was being written.
+    pub cut_bytes: usize,
+}
+
+/// Why a journal is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// A line is no event.
+    #[error("line {line} of the journal is not an event")]
+    NotAnEvent {
+        /// Number of the line, from 1.
+        line: usize,
+        /// What the parser says.
+        source: serde_json::Error,
+    },
+    /// An event cannot follow those before it.
+    #[error("line {line} of the journal does not follow from those before it")]
+    OutOfOrder {
+        /// Number of the line, from 1.
+        line: usize,
+        /// What is out of order.
+        source: OutOfOrder,
+    },
+}
+
+/// The event as a line with its end, ready to be appended.
+///
+/// # Errors
+/// Never for events as they are today; the serializer's type has room for it.
+pub fn line(event: &Event) -> Result<String, serde_json::Error> {
+    let mut line = serde_json::to_string(event)?;
+    line.push('\n');
+    Ok(line)
+}
+
+/// Folds a stored journal; an empty one gives an empty state.
+///
+/// # Errors
+/// A line other than the last is damaged, or events do not follow from each other.
+pub fn fold(bytes: &[u8]) -> Result<Journal, JournalError> {
+    let whole = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let mut state = RunState::new();
+    let mut good_bytes = 0;
+    for (index, piece) in bytes[..whole].split_inclusive(|byte| *byte == b'\n').enumerate() {
+        let line = index + 1;
+        let event: Event = match serde_json::from_slice(piece) {
+            Ok(event) => event,
+            // Only the last line can be cut off, and then it has no end. One whose end alone is missing is whole.
+            Err(_) if !piece.ends_with(b"\n") => break,
+            Err(source) => return Err(JournalError::NotAnEvent { line, source }),
+        };
+        state.apply(&event).map_err(|source| JournalError::OutOfOrder { line, source })?;
+        good_bytes += piece.len();
+    }
+    Ok(Journal { state, good_bytes, cut_bytes: bytes.len() - good_bytes })
+}

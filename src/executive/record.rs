@@ -1,0 +1,252 @@
+//! The record of a run, as `run.json` holds it: everything that is needed to show the run again.
+//!
+//! The form is described in `docs/run.schema.json`; fields are only ever added.
+
+use chrono::{DateTime, FixedOffset};
+use serde::{Deserialize, Serialize};
+
+use crate::catalogue::ItemId;
+use crate::event::{
+    AttemptError, Bench, BenchKind, Board, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program, StopHow,
+};
+use crate::measurement::Measurement;
+use crate::outcome::{Cause, Outcome};
+use crate::plan::Phase;
+use crate::state::{Attempt, Note, Row, RunState};
+
+/// Version of the record's form.
+pub const RUN_SCHEMA: &str = "gnc-run/1";
+
+/// One run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// [`RUN_SCHEMA`].
+    pub schema: String,
+    /// How the run ended; aborted if it is interrupted.
+    pub outcome: Outcome,
+    /// The run has no end: the station lost its power, or was killed.
+    pub interrupted: bool,
+    /// The scanned serial number.
+    pub serial_number: String,
+    /// The plan that was followed.
+    pub plan: PlanInfo,
+    /// Which station.
+    pub station: String,
+    /// Who tested.
+    pub operator: Option<String>,
+    /// The program that ran the test.
+    pub program: Program,
+    /// The bench; a simulated one is never evidence.
+    pub bench: Bench,
+    /// The slave board, if one answered.
+    pub board: Option<Board>,
+    /// Names of the chosen items; null for the whole plan. A selection is never a module's pass.
+    pub selection: Option<Vec<String>>,
+    /// Which round of a loop.
+    #[serde(rename = "loop")]
+    pub looped: Option<Loop>,
+    /// Start, with the offset of the place.
+    pub started: DateTime<FixedOffset>,
+    /// End; null if the run is interrupted.
+    pub finished: Option<DateTime<FixedOffset>>,
+    /// Seconds from the start to the last event, by a clock that never jumps.
+    pub elapsed_s: f64,
+    /// Who stopped the run, and how.
+    pub stop: Option<StopRecord>,
+    /// Every planned item, in the order of the plan.
+    pub items: Vec<ItemRecord>,
+    /// What was worth knowing beside the measurements.
+    pub notes: Vec<NoteRecord>,
+}
+
+/// A stop that was requested.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StopRecord {
+    /// In order or at once.
+    pub how: StopHow,
+    /// What requested it.
+    pub by: String,
+}
+
+/// One planned item.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ItemRecord {
+    /// Unique name in the plan.
+    pub name: String,
+    /// Which item of the catalogue.
+    pub id: ItemId,
+    /// For people.
+    pub title: String,
+    /// Setup, test or teardown.
+    pub phase: Phase,
+    /// Whether the run is complete without it.
+    pub optional: bool,
+    /// Whether this run was to run it.
+    pub selected: bool,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why it was skipped or not run.
+    pub cause: Option<Cause>,
+    /// When its first attempt began.
+    pub started: Option<DateTime<FixedOffset>>,
+    /// Seconds from the start of the run to the start of its first attempt.
+    pub started_s: Option<f64>,
+    /// Seconds from the start of its first attempt to its end.
+    pub elapsed_s: Option<f64>,
+    /// Every attempt.
+    pub attempts: Vec<AttemptRecord>,
+}
+
+/// One attempt of an item.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AttemptRecord {
+    /// How it ended; aborted if the run was interrupted in it.
+    pub outcome: Outcome,
+    /// When it began.
+    pub started: DateTime<FixedOffset>,
+    /// Seconds that it took; null if it has no end.
+    pub elapsed_s: Option<f64>,
+    /// What was measured, in the order of measuring.
+    pub measurements: Vec<Measurement>,
+    /// Why the station could not tell.
+    pub error: Option<AttemptError>,
+    /// What the slave recorded for fault analysis.
+    pub error_records: Vec<ErrorRecord>,
+}
+
+/// A line for people.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoteRecord {
+    /// When.
+    pub at: DateTime<FixedOffset>,
+    /// Seconds since the start of the run.
+    pub elapsed_s: f64,
+    /// How much it matters.
+    pub level: Level,
+    /// One sentence.
+    pub text: String,
+    /// Name of the item to which it belongs.
+    pub item: Option<String>,
+}
+
+/// One item as a file of its own, in the folder of the item.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ItemFile {
+    /// [`RUN_SCHEMA`].
+    pub schema: String,
+    /// The scanned serial number.
+    pub serial_number: String,
+    /// Whether the bench is real.
+    pub bench: BenchKind,
+    /// Start of the run.
+    pub run_started: DateTime<FixedOffset>,
+    /// The item as in the record of the run.
+    #[serde(flatten)]
+    pub item: ItemRecord,
+}
+
+impl RunRecord {
+    /// The record of a run as far as it is known; `None` before it has started.
+    pub fn from_state(state: &RunState) -> Option<Self> {
+        let header = state.header()?.clone();
+        let started = state.started()?;
+        let last = state.last()?;
+        let interrupted = state.is_interrupted();
+        Some(Self {
+            schema: RUN_SCHEMA.to_owned(),
+            outcome: state.outcome().unwrap_or(Outcome::Aborted),
+            interrupted,
+            serial_number: header.serial_number,
+            plan: header.plan,
+            station: header.station,
+            operator: header.operator,
+            program: header.program,
+            bench: header.bench,
+            board: state.board().cloned(),
+            selection: header.selection,
+            looped: header.looped,
+            started,
+            finished: (!interrupted).then_some(last.at),
+            elapsed_s: seconds(last.elapsed_us),
+            stop: state.stop().map(|(how, by)| StopRecord { how, by: by.to_owned() }),
+            items: state.rows().iter().map(ItemRecord::from).collect(),
+            notes: state.notes().iter().map(NoteRecord::from).collect(),
+        })
+    }
+
+    /// Each item that was run, as a file for the folder of its name.
+    pub fn item_files(&self) -> impl Iterator<Item = ItemFile> {
+        self.items.iter().filter(|item| !item.attempts.is_empty()).map(|item| ItemFile {
+            schema: self.schema.clone(),
+            serial_number: self.serial_number.clone(),
+            bench: self.bench.kind,
+            run_started: self.started,
+            item: item.clone(),
+        })
+    }
+
+    /// Whether the record may speak for the module: a real bench, the whole plan, and an end.
+    pub fn is_evidence(&self) -> bool {
+        self.bench.kind == BenchKind::Real && self.selection.is_none() && !self.interrupted
+    }
+}
+
+impl ItemRecord {
+    /// The attempt that counts.
+    pub fn last_attempt(&self) -> Option<&AttemptRecord> {
+        self.attempts.last()
+    }
+}
+
+impl From<&Row> for ItemRecord {
+    fn from(row: &Row) -> Self {
+        let PlannedItem { name, id, title, phase, optional, selected } = row.planned.clone();
+        // An attempt without end was cut off together with the run.
+        let outcome = if row.running().is_some() { Outcome::Aborted } else { row.outcome };
+        Self {
+            name,
+            id,
+            title,
+            phase,
+            optional,
+            selected,
+            outcome,
+            cause: row.cause.clone(),
+            started: row.started.map(|stamp| stamp.at),
+            started_s: row.started.map(|stamp| seconds(stamp.elapsed_us)),
+            elapsed_s: row.elapsed_us().map(seconds),
+            attempts: row.attempts.iter().map(AttemptRecord::from).collect(),
+        }
+    }
+}
+
+impl From<&Attempt> for AttemptRecord {
+    fn from(attempt: &Attempt) -> Self {
+        let took = |end: u64| seconds(end.saturating_sub(attempt.started.elapsed_us));
+        Self {
+            outcome: attempt.outcome.unwrap_or(Outcome::Aborted),
+            started: attempt.started.at,
+            elapsed_s: attempt.ended.map(|stamp| took(stamp.elapsed_us)),
+            measurements: attempt.measurements.clone(),
+            error: attempt.error.clone(),
+            error_records: attempt.error_records.clone(),
+        }
+    }
+}
+
+impl From<&Note> for NoteRecord {
+    fn from(note: &Note) -> Self {
+        Self {
+            at: note.stamp.at,
+            elapsed_s: seconds(note.stamp.elapsed_us),
+            level: note.level,
+            text: note.text.clone(),
+            item: note.item.clone(),
+        }
+    }
+}
+
+/// Microseconds as seconds; exact to the microsecond for 285 years.
+fn seconds(us: u64) -> f64 {
+    us as f64 / 1e6
+}

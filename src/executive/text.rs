@@ -1,0 +1,195 @@
+//! A run as lines for people: on a terminal, in a file, in a mail.
+//!
+//! Texts from outside (serial numbers, answers of boards, names in stored records) go through
+//! [`printable`](crate::printable::printable), so that no line here can move a cursor or hide another.
+
+mod log;
+
+use std::fmt::Write as _;
+
+use crate::event::BenchKind;
+use crate::measurement::{Measurement, Reading};
+use crate::outcome::{Outcome, words};
+use crate::printable::printable;
+use crate::record::{AttemptRecord, ItemRecord, RunRecord};
+
+pub use log::log_txt;
+
+/// Width of an item's name in a line; most names are shorter.
+const NAME_WIDTH: usize = 16;
+
+/// Width of the longest outcome.
+const OUTCOME_WIDTH: usize = 8;
+
+/// The line of an item that has ended: outcome, name, time, and what decided.
+pub fn item_line(item: &ItemRecord) -> String {
+    let outcome = words(item.outcome);
+    let name = printable(&item.name);
+    let time = item.elapsed_s.map(duration).unwrap_or_default();
+    let mut line = format!("{outcome:OUTCOME_WIDTH$}  {name:NAME_WIDTH$}  {time:>9}");
+    if item.attempts.len() > 1 {
+        // Writing to a String cannot fail.
+        let _ = write!(line, "  attempt {}", item.attempts.len());
+    }
+    let why = reason(item);
+    if !why.is_empty() {
+        let _ = write!(line, "  {why}");
+    }
+    line.trim_end().to_owned()
+}
+
+/// The rows that are not good, each with its limit and with what to look at; empty if there are none.
+pub fn failing_rows(record: &RunRecord) -> String {
+    let mut out = String::new();
+    for item in record.items.iter().filter(|item| is_bad(item.outcome)) {
+        let _ = writeln!(out, "{} {}", printable(&item.name), words(item.outcome));
+        if let Some(attempt) = item.last_attempt() {
+            failing_attempt(&mut out, item, attempt);
+        }
+    }
+    out
+}
+
+/// The last line of a run: its verdict, and how many items ended how.
+pub fn verdict_line(record: &RunRecord) -> String {
+    let verdict = if record.interrupted { "INTERRUPTED".to_owned() } else { words(record.outcome).to_uppercase() };
+    let selected = record.items.iter().filter(|item| item.selected);
+    let counts: Vec<String> = Outcome::ALL
+        .into_iter()
+        .map(|outcome| (outcome, selected.clone().filter(|item| item.outcome == outcome).count()))
+        .filter(|(_, count)| *count > 0)
+        .map(|(outcome, count)| format!("{count} {}", words(outcome)))
+        .collect();
+    format!(
+        "{verdict}  {}  {} {}  {}  in {}",
+        printable(&record.serial_number),
+        printable(&record.plan.name),
+        printable(&record.plan.version),
+        counts.join(", "),
+        duration(record.elapsed_s)
+    )
+}
+
+/// What must stand beside every verdict: why this record does not speak for the module. Empty if it does.
+pub fn banners(record: &RunRecord) -> Vec<String> {
+    let mut banners = Vec::new();
+    if record.bench.kind == BenchKind::Simulated {
+        let personality = record.bench.personality.as_deref().unwrap_or("unknown");
+        banners.push(format!("SIMULATED BENCH ({}): no evidence about any module", printable(personality)));
+    }
+    if let Some(selection) = &record.selection {
+        let names: Vec<_> = selection.iter().map(|name| printable(name)).collect();
+        banners.push(format!("SELECTION ({}): not a pass of the module", names.join(", ")));
+    }
+    if record.interrupted {
+        banners.push("INTERRUPTED: the run has no end, and its record shows what is known".to_owned());
+    }
+    banners
+}
+
+/// A measurement as one line: name, value, limit.
+pub fn measurement_line(measurement: &Measurement) -> String {
+    let mut line = printable(&measurement.name).into_owned();
+    if let Some(repeat) = measurement.repeat {
+        let _ = write!(line, " ({repeat})");
+    }
+    let _ = write!(line, " {}", measurement.value_text());
+    let limit = measurement.limit_text();
+    if limit.is_empty() { line } else { format!("{line} ({limit})") }
+}
+
+/// A duration for people: "0.31 s", "12.4 s", "2 min 05 s", "1 h 02 min".
+pub fn duration(seconds: f64) -> String {
+    if !(0.0..3.6e8).contains(&seconds) {
+        return "unknown".to_owned();
+    }
+    // Rounded first, so that 59.96 s does not become "60.0 s".
+    let whole = seconds.round() as u64;
+    if seconds < 9.995 {
+        format!("{seconds:.2} s")
+    } else if seconds < 59.95 {
+        format!("{seconds:.1} s")
+    } else if whole < 3600 {
+        format!("{} min {:02} s", whole / 60, whole % 60)
+    } else {
+        let minutes = (seconds / 60.0).round() as u64;
+        format!("{} h {:02} min", minutes / 60, minutes % 60)
+    }
+}
+
+fn is_bad(outcome: Outcome) -> bool {
+    matches!(outcome, Outcome::Marginal | Outcome::Failed | Outcome::Errored | Outcome::Aborted)
+}
+
+/// What decided an item: its cause, its error, its worst value, or the good value that is nearest to its limit.
+fn reason(item: &ItemRecord) -> String {
+    if let Some(cause) = &item.cause {
+        return printable(&cause.to_string()).into_owned();
+    }
+    let Some(attempt) = item.last_attempt() else { return String::new() };
+    if let Some(error) = &attempt.error {
+        return printable(&error.text).into_owned();
+    }
+    let bad = || attempt.measurements.iter().filter(|measurement| measurement.outcome.is_some_and(is_bad));
+    // Of equally bad values the first: later ones often follow from it.
+    let Some(worst) = bad().rev().max_by_key(|measurement| severity(measurement)) else {
+        return nearest_to_limit(attempt).map(measurement_line).unwrap_or_default();
+    };
+    match bad().count() - 1 {
+        0 => measurement_line(worst),
+        others => format!("{} and {others} more", measurement_line(worst)),
+    }
+}
+
+/// The good value with the least room to its limit, as a part of the room that there is.
+fn nearest_to_limit(attempt: &AttemptRecord) -> Option<&Measurement> {
+    let judged = attempt.measurements.iter().filter(|measurement| measurement.outcome.is_some());
+    judged.min_by(|a, b| room(a).total_cmp(&room(b)))
+}
+
+/// 1 in the middle of the limit or far from a single bound, 0 on a bound; texts and exact counts have all the room.
+fn room(measurement: &Measurement) -> f64 {
+    let Reading::Number(value) = measurement.value else { return 1.0 };
+    match (measurement.low, measurement.high) {
+        (Some(low), Some(high)) if high > low => (value - low).min(high - value) / ((high - low) / 2.0),
+        (None, Some(bound)) | (Some(bound), None) if bound != 0.0 => ((value - bound) / bound).abs(),
+        _ => 1.0,
+    }
+}
+
+fn severity(measurement: &Measurement) -> usize {
+    let rank = |outcome| Outcome::ALL.iter().position(|other| *other == outcome).unwrap_or(0);
+    measurement.outcome.map_or(0, rank)
+}
+
+fn failing_attempt(out: &mut String, item: &ItemRecord, attempt: &AttemptRecord) {
+    for measurement in &attempt.measurements {
+        let Some(outcome) = measurement.outcome.filter(|outcome| is_bad(*outcome)) else { continue };
+        let _ = writeln!(out, "  {:OUTCOME_WIDTH$}  {}", words(outcome), measurement_line(measurement));
+        if let Some(spec) = item.id.spec().measurement(&measurement.name) {
+            let _ = writeln!(out, "            look at: {}", spec.look_at);
+        }
+    }
+    for record in &attempt.error_records {
+        let _ = writeln!(out, "  board:    {}", error_record(record));
+    }
+    if let Some(error) = &attempt.error {
+        let _ = writeln!(out, "  error:    {}", printable(&error.text));
+        if !error.hint.is_empty() {
+            let _ = writeln!(out, "            try: {}", printable(&error.hint));
+        }
+    }
+}
+
+/// An error record of the slave as one line.
+fn error_record(record: &crate::event::ErrorRecord) -> String {
+    let text = format!(
+        "{} at {}: expected {}, got {} (board time {})",
+        record.what,
+        record.location,
+        record.expected,
+        record.got,
+        duration(record.board_time_us as f64 / 1e6)
+    );
+    printable(&text).into_owned()
+}
