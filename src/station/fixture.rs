@@ -192,9 +192,7 @@ impl Operator {
         while lines.try_recv().is_ok() {}
         match lines.recv().await {
             None => Err(FixtureError::TerminalClosed { what: what.to_owned() }),
-            Some(line) if line.trim().eq_ignore_ascii_case("n") => {
-                Err(FixtureError::Refused { what: what.to_owned() })
-            }
+            Some(line) if line.trim().eq_ignore_ascii_case("n") => Err(FixtureError::Refused { what: what.to_owned() }),
             Some(line) => Ok(line.trim().to_owned()),
         }
     }

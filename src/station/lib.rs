@@ -1,11 +1,17 @@
 //! The station: it talks to a slave board, runs plans and files what it found.
 
+mod auto;
 pub mod board;
+pub mod cli;
+mod files;
 pub mod fixture;
 pub mod link;
 mod nmea;
+mod ports;
 pub mod procedure;
+mod records;
 pub mod runner;
+mod setup;
 mod statistics;
 pub mod stop;
 pub mod store;

@@ -13,36 +13,36 @@ const KNOT_MPS: f64 = 1852.0 / 3600.0;
 
 /// One solution of the receiver.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Epoch {
+pub(crate) struct Epoch {
     /// 0 none, 2 or 3.
-    pub dimensions: u8,
+    pub(crate) dimensions: u8,
     /// North positive.
-    pub latitude_deg: Option<f64>,
+    pub(crate) latitude_deg: Option<f64>,
     /// East positive.
-    pub longitude_deg: Option<f64>,
+    pub(crate) longitude_deg: Option<f64>,
     /// Above the WGS-84 ellipsoid.
-    pub height_m: Option<f64>,
+    pub(crate) height_m: Option<f64>,
     /// Over ground.
-    pub ground_speed_mps: Option<f64>,
+    pub(crate) ground_speed_mps: Option<f64>,
     /// In the solution.
-    pub satellites_used: Option<u32>,
+    pub(crate) satellites_used: Option<u32>,
     /// Horizontal dilution of precision.
-    pub hdop: Option<f32>,
+    pub(crate) hdop: Option<f32>,
     /// Vertical dilution of precision.
-    pub vdop: Option<f32>,
+    pub(crate) vdop: Option<f32>,
 }
 
 impl Epoch {
     /// Whether there is a position.
     #[must_use]
-    pub fn has_fix(&self) -> bool {
+    pub(crate) fn has_fix(&self) -> bool {
         self.dimensions > 0 && self.latitude_deg.is_some() && self.longitude_deg.is_some()
     }
 }
 
 /// Finds sentences in bytes and epochs in sentences.
 #[derive(Debug, Default)]
-pub struct Sentences {
+pub(crate) struct Sentences {
     line: Vec<u8>,
     synchronised: bool,
     errors: u32,
@@ -53,7 +53,7 @@ pub struct Sentences {
 
 impl Sentences {
     /// Takes bytes as they come; gives the epochs that ended in them.
-    pub fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
+    pub(crate) fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
         let mut epochs = Vec::new();
         for &byte in bytes {
             if byte == b'\n' {
@@ -74,7 +74,7 @@ impl Sentences {
 
     /// Sentences with a wrong checksum, broken or implausible.
     #[must_use]
-    pub fn errors(&self) -> u32 {
+    pub(crate) fn errors(&self) -> u32 {
         self.errors
     }
 

@@ -22,7 +22,11 @@ pub(crate) fn run() -> ExitCode {
                 let part = |text: Option<String>| text.map(|text| format!(" {}", printable(&text))).unwrap_or_default();
                 format!(
                     "USB {:04x}:{:04x}{}{}{}",
-                    usb.vid, usb.pid, part(usb.manufacturer), part(usb.product), part(usb.serial_number)
+                    usb.vid,
+                    usb.pid,
+                    part(usb.manufacturer),
+                    part(usb.product),
+                    part(usb.serial_number)
                 )
             }
             SerialPortType::PciPort => "on board".to_owned(),

@@ -55,12 +55,11 @@ fn summary(run: &RunRecord) -> String {
 }
 
 fn show(folder: &Path) -> ExitCode {
-    match reader::fold(folder) {
-        Ok(state) if state.header().is_some() => {
-            let _ = std::io::stdout().write_all(text::log_txt(&state).as_bytes());
+    match reader::read(folder) {
+        Ok(run) => {
+            let _ = std::io::stdout().write_all(text::log_txt(&run).as_bytes());
             ExitCode::SUCCESS
         }
-        Ok(_) => refuse("the journal holds no whole event: the run was cut off at its start", ""),
         Err(why) => refuse(why, "`gnc-station records list` shows the runs that are there"),
     }
 }
@@ -86,7 +85,10 @@ fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
     }
     let _ = writeln!(out, "{} of {} runs are as written", folders.len() - bad, folders.len());
     if bad > 0 {
-        complain(format_args!("{bad} runs are not as they were written"), "restore them from a backup; do not ship on them");
+        complain(
+            format_args!("{bad} runs are not as they were written"),
+            "restore them from a backup; do not ship on them",
+        );
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     Ok(ExitCode::SUCCESS)

@@ -14,6 +14,7 @@ use gnc_executive::job::{Job, Next};
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::state::RunState;
 use gnc_protocol::message::{ErrorKind, ErrorRecords, MakeSafe, ModulePower};
 use gnc_protocol::{FaultCode, PROTOCOL_VERSION};
 use tokio::sync::watch;
@@ -122,7 +123,7 @@ impl Run<'_> {
             Ok(body) => body?,
             Err(asked) => self.end_at_once(asked).await?,
         }
-        let outcome = self.journal.look(|state| state.outcome_so_far());
+        let outcome = self.journal.look(RunState::outcome_so_far);
         self.journal.emit(EventKind::RunEnded { outcome }).await?;
         Ok(outcome)
     }
@@ -343,8 +344,7 @@ impl Run<'_> {
         let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
         match safe {
             Ok(Ok(())) => {
-                let power =
-                    Power { on: false, supply: "slave board".into(), voltage_v: None, current_a: None };
+                let power = Power { on: false, supply: "slave board".into(), voltage_v: None, current_a: None };
                 self.journal.emit(EventKind::Power(power)).await?;
             }
             Ok(Err(_)) | Err(_) => {
@@ -491,11 +491,7 @@ fn session_lives(trouble: &Trouble) -> bool {
 }
 
 /// A restart and a device that does not work are the module's; everything else leaves the station unable to tell.
-fn judge(
-    item: &PlanItem,
-    measured: &[Measurement],
-    trouble: Option<&Trouble>,
-) -> (Outcome, Option<AttemptError>) {
+fn judge(item: &PlanItem, measured: &[Measurement], trouble: Option<&Trouble>) -> (Outcome, Option<AttemptError>) {
     let Some(trouble) = trouble else {
         let outcome = item.attempt_outcome(measured);
         let missing: Vec<&str> = item.missing(measured).collect();
@@ -534,9 +530,10 @@ fn for_people(record: &gnc_protocol::message::ErrorRecord) -> RecordEvent {
         Some(ErrorKind::FlashNotBlank) => ("flash word not blank".to_owned(), format!("word {}", record.place)),
         Some(ErrorKind::FlashMismatch) => ("flash word differs".to_owned(), format!("word {}", record.place)),
         Some(ErrorKind::FlashSlow) => ("flash slower than its data sheet".to_owned(), "us".to_owned()),
-        Some(ErrorKind::IoMismatch) => {
-            ("IO line does not follow".to_owned(), format!("line {} driven, {} read", record.place >> 4, record.place & 15))
-        }
+        Some(ErrorKind::IoMismatch) => (
+            "IO line does not follow".to_owned(),
+            format!("line {} driven, {} read", record.place >> 4, record.place & 15),
+        ),
         Some(ErrorKind::SpiMismatch) => ("SPI byte differs".to_owned(), format!("byte {}", record.place)),
         Some(ErrorKind::SciMismatch) => ("SCI byte differs".to_owned(), format!("byte {}", record.place)),
         Some(ErrorKind::TimerInterrupts) => ("timer interrupts missing".to_owned(), format!("timer {}", record.place)),

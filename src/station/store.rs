@@ -20,6 +20,8 @@ pub use scribe::Scribe;
 pub const JOURNAL: &str = "events.jsonl";
 /// The record for programs.
 pub const RECORD: &str = "run.json";
+/// The record of one item, in its folder.
+pub const ITEM: &str = "item.json";
 /// The record for people.
 pub const LOG: &str = "log.txt";
 /// Digests of all other files, in the form that `sha256sum -c` reads.

@@ -1,6 +1,6 @@
 //! The GNSS receiver: its raw sentences and 1PPS edges come through the board; they are read and weighed here.
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{GnssRestart, GnssStart, StreamStart};
@@ -129,14 +129,14 @@ async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Repo
     report.number("latitude", latitude_deg, Unit::Degree).await?;
     report.number("longitude", longitude_deg, Unit::Degree).await?;
     report.number("height", height_m, Unit::Metre).await?;
-    match site {
+    match site.and_then(|site| site.place) {
         Some(site) => {
-            let horizontal_m = horizontal_distance_m(site, latitude_deg, longitude_deg);
+            let horizontal_m = horizontal_distance_m(&site, latitude_deg, longitude_deg);
             report.number("horizontal_error", horizontal_m, Unit::Metre).await?;
             report.number("height_error", (height_m - site.height_m).abs(), Unit::Metre).await?;
         }
         None => {
-            let why = "the bench file has no [site]";
+            let why = "the bench file has no surveyed place under [site]";
             report.not_available("horizontal_error", why).await?;
             report.not_available("height_error", why).await?;
         }
@@ -158,7 +158,7 @@ async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Repo
 }
 
 /// Distance on the ellipsoid, by its radii of curvature at the site: exact to a millimetre over a kilometre.
-fn horizontal_distance_m(site: &Site, latitude_deg: f64, longitude_deg: f64) -> f64 {
+fn horizontal_distance_m(site: &SitePlace, latitude_deg: f64, longitude_deg: f64) -> f64 {
     let (sin, cos) = site.latitude_deg.to_radians().sin_cos();
     let w = (1.0 - ECCENTRICITY_SQUARED * sin * sin).sqrt();
     let prime_vertical_m = EARTH_RADIUS_M / w + site.height_m;

@@ -23,14 +23,7 @@ pub struct Report<'a> {
 
 impl<'a> Report<'a> {
     pub(super) fn new(journal: &'a Journal, item: &'a PlanItem, attempt: u32, serial_number: &'a str) -> Self {
-        Self {
-            journal,
-            item,
-            attempt,
-            repeat: RefCell::new(1),
-            serial_number,
-            measured: RefCell::new(Vec::new()),
-        }
+        Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured: RefCell::new(Vec::new()) }
     }
 
     pub(super) fn begin_repeat(&self, repeat: u32) {

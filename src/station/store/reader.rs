@@ -48,7 +48,8 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
 /// A sentence for people.
 pub fn read(folder: &Path) -> Result<RunRecord, String> {
     let state = fold(folder)?;
-    RunRecord::from_state(&state).ok_or_else(|| "the journal holds no whole event: the run was cut off at its start".into())
+    RunRecord::from_state(&state)
+        .ok_or_else(|| "the journal holds no whole event: the run was cut off at its start".into())
 }
 
 /// Folds a run's journal.

@@ -9,11 +9,13 @@ use std::sync::mpsc as channel;
 use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
+use gnc_executive::plan::Plan;
+use gnc_executive::record::{ItemFile, ItemRecord, RUN_SCHEMA, RunRecord};
 use gnc_executive::state::RunState;
-use gnc_executive::{plan::Plan, record};
+use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
-use super::{DIGESTS, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
+use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
@@ -134,25 +136,38 @@ impl Writer {
         Ok(())
     }
 
-    /// A folder for the item, with what was measured and what the slave recorded.
+    /// A folder for the item, with all of its attempts: what was measured, what the slave recorded.
     fn file_item(&self, item: &str) -> Result<(), StoreError> {
         let Some(position) = self.state.rows().iter().position(|row| row.planned.name == *item) else { return Ok(()) };
         let row = &self.state.rows()[position];
+        let (Some(header), Some(run_started)) = (self.state.header(), self.state.started()) else { return Ok(()) };
         if row.attempts.is_empty() {
             return Ok(());
         }
-        let name = format!("{:02}-{}", position + 1, folder::folder_name(item));
-        for (file, text) in record::item_files(row) {
-            self.folder.put(&format!("{name}/{file}"), text.as_bytes())?;
-        }
-        Ok(())
+        let file = ItemFile {
+            schema: RUN_SCHEMA.to_owned(),
+            serial_number: header.serial_number.clone(),
+            bench: header.bench.kind,
+            run_started,
+            item: ItemRecord::from(row),
+        };
+        let name = format!("{:02}-{}/{ITEM}", position + 1, folder::folder_name(item));
+        self.folder.put(&name, &pretty(&file)?)
     }
 
     fn close_folder(&self) -> Result<(), StoreError> {
-        self.folder.put(LOG, record::log_txt(&self.state).as_bytes())?;
-        self.folder.put(RECORD, record::run_json(&self.state).as_bytes())?;
+        if let Some(record) = RunRecord::from_state(&self.state) {
+            self.folder.put(LOG, text::log_txt(&record).as_bytes())?;
+            self.folder.put(RECORD, &pretty(&record)?)?;
+        }
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
         self.folder.put_synced(DIGESTS, digest::list(self.folder.path())?.as_bytes())
     }
+}
+
+fn pretty(value: &impl serde::Serialize) -> Result<Vec<u8>, StoreError> {
+    let mut text = serde_json::to_vec_pretty(value)?;
+    text.push(b'\n');
+    Ok(text)
 }

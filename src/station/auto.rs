@@ -1,0 +1,165 @@
+//! `--auto PLAN`: a plan from the shell.
+//!
+//! The run goes on in this thread; what people or programs read is written by another ([`face`]), so that a stopped
+//! terminal never stops a test.
+
+mod face;
+
+use std::process::ExitCode;
+use std::sync::mpsc;
+
+use chrono::Local;
+use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
+use gnc_executive::job::Job;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::Plan;
+use tokio::sync::watch;
+
+use crate::board::Advance;
+use crate::cli::{RunArgs, complain, refuse};
+use crate::files;
+use crate::runner::journal::Journal;
+use crate::runner::{self, Live, Order, chain};
+use crate::setup::{self, Setup};
+use crate::stop::Stop;
+use crate::store::{RunFolder, Scribe, digest};
+use face::Face;
+
+/// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
+const UNREAD_EVENTS: usize = 1 << 16;
+/// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
+const MAX_SERIAL_NUMBER: usize = 64;
+
+/// Runs the plan as often as asked. The worst outcome decides the exit code.
+pub(crate) fn run(args: &RunArgs) -> ExitCode {
+    match prepare(args) {
+        Err(refusal) => refuse(refusal.what, &refusal.try_this),
+        Ok((plan, setup, serial_number)) => {
+            let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+                Ok(runtime) => runtime,
+                Err(error) => return refuse(format_args!("cannot start: {error}"), ""),
+            };
+            let outcome = runtime.block_on(all_rounds(args, &plan, setup, &serial_number));
+            // The thread that reads answers may wait for a line for ever.
+            runtime.shutdown_background();
+            match outcome {
+                Ok(outcome) => ExitCode::from(outcome.exit_code()),
+                Err(refusal) => refuse(refusal.what, &refusal.try_this),
+            }
+        }
+    }
+}
+
+/// Why nothing was run.
+#[derive(Debug)]
+pub(crate) struct Refusal {
+    pub what: String,
+    pub try_this: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(what: impl std::fmt::Display, try_this: &str) -> Self {
+        Self { what: what.to_string(), try_this: try_this.to_owned() }
+    }
+}
+
+fn prepare(args: &RunArgs) -> Result<(Plan, Setup, String), Refusal> {
+    let serial_number = serial_number(args.serial_number.as_deref())?;
+    let path = args.auto.as_deref().unwrap_or_else(|| std::path::Path::new(""));
+    let plan = files::plan(path)?;
+    let setup = setup::from_args(args, &serial_number)?;
+    Ok((plan, setup, serial_number))
+}
+
+fn serial_number(given: Option<&str>) -> Result<String, Refusal> {
+    let Some(given) = given else {
+        return Err(Refusal::new("no serial number is given", "scan it after --serial-number"));
+    };
+    // A scanner may end with white space; inside it belongs to the number.
+    let text = given.trim();
+    let try_this = "scan the module's label again";
+    if text.is_empty() {
+        return Err(Refusal::new("the serial number is empty", try_this));
+    }
+    let length = text.chars().count();
+    if length > MAX_SERIAL_NUMBER {
+        let what = format!("the serial number has {length} characters, at most {MAX_SERIAL_NUMBER} are taken");
+        return Err(Refusal::new(what, try_this));
+    }
+    if text.chars().any(char::is_control) {
+        let shown = gnc_executive::printable::quoted(text);
+        return Err(Refusal::new(format!("the serial number {shown} holds control characters"), try_this));
+    }
+    Ok(text.to_owned())
+}
+
+async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &str) -> Result<Outcome, Refusal> {
+    let stop = Stop::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
+    let job =
+        Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let mut order = Order {
+        job,
+        header: header(args, plan, &setup, serial_number),
+        port: setup.port,
+        rate_baud: setup.rate_baud,
+        fixture: setup.fixture,
+        site: setup.site,
+    };
+    // The simulated bench ends with this scope.
+    let _simulation = setup.simulation;
+    let mut worst = None;
+    for round in 1..=args.loops {
+        order.header.looped = (args.loops > 1).then_some(Loop { index: round, count: Some(args.loops) });
+        let outcome = one_round(args, &order, plan, &setup.records, &stop).await?;
+        worst = Outcome::worst([Some(outcome), worst].into_iter().flatten());
+        if stop.asked().times > 0 {
+            break;
+        }
+    }
+    Ok(worst.unwrap_or(Outcome::Errored))
+}
+
+async fn one_round(
+    args: &RunArgs,
+    order: &Order,
+    plan: &Plan,
+    records: &std::path::Path,
+    stop: &Stop,
+) -> Result<Outcome, Refusal> {
+    let store_refusal = |error: crate::store::StoreError| Refusal::new(chain(&error), error.try_this());
+    // Before power-on, so that no module is tested whose record cannot be kept.
+    let folder = RunFolder::create(records, Local::now().fixed_offset(), &order.header.serial_number, &plan.name)
+        .map_err(store_refusal)?;
+    let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
+    let live = Live { doing: watch::channel(None).0, advance: watch::channel(Advance::default()).0 };
+    let face = Face::start(events, &live, args.events, folder.path().to_owned())
+        .map_err(|error| Refusal::new(format!("cannot start: {error}"), ""))?;
+    let scribe = Scribe::start(folder, plan, vec![watcher]).map_err(store_refusal)?;
+    let ending = runner::run(order, Journal::new(scribe), stop, &live).await;
+    face.join();
+    if let Some(error) = &ending.store_error {
+        complain(
+            format_args!("ERRORED: this run is no pass, since its record could not be written: {}", chain(error)),
+            error.try_this(),
+        );
+    }
+    Ok(ending.outcome)
+}
+
+fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {
+    RunHeader {
+        schema: EVENTS_SCHEMA.to_owned(),
+        serial_number: serial_number.to_owned(),
+        operator: args.operator.clone(),
+        station: setup.station.clone(),
+        program: Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() },
+        bench: setup.bench.clone(),
+        plan: PlanInfo {
+            name: plan.name.clone(),
+            version: plan.version.clone(),
+            sha256: digest::of_plan(plan.files()),
+        },
+        selection: args.only.clone(),
+        looped: None,
+    }
+}

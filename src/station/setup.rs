@@ -1,0 +1,147 @@
+//! From the command line to a bench: a real one by its file, or the simulated one.
+
+use std::path::{Path, PathBuf};
+
+use gnc_executive::bench::{BenchFile, Site};
+use gnc_executive::event::Bench;
+use gnc_executive::job::BenchAbilities;
+
+use crate::auto::Refusal;
+use crate::cli::RunArgs;
+use crate::files;
+use crate::fixture::{Fixture, Operator};
+
+/// The bench file that is taken where none is named.
+const BENCH_FILE: &str = "bench.toml";
+/// Where records go if nobody says otherwise.
+const RECORDS: &str = "records";
+
+/// A bench that is ready to be used.
+#[derive(Debug)]
+pub(crate) struct Setup {
+    pub station: String,
+    pub records: PathBuf,
+    pub bench: Bench,
+    pub port: PathBuf,
+    pub rate_baud: u32,
+    pub abilities: BenchAbilities,
+    pub fixture: Fixture,
+    pub site: Option<Site>,
+    /// Keeps the simulated bench alive.
+    pub simulation: Simulation,
+}
+
+#[cfg(feature = "sim")]
+pub(crate) type Simulation = Option<hw_mocks::RunningBench>;
+#[cfg(not(feature = "sim"))]
+pub(crate) type Simulation = ();
+
+pub(crate) fn from_args(args: &RunArgs, serial_number: &str) -> Result<Setup, Refusal> {
+    match &args.sim {
+        Some(personality) => simulated(args, personality, serial_number),
+        None => real(args),
+    }
+}
+
+fn real(args: &RunArgs) -> Result<Setup, Refusal> {
+    let path = match &args.bench {
+        Some(path) => path.clone(),
+        None if Path::new(BENCH_FILE).exists() => BENCH_FILE.into(),
+        None => {
+            let what = format!("no bench: there is no {BENCH_FILE} here");
+            return Err(Refusal::new(
+                what,
+                "name a bench file with --bench FILE, or test a simulated module with --sim",
+            ));
+        }
+    };
+    let file = files::bench(&path)?;
+    let Some(socket) = file.socket.clone() else {
+        let what = format!("{} names no port: it has no [socket]", path.display());
+        return Err(Refusal::new(what, "add [socket] with port and rate; `gnc-station ports` lists what is there"));
+    };
+    let on_terminal = std::io::IsTerminal::is_terminal(&std::io::stdin());
+    let fixture = if on_terminal {
+        let operator = Operator::at_the_terminal();
+        Fixture::Operator(
+            operator.map_err(|error| Refusal::new(format!("cannot read from the terminal: {error}"), ""))?,
+        )
+    } else {
+        Fixture::Absent
+    };
+    let bench = Bench {
+        port: Some(socket.port.clone()),
+        rate_bps: Some(socket.rate_bps),
+        site: file.site.as_ref().and_then(|site| site.name.clone()),
+        ..Bench::real()
+    };
+    Ok(Setup {
+        station: station(args, &file),
+        records: records(args, &file, path.parent()),
+        bench,
+        port: socket.port.into(),
+        rate_baud: socket.rate_bps,
+        abilities: BenchAbilities { rs422: true, can: false, operator: fixture.is_there() },
+        fixture,
+        site: file.site,
+        simulation: Simulation::default(),
+    })
+}
+
+#[cfg(not(feature = "sim"))]
+fn simulated(_: &RunArgs, _: &Path, _: &str) -> Result<Setup, Refusal> {
+    Err(Refusal::new("this program was built without the simulated bench", "build it with the feature `sim`"))
+}
+
+#[cfg(feature = "sim")]
+fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<Setup, Refusal> {
+    use hw_mocks::{Options, Personality, RunningBench, Speed};
+
+    let (personality, name) = if personality.as_os_str().is_empty() {
+        (Personality::good(), "good".to_owned())
+    } else {
+        let text = std::fs::read_to_string(personality).map_err(|error| {
+            let what = format!("cannot read the board {}: {error}", personality.display());
+            Refusal::new(what, "hw-mocks/boards/ has boards to start from")
+        })?;
+        let name = personality.display().to_string();
+        (Personality::from_toml(&name, &text).map_err(|error| Refusal::new(error, ""))?, name)
+    };
+    let speed: Speed =
+        args.sim_speed.parse().map_err(|error| Refusal::new(error, "use a factor such as 10, or max"))?;
+    let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
+        .map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let options =
+        Options { serial_number: Some(serial_number.to_owned()), seed: args.seed, speed, ..Options::new(personality) };
+    let rate_baud = options.rate_baud;
+    let running = RunningBench::start(options)
+        .map_err(|error| Refusal::new(format!("cannot start the simulated bench: {error}"), "is /dev/pts there?"))?;
+    let port = running.port().to_owned();
+    let bench = Bench {
+        port: Some(port.display().to_string()),
+        rate_bps: Some(rate_baud),
+        site: file.site.as_ref().and_then(|site| site.name.clone()),
+        ..Bench::simulated(name, args.sim_speed.clone(), args.seed)
+    };
+    Ok(Setup {
+        station: station(args, &file),
+        records: records(args, &file, None),
+        bench,
+        port,
+        rate_baud,
+        abilities: BenchAbilities { rs422: true, can: false, operator: true },
+        fixture: Fixture::Simulated(running.control()),
+        site: file.site,
+        simulation: Some(running),
+    })
+}
+
+fn station(args: &RunArgs, file: &BenchFile) -> String {
+    args.station.clone().unwrap_or_else(|| file.station_id.clone())
+}
+
+/// A folder in a bench file goes from the folder of that file.
+fn records(args: &RunArgs, file: &BenchFile, folder: Option<&Path>) -> PathBuf {
+    let named = file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records));
+    args.records.clone().or(named).unwrap_or_else(|| RECORDS.into())
+}
