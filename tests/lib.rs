@@ -1,1 +1,172 @@
-//! Whole-program tests against the simulated bench.
+//! Runs the station as its users do and reads what it leaves behind.
+
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The functional plan of the repository.
+#[must_use]
+pub fn functional_plan() -> PathBuf {
+    repository().join("test-plans/functional.toml")
+}
+
+/// The root of the repository.
+#[must_use]
+pub fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// All boards that come with the simulated bench, by file.
+///
+/// # Panics
+/// The folder cannot be read.
+#[must_use]
+pub fn boards() -> Vec<PathBuf> {
+    let folder = repository().join("hw-mocks/boards");
+    let mut boards: Vec<PathBuf> = std::fs::read_dir(folder)
+        .expect("hw-mocks/boards")
+        .map(|entry| entry.expect("hw-mocks/boards").path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
+        .collect();
+    boards.sort();
+    boards
+}
+
+/// A folder of its own in which the station works.
+#[derive(Debug)]
+pub struct Place {
+    folder: TempDir,
+    station: PathBuf,
+}
+
+impl Place {
+    /// An empty folder; `station` is the program under test.
+    ///
+    /// # Panics
+    /// There is no room for a folder.
+    #[must_use]
+    pub fn new(station: &str) -> Self {
+        Self { folder: TempDir::new().expect("a temporary folder"), station: station.into() }
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Writes a file into it.
+    ///
+    /// # Panics
+    /// It cannot be written.
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path().join(name);
+        std::fs::write(&path, text).expect(name);
+        path
+    }
+
+    /// The station with these arguments, in this folder.
+    #[must_use]
+    pub fn station<S: AsRef<std::ffi::OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
+        let mut command = Command::new(&self.station);
+        command.args(args).current_dir(self.path()).stdin(Stdio::null()).env("NO_COLOR", "1");
+        command
+    }
+
+    /// Runs the functional plan on a simulated board.
+    ///
+    /// # Panics
+    /// The program cannot be started.
+    #[must_use]
+    pub fn functional(&self, sim: &str, more: &[&str]) -> Run {
+        let plan = functional_plan();
+        let fixed = ["--auto", &plan.to_string_lossy(), sim, "--serial-number", "T-1"].map(str::to_owned);
+        self.run(fixed.into_iter().chain(more.iter().map(|arg| (*arg).to_owned())))
+    }
+
+    /// Runs the station to its end.
+    ///
+    /// # Panics
+    /// The program cannot be started.
+    #[must_use]
+    pub fn run<S: AsRef<std::ffi::OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Run {
+        let Output { status, stdout, stderr } = self.station(args).output().expect("the station");
+        Run {
+            code: status.code(),
+            stdout: String::from_utf8_lossy(&stdout).into_owned(),
+            stderr: String::from_utf8_lossy(&stderr).into_owned(),
+        }
+    }
+
+    /// The folders of all runs, oldest first.
+    ///
+    /// # Panics
+    /// The records cannot be read.
+    #[must_use]
+    pub fn runs(&self) -> Vec<PathBuf> {
+        let records = self.path().join("records");
+        if !records.exists() {
+            return Vec::new();
+        }
+        let found = gnc_station::store::reader::list(&records).expect("records");
+        found.into_iter().map(|run| run.path).collect()
+    }
+
+    /// The record of the only run.
+    ///
+    /// # Panics
+    /// There is another number of runs, or the record is not JSON.
+    #[must_use]
+    pub fn record(&self) -> Value {
+        let runs = self.runs();
+        assert_eq!(runs.len(), 1, "{runs:?}");
+        read_json(&runs[0].join("run.json"))
+    }
+}
+
+/// What the station said.
+#[derive(Debug)]
+pub struct Run {
+    /// Its exit code, if it was not killed.
+    pub code: Option<i32>,
+    /// For people, or events.
+    pub stdout: String,
+    /// Complaints.
+    pub stderr: String,
+}
+
+/// Reads a JSON file.
+///
+/// # Panics
+/// It is none.
+#[must_use]
+pub fn read_json(path: &Path) -> Value {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Names of the items that did not pass and were not left out for want of a device.
+#[must_use]
+pub fn bad_items(record: &Value) -> Vec<String> {
+    let items = record["items"].as_array().into_iter().flatten();
+    items
+        .filter(|item| !matches!(item["outcome"].as_str(), Some("passed" | "marginal")))
+        .filter(|item| item["cause"]["kind"] != "device_missing")
+        .filter_map(|item| item["name"].as_str().map(str::to_owned))
+        .collect()
+}
+
+/// All that a child writes to its standard output, once it has ended.
+///
+/// # Panics
+/// It has none, or does not end.
+#[must_use]
+pub fn drain(child: &mut Child) -> String {
+    let mut text = String::new();
+    let _ = child.stdout.take().expect("a piped output").read_to_string(&mut text);
+    child.wait().expect("its end");
+    text
+}

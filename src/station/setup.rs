@@ -34,7 +34,7 @@ pub(crate) struct Setup {
 #[cfg(feature = "sim")]
 pub(crate) type Simulation = Option<hw_mocks::RunningBench>;
 #[cfg(not(feature = "sim"))]
-pub(crate) type Simulation = ();
+pub(crate) type Simulation = Option<std::convert::Infallible>;
 
 pub(crate) fn from_args(args: &RunArgs, serial_number: &str) -> Result<Setup, Refusal> {
     match &args.sim {
@@ -84,7 +84,7 @@ fn real(args: &RunArgs) -> Result<Setup, Refusal> {
         abilities: BenchAbilities { rs422: true, can: false, operator: fixture.is_there() },
         fixture,
         site: file.site,
-        simulation: Simulation::default(),
+        simulation: None,
     })
 }
 

@@ -1,0 +1,136 @@
+//! `--auto` as an operator or a script meets it: exit codes, and words that say what to do.
+
+use gnc_tests::{Place, bad_items, functional_plan};
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+
+/// A run that is refused: exit code 2, nothing on standard output, no record, and these words.
+fn check_refused(args: &[&str], files: &[(&str, &str)], words: &[&str]) {
+    let place = Place::new(STATION);
+    for (name, text) in files {
+        place.write(name, text);
+    }
+    let run = place.run(args);
+    assert_eq!(run.code, Some(2), "{args:?}: {}{}", run.stdout, run.stderr);
+    for word in words {
+        assert!(run.stderr.contains(word), "{args:?} does not say {word:?}: {}", run.stderr);
+    }
+    assert!(place.runs().is_empty(), "{args:?} left a record");
+    assert!(!run.stderr.contains('\u{1b}'), "{args:?} moves the cursor: {:?}", run.stderr);
+}
+
+#[test]
+fn mistakes_of_the_command_line_are_refused() {
+    let plan = functional_plan();
+    let plan = plan.to_str().expect("UTF-8");
+    check_refused(&[], &[], &["nothing to do", "--auto"]);
+    check_refused(&["--auto", plan, "--sim"], &[], &["no serial number", "--serial-number"]);
+    check_refused(&["--auto", plan, "--sim", "--serial-number", " "], &[], &["is empty", "scan"]);
+    check_refused(&["--auto", plan, "--sim", "--serial-number", "a\u{1b}[2Jb"], &[], &["control characters"]);
+    let long = "x".repeat(10_000);
+    check_refused(&["--auto", plan, "--sim", "--serial-number", &long], &[], &["10000 characters", "at most 64"]);
+    check_refused(&["--auto", plan, "--serial-number", "A"], &[], &["no bench", "--bench", "--sim"]);
+    check_refused(&["--auto", "no.toml", "--sim", "--serial-number", "A"], &[], &["cannot read the plan no.toml"]);
+    check_refused(&["--auto", ".", "--sim", "--serial-number", "A"], &[], &["cannot read the plan", "name the file"]);
+    let speed = ["--auto", plan, "--sim", "--sim-speed", "fast", "--serial-number", "A"];
+    check_refused(&speed, &[], &["fast", "max"]);
+    let only = ["--auto", plan, "--sim", "--only", "imus", "--serial-number", "A"];
+    check_refused(&only, &[], &["imus", "did you mean \"imu\"?"]);
+    check_refused(&["--auto", plan, "--sim=no.toml", "--serial-number", "A"], &[], &["no.toml", "hw-mocks/boards"]);
+    let board = [("b.toml", "nonsense = 1\n")];
+    check_refused(&["--auto", plan, "--sim=b.toml", "--serial-number", "A"], &board, &["b.toml", "1:1", "nonsense"]);
+}
+
+#[test]
+fn a_wrong_plan_is_refused_with_line_and_column() {
+    let text = "name = \"x\"\nversion = \"1\"\n[[item]]\nid = \"imo\"\n[[item]]\nid = \"imu\"\nlimits.gyro_x = \"0 +- 2 V\"\n";
+    let files = [("p.toml", text)];
+    let words = ["p.toml:4:6", "did you mean", "p.toml:7:"];
+    check_refused(&["--auto", "p.toml", "--sim", "--serial-number", "A"], &files, &words);
+    let syntax = [("p.toml", "name = \"x\"\nversion = \n")];
+    check_refused(&["--auto", "p.toml", "--sim", "--serial-number", "A"], &syntax, &["p.toml:2:"]);
+}
+
+#[test]
+fn a_wrong_bench_file_is_refused() {
+    let plan = functional_plan();
+    let plan = plan.to_str().expect("UTF-8");
+    let args = ["--auto", plan, "--serial-number", "A"];
+    let files = [("bench.toml", "[station]\nid = \"s\"\n[socket]\nport = \"/dev/ttyX\"\nrate = \"9600 V\"\n")];
+    check_refused(&args, &files, &["bench.toml:5:"]);
+    let files = [("bench.toml", "[station]\nid = \"s\"\n")];
+    check_refused(&args, &files, &["[socket]", "gnc-station ports"]);
+}
+
+/// A plan that needs somebody is refused where nobody is, before any power.
+#[test]
+fn a_plan_with_prompts_is_refused_without_an_operator() {
+    let plan = functional_plan();
+    let plan = plan.to_str().expect("UTF-8");
+    let files = [("bench.toml", "[station]\nid = \"s\"\n[socket]\nport = \"/dev/null\"\n")];
+    check_refused(&["--auto", plan, "--serial-number", "A"], &files, &["ad", "operator", "on a terminal"]);
+}
+
+/// No port, no board, or something else behind the port: the run is errored, not failed, and says what to look at.
+#[test]
+fn a_bench_without_a_board_is_errored() {
+    for (port, words) in [
+        ("/dev/does-not-exist", ["there is no port", "plugged in"]),
+        ("/dev/null", ["not a serial port", "gnc-station ports"]),
+        (".", ["not a serial port", "gnc-station ports"]),
+    ] {
+        let place = Place::new(STATION);
+        place.write("bench.toml", &format!("[station]\nid = \"s\"\n[socket]\nport = \"{port}\"\n"));
+        let plan = functional_plan();
+        let plan = plan.to_str().expect("UTF-8");
+        let run = place.run(["--auto", plan, "--serial-number", "A", "--only", "io"]);
+        assert_eq!(run.code, Some(3), "{port}: {}{}", run.stdout, run.stderr);
+        for word in words {
+            assert!(run.stdout.contains(word), "{port} does not say {word:?}: {}", run.stdout);
+        }
+        assert_eq!(place.record()["outcome"], "errored", "{port}");
+    }
+}
+
+/// What the bench lacks and the plan calls optional is skipped with its cause; a selection is no pass of the module.
+#[test]
+fn optional_items_and_selections() {
+    let place = Place::new(STATION);
+    let run = place.functional("--sim", &["--sim-speed", "max", "--only", "can,io"]);
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    let record = place.record();
+    assert!(bad_items(&record).iter().all(|item| item != "io"), "{record}");
+    let can = record["items"].as_array().into_iter().flatten().find(|item| item["id"] == "can").expect("can");
+    assert_eq!(can["outcome"], "skipped");
+    assert_eq!(can["cause"]["kind"], "device_missing");
+    assert!(run.stdout.contains("SELECTION"), "{}", run.stdout);
+    assert!(run.stdout.contains("SIMULATED BENCH"), "{}", run.stdout);
+}
+
+/// The rows that failed stand at the end again, with what to look at, and the place of the record.
+#[test]
+fn failing_rows_are_repeated_with_what_to_look_at() {
+    let place = Place::new(STATION);
+    let board = gnc_tests::repository().join("hw-mocks/boards/stuck-gyro-axis.toml");
+    let run = place.functional(&format!("--sim={}", board.display()), &["--sim-speed", "max"]);
+    assert_eq!(run.code, Some(1), "{}{}", run.stdout, run.stderr);
+    let (_, end) = run.stdout.split_once("imu failed").expect("the failing rows");
+    for word in ["stuck_channels", "== none", "repeat one value", "FAILED", "record: records/"] {
+        assert!(end.contains(word), "{word:?} is missing: {end}");
+    }
+}
+
+/// The same seed gives the same measurements, whatever the wall clock does.
+#[test]
+fn a_seed_repeats_a_run() {
+    let values = |seed: &str| {
+        let place = Place::new(STATION);
+        let run = place.functional("--sim", &["--sim-speed", "max", "--only", "imu", "--seed", seed]);
+        assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+        let record = place.record();
+        let imu = record["items"].as_array().into_iter().flatten().find(|item| item["id"] == "imu").expect("imu");
+        imu["attempts"][0]["measurements"].to_string()
+    };
+    assert_eq!(values("7"), values("7"));
+    assert_ne!(values("7"), values("8"));
+}

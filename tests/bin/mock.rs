@@ -1,0 +1,5 @@
+//! The simulated board as a program, for tests.
+
+fn main() -> std::process::ExitCode {
+    hw_mocks::main()
+}

@@ -1,0 +1,5 @@
+//! The station, for tests.
+
+fn main() -> std::process::ExitCode {
+    gnc_station::cli::main()
+}

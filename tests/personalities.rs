@@ -1,0 +1,70 @@
+//! Every simulated board ends as its file says, over a pseudo-terminal, at true speed and at full speed.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use gnc_tests::{Place, bad_items, boards};
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+/// Runs at once: at true speed they mostly wait for the board.
+const AT_ONCE: usize = 6;
+
+/// Runs the functional plan on a board; says what is not as its file expects.
+fn check(board: &Path, speed: &str) -> Result<(), String> {
+    let name = board.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let text = std::fs::read_to_string(board).map_err(|error| error.to_string())?;
+    let personality = hw_mocks::Personality::from_toml(&name, &text).map_err(|error| error.to_string())?;
+    let expected = personality.expect.get("functional").ok_or(format!("{name} expects nothing of the plan"))?;
+    let place = Place::new(STATION);
+    let run = place.functional(&format!("--sim={}", board.display()), &["--sim-speed", speed]);
+    let context = format!("{name} at speed {speed}\n{}{}", run.stdout, run.stderr);
+    let code = match expected.outcome.as_str() {
+        "passed" | "marginal" => 0,
+        "failed" => 1,
+        "errored" => 3,
+        other => return Err(format!("{name} expects the unknown outcome {other}")),
+    };
+    if run.code != Some(code) {
+        return Err(format!("exit code {:?} instead of {code}: {context}", run.code));
+    }
+    let record = place.record();
+    let mut items = expected.items.clone();
+    items.sort();
+    let mut bad = bad_items(&record);
+    bad.sort();
+    if record["outcome"] != expected.outcome || bad != items {
+        return Err(format!("{} {bad:?} instead of {} {items:?}: {context}", record["outcome"], expected.outcome));
+    }
+    Ok(())
+}
+
+fn check_all(speed: &str) {
+    let boards = boards();
+    assert!(boards.len() > 10, "at least one good board and ten faults: {boards:?}");
+    let left = Mutex::new(boards);
+    let wrong = Mutex::new(Vec::new());
+    let next = || -> Option<PathBuf> { left.lock().expect("boards").pop() };
+    std::thread::scope(|scope| {
+        for _ in 0..AT_ONCE {
+            scope.spawn(|| {
+                while let Some(board) = next() {
+                    if let Err(why) = check(&board, speed) {
+                        wrong.lock().expect("results").push(why);
+                    }
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().expect("results");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+#[test]
+fn every_board_ends_as_expected_at_full_speed() {
+    check_all("max");
+}
+
+#[test]
+fn every_board_ends_as_expected_at_true_speed() {
+    check_all("1");
+}
