@@ -63,8 +63,8 @@ pub struct RunArgs {
     /// Runs a plan without a screen.
     #[arg(long, value_name = "PLAN")]
     pub auto: Option<PathBuf>,
-    /// Tests a simulated module: a good one, or the one that FILE describes.
-    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with = "bench")]
+    /// Tests a simulated module: a good one, or the one that FILE (or a built-in name) describes.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "good", conflicts_with = "bench")]
     pub sim: Option<PathBuf>,
     /// How fast simulated time passes: a factor, or `max`.
     #[arg(long, value_name = "N|max", default_value = "1", requires = "sim")]

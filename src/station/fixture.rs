@@ -40,7 +40,7 @@ pub enum FixtureError {
         /// What was to be done.
         what: String,
         /// Why.
-        source: hw_mocks::ControlError,
+        source: hw_mocks::BenchGone,
     },
 }
 
@@ -129,7 +129,7 @@ impl Fixture {
 }
 
 #[cfg(feature = "sim")]
-type SimulatedError = hw_mocks::ControlError;
+type SimulatedError = hw_mocks::BenchGone;
 #[cfg(not(feature = "sim"))]
 type SimulatedError = std::convert::Infallible;
 

@@ -3,6 +3,7 @@
 //! Each sentence is parsed by itself: nothing of an older one is carried over, and an implausible one counts as an
 //! error. An epoch is what GGA, GSA and RMC of the same time say together.
 
+use chrono::NaiveTime;
 use nmea::ParseResult;
 use nmea::sentences::gsa::GsaMode2;
 use nmea::sentences::{FixType, GgaData, GsaData, RmcData};
@@ -46,6 +47,7 @@ pub(crate) struct Sentences {
     line: Vec<u8>,
     synchronised: bool,
     errors: u32,
+    time: Option<NaiveTime>,
     gga: Option<GgaData>,
     gsa: Option<GsaData>,
     rmc: Option<RmcData>,
@@ -88,20 +90,30 @@ impl Sentences {
             return;
         };
         match nmea::parse_str(text) {
+            Ok(ParseResult::GGA(gga)) if !plausible(&gga) => self.errors += 1,
             Ok(ParseResult::GGA(gga)) => {
-                // GGA opens an epoch.
-                epochs.extend(self.close());
-                if plausible(&gga) {
-                    self.gga = Some(gga);
-                } else {
-                    self.errors += 1;
-                }
+                let again = self.gga.is_some();
+                epochs.extend(self.close_unless(gga.fix_time, again));
+                self.gga = Some(gga);
             }
+            Ok(ParseResult::RMC(rmc)) => {
+                let again = self.rmc.is_some();
+                epochs.extend(self.close_unless(rmc.fix_time, again));
+                self.rmc = Some(rmc);
+            }
+            // Without a time of its own it belongs to the epoch that is open.
             Ok(ParseResult::GSA(gsa)) => self.gsa = Some(gsa),
-            Ok(ParseResult::RMC(rmc)) => self.rmc = Some(rmc),
             Ok(_) | Err(nmea::Error::DisabledSentence | nmea::Error::Unsupported(_)) => {}
             Err(_) => self.errors += 1,
         }
+    }
+
+    /// A sentence of another time, or of a kind that is there already, begins the next epoch. Receivers differ in
+    /// which one they send first.
+    fn close_unless(&mut self, time: Option<NaiveTime>, again: bool) -> Option<Epoch> {
+        let same = self.time == time && !again;
+        self.time = time;
+        if same { None } else { self.close() }
     }
 
     fn close(&mut self) -> Option<Epoch> {
@@ -113,17 +125,13 @@ impl Sentences {
             Some(GsaMode2::Fix2D) if fixed => 2,
             _ => 0,
         };
-        let same_time = rmc.as_ref().is_some_and(|rmc| rmc.fix_time == gga.fix_time);
         let height_m = gga.altitude.map(f64::from).zip(gga.geoid_separation.map(f64::from));
         Some(Epoch {
             dimensions,
             latitude_deg: gga.latitude,
             longitude_deg: gga.longitude,
             height_m: height_m.map(|(above_sea, geoid)| above_sea + geoid),
-            ground_speed_mps: rmc
-                .filter(|_| same_time)
-                .and_then(|rmc| rmc.speed_over_ground)
-                .map(|knots| f64::from(knots) * KNOT_MPS),
+            ground_speed_mps: rmc.and_then(|rmc| rmc.speed_over_ground).map(|knots| f64::from(knots) * KNOT_MPS),
             satellites_used: gga.fix_satellites,
             hdop: gga.hdop,
             vdop: gsa.and_then(|gsa| gsa.vdop),

@@ -95,26 +95,32 @@ fn simulated(_: &RunArgs, _: &Path, _: &str) -> Result<Setup, Refusal> {
 
 #[cfg(feature = "sim")]
 fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<Setup, Refusal> {
-    use hw_mocks::{Options, Personality, RunningBench, Speed};
+    use hw_mocks::{Options, Personality, RunningBench};
 
-    let (personality, name) = if personality.as_os_str().is_empty() {
-        (Personality::good(), "good".to_owned())
-    } else {
-        let text = std::fs::read_to_string(personality).map_err(|error| {
-            let what = format!("cannot read the board {}: {error}", personality.display());
-            Refusal::new(what, "hw-mocks/boards/ has boards to start from")
-        })?;
-        let name = personality.display().to_string();
-        (Personality::from_toml(&name, &text).map_err(|error| Refusal::new(error, ""))?, name)
+    let name = personality.display().to_string();
+    let personality = match hw_mocks::boards().iter().find(|(built_in, _)| *built_in == name) {
+        Some((_, text)) if !personality.exists() => Personality::from_toml(&name, text),
+        _ => {
+            let text = std::fs::read_to_string(personality).map_err(|error| {
+                let what = format!("cannot read the board {name}: {error}");
+                Refusal::new(what, "hw-mocks/boards/ has boards to start from; `hw-mocks --boards` lists their names")
+            })?;
+            Personality::from_toml(&name, &text)
+        }
     };
-    let speed: Speed =
-        args.sim_speed.parse().map_err(|error| Refusal::new(error, "use a factor such as 10, or max"))?;
+    let personality = personality.map_err(|error| Refusal::new(error, ""))?;
+    let speed = speed(&args.sim_speed)?;
     let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
         .map_err(|mistakes| Refusal::new(mistakes, ""))?;
-    let options =
-        Options { serial_number: Some(serial_number.to_owned()), seed: args.seed, speed, ..Options::new(personality) };
+    let options = Options {
+        serial_number: Some(serial_number.to_owned()),
+        seed: args.seed,
+        speed,
+        personality,
+        ..Options::default()
+    };
     let rate_baud = options.rate_baud;
-    let running = RunningBench::start(options)
+    let running = RunningBench::start(&options)
         .map_err(|error| Refusal::new(format!("cannot start the simulated bench: {error}"), "is /dev/pts there?"))?;
     let port = running.port().to_owned();
     let bench = Bench {
@@ -134,6 +140,20 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
         site: file.site,
         simulation: Some(running),
     })
+}
+
+#[cfg(feature = "sim")]
+fn speed(text: &str) -> Result<hw_mocks::Speed, Refusal> {
+    if text == "max" {
+        return Ok(hw_mocks::Speed::Max);
+    }
+    match text.parse::<f64>() {
+        Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(hw_mocks::Speed::Times(factor)),
+        _ => {
+            let shown = gnc_executive::printable::quoted(text);
+            Err(Refusal::new(format!("{shown} is no speed of simulated time"), "use a factor such as 10, or max"))
+        }
+    }
 }
 
 fn station(args: &RunArgs, file: &BenchFile) -> String {

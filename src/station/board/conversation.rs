@@ -362,6 +362,7 @@ impl Conversation {
     fn finished(&mut self, request: u16, message: u16, payload: &[u8]) {
         // A result that nobody waits for was repeated once too often: not an error.
         let Some(pending) = self.take(request, message) else { return };
+        self.advance.send_replace(Advance::default());
         let what = pending.what;
         let mut reader = Reader::new(payload);
         let answer = match ResultHead::get(&mut reader) {
