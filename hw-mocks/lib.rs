@@ -1,1 +1,25 @@
 //! The simulated bench: a world with a truth, a slave board and a GNC module in it.
+//!
+//! [`RunningBench`] serves a [`Bench`] on a pseudo-terminal; [`Control`] is what an operator or a fixture does at it;
+//! a [`Personality`] says what is in the socket and what is wrong with it. Faults change the world, a device or the
+//! wire, never an answer: the bench knows no plans, no limits and no verdicts, and must not know the right answer.
+
+pub mod bench;
+pub mod board;
+mod boards;
+pub mod devices;
+pub mod driver;
+mod line;
+pub mod module;
+pub mod noise;
+pub mod personality;
+pub mod program;
+pub mod records;
+mod requests;
+mod streams;
+pub mod world;
+
+pub use bench::{Bench, Options, Speed, Truth};
+pub use driver::{BenchGone, Control, RunningBench};
+pub use personality::{Expectation, Personality, PersonalityError, boards};
+pub use world::{Axis, Sign};

@@ -1,0 +1,378 @@
+//! The simulated bench without its port: bytes and link time go in, bytes come out. Never does any I/O, never asks
+//! for the time.
+//!
+//! Link time is wall time since any fixed moment. Bench time follows it N times as fast; at maximum speed it moves
+//! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
+//! everything said before has left through the port.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use gnc_protocol::frame::Frame;
+use gnc_protocol::serial::{Decoder, WireBytes, encode};
+use gnc_protocol::slave::{Board, Slave};
+use nalgebra::Matrix3;
+
+use crate::board::SimulatedBoard;
+use crate::devices::inertial::SensorModels;
+use crate::line::Line;
+use crate::noise::{Dice, Source};
+use crate::personality::{Personality, WireFaults};
+use crate::world::{Axis, Influence, Sign, Site, World};
+
+/// Bytes waiting for the line beyond which the board drops samples: 0.7 s at 921600 baud.
+const SAMPLES_WAIT: usize = 64 * 1024;
+/// Bytes waiting beyond which whole frames are lost: nobody has listened for long.
+const FRAMES_WAIT: usize = 256 * 1024;
+/// Bytes taken from the host ahead of the line's pace.
+const INPUT_WAIT: usize = 4096;
+
+/// How fast bench time runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Speed {
+    /// So many times as fast as wall time; 1 is true time.
+    Times(f64),
+    /// As fast as it can.
+    Max,
+}
+
+/// What a bench is made of.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Board, module and faults.
+    pub personality: Personality,
+    /// What the module says its serial number is, unless the personality fixes one.
+    pub serial_number: Option<String>,
+    /// Seed of all chance.
+    pub seed: u64,
+    /// How fast bench time runs.
+    pub speed: Speed,
+    /// Rate of the link.
+    pub rate_baud: u32,
+    /// UTC at the start since 1970, so that a run can be repeated; not the wall clock.
+    pub utc_start: Duration,
+    /// Where the bench stands.
+    pub site: Site,
+    /// Temperature of the room.
+    pub ambient_c: f64,
+}
+
+impl Default for Options {
+    /// A good module at true speed and 921600 baud, on 2026-11-22 at 06:30:15 UTC.
+    fn default() -> Self {
+        Self {
+            personality: Personality::good(),
+            serial_number: None,
+            seed: 1,
+            speed: Speed::Times(1.0),
+            rate_baud: 921_600,
+            utc_start: Duration::from_secs(1_795_329_015),
+            site: Site::default(),
+            ambient_c: 23.0,
+        }
+    }
+}
+
+/// What really is, for tests: nothing of it may reach the station.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// Where the bench stands.
+    pub site: Site,
+    /// Gravity there, m/s^2.
+    pub gravity: f64,
+    /// Rotation from north, west, up into the module's axes.
+    pub attitude: Matrix3<f64>,
+    /// What acts on the module, in its axes.
+    pub influence: Influence,
+    /// The sensors' true errors.
+    pub sensors: SensorModels,
+    /// Bench time in ns of the board's oscillator.
+    pub bench_time_ns: u64,
+    /// Board time in us since its last start.
+    pub board_time_us: u64,
+    /// UTC, seconds since 1970.
+    pub utc_s: f64,
+    /// The DIP switches 1 to 5.
+    pub switches: [bool; 5],
+    /// Whether the module is under power.
+    pub powered: bool,
+    /// Restarts of the board.
+    pub restarts: u32,
+    /// Whether the receiver has a fix.
+    pub has_fix: bool,
+    /// Erases that the SPI flash did.
+    pub spi_flash_erases: u32,
+    /// Erases that the internal flash did.
+    pub internal_flash_erases: u32,
+}
+
+#[derive(Debug)]
+struct Sleeper {
+    until_ns: u64,
+    done: Sender<()>,
+}
+
+/// The simulated bench as a state machine.
+#[derive(Debug)]
+pub struct Bench {
+    slave: Slave,
+    board: SimulatedBoard,
+    decoder: Decoder,
+    incoming: Line,
+    outgoing: Line,
+    /// Answers of a board that is late with them.
+    late: VecDeque<(Duration, WireBytes)>,
+    sleepers: Vec<Sleeper>,
+    speed: Speed,
+    wire: WireFaults,
+    line_dice: Dice,
+}
+
+impl Bench {
+    /// A bench at link time 0.
+    #[must_use]
+    pub fn new(options: &Options) -> Self {
+        let world = World::new(options.site, options.utc_start, options.ambient_c);
+        let serial_number = options.serial_number.as_deref().unwrap_or("SIM-0001");
+        // A line of a bench that runs N times as fast carries N times as much, or its streams would not fit.
+        let pace = match options.speed {
+            Speed::Times(times) => Some(f64::from(options.rate_baud) * times.max(1.0)),
+            Speed::Max => None,
+        };
+        Self {
+            slave: Slave::default(),
+            board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
+            decoder: Decoder::default(),
+            incoming: Line::new(pace),
+            outgoing: Line::new(pace),
+            late: VecDeque::new(),
+            sleepers: Vec::new(),
+            speed: options.speed,
+            wire: options.personality.model.wire,
+            line_dice: Dice::new(options.seed, Source::Line),
+        }
+    }
+
+    /// How many bytes [`Bench::receive`] takes now; what is more stays in the host's port.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        INPUT_WAIT.saturating_sub(self.incoming.len())
+    }
+
+    /// Bytes from the host.
+    pub fn receive(&mut self, bytes: &[u8], now: Duration) {
+        let share = self.wire.lost_to_board_per_million;
+        let kept = lose(bytes, share, &mut self.line_dice);
+        self.incoming.push(kept, now);
+    }
+
+    /// Bytes for the host that are through the line by `now`.
+    pub fn output(&mut self, now: Duration) -> &[u8] {
+        self.outgoing.ready(now)
+    }
+
+    /// The port took so many of them.
+    pub fn consume(&mut self, count: usize) {
+        self.outgoing.consume(count);
+    }
+
+    /// Lets link time pass up to `now`.
+    pub fn advance(&mut self, now: Duration) {
+        // Time first: what a request starts, starts now and not at the last look.
+        if let Speed::Times(times) = self.speed {
+            self.board.line_full = self.outgoing.len() > SAMPLES_WAIT;
+            self.board.advance((now.as_nanos() as f64 * times) as u64);
+            self.after_time();
+        }
+        self.hear(now);
+        if self.speed == Speed::Max
+            && self.can_step()
+            && let Some(next_ns) = self.next_ns()
+        {
+            self.board.advance(next_ns);
+            self.after_time();
+        }
+        self.speak(now);
+        self.wake_sleepers();
+    }
+
+    /// The next link time at which [`Bench::advance`] or [`Bench::output`] has something to do; it may lie in the past.
+    #[must_use]
+    pub fn next_due(&self, now: Duration) -> Duration {
+        let events = match self.speed {
+            Speed::Times(times) => self.next_ns().map(|ns| Duration::from_nanos((ns as f64 / times).ceil() as u64)),
+            Speed::Max => (self.can_step() && self.next_ns().is_some()).then_some(now),
+        };
+        let talk = (!self.wire.silent && !self.board.is_booting()).then(|| self.slave.next_due());
+        let late = self.late.front().map(|(due, _)| *due);
+        let idle = now + Duration::from_secs(1);
+        [events, talk, late, self.incoming.next_due(), self.outgoing.next_due()]
+            .into_iter()
+            .flatten()
+            .fold(idle, Duration::min)
+    }
+
+    /// Flips a DIP switch, 1 to 5.
+    pub fn set_switch(&mut self, number: u8, on: bool) {
+        self.board.module.ad.set_switch(number, on);
+    }
+
+    /// Points the module's reference axis.
+    pub fn set_heading_deg(&mut self, heading_deg: f64) {
+        self.board.world.set_heading_deg(heading_deg);
+    }
+
+    /// Lays the module down with an axis up.
+    pub fn set_axis_up(&mut self, axis: Axis, sign: Sign) {
+        self.board.world.set_axis_up(axis, sign);
+    }
+
+    /// Turns the module steadily about one of its axes.
+    pub fn set_turn(&mut self, axis: Axis, rate_dps: f64) {
+        let now_s = self.board.true_s(self.board.now_ns());
+        self.board.world.set_turn(axis, rate_dps, now_s);
+    }
+
+    /// Tells `done` when bench time has passed `span` more.
+    pub fn sleep(&mut self, span: Duration, done: Sender<()>) {
+        let span_ns = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX / 2);
+        self.sleepers.push(Sleeper { until_ns: self.board.now_ns().saturating_add(span_ns), done });
+        self.wake_sleepers();
+    }
+
+    /// Bench time in ns.
+    #[must_use]
+    pub fn bench_time_ns(&self) -> u64 {
+        self.board.now_ns()
+    }
+
+    /// What really is.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        let board = &self.board;
+        let now_s = board.true_s(board.now_ns());
+        Truth {
+            site: board.world.site,
+            gravity: board.world.site.gravity(),
+            attitude: board.world.attitude(now_s).into_inner(),
+            influence: board.world.influence(now_s),
+            sensors: *board.module.sensors.models(),
+            bench_time_ns: board.now_ns(),
+            board_time_us: board.board_time_us(),
+            utc_s: board.world.utc_s(now_s),
+            switches: board.module.ad.switches(),
+            powered: board.is_powered(),
+            restarts: board.restarts(),
+            has_fix: board.is_powered() && board.module.gnss.has_fix(now_s),
+            spi_flash_erases: board.module.spi_flash.erases(),
+            internal_flash_erases: board.module.internal_flash.erases(),
+        }
+    }
+
+    /// At maximum speed: whether time may move.
+    fn can_step(&self) -> bool {
+        let pending = self.board.has_work() || !self.sleepers.is_empty();
+        pending && self.outgoing.is_empty() && self.late.is_empty() && self.incoming.is_empty()
+    }
+
+    /// The next event in bench time.
+    fn next_ns(&self) -> Option<u64> {
+        let sleeper = self.sleepers.iter().map(|sleeper| sleeper.until_ns).min();
+        [self.board.next_event_ns(), sleeper].into_iter().flatten().min()
+    }
+
+    /// Frames that have arrived go to the board.
+    fn hear(&mut self, now: Duration) {
+        let bytes = self.incoming.ready(now).to_vec();
+        self.incoming.consume(bytes.len());
+        if self.wire.silent || self.board.is_booting() {
+            return;
+        }
+        let mut rest = bytes.as_slice();
+        let mut answers = Vec::new();
+        while let Some(outcome) = self.decoder.next(&mut rest) {
+            let Ok(frame) = outcome else { continue };
+            if frame.header.kind == gnc_protocol::Kind::Hello {
+                self.decoder.restart_sequence();
+            }
+            self.count_link();
+            self.slave.receive(&frame, now, &mut self.board, &mut |answer| answers.push(answer));
+        }
+        self.send(answers, now);
+    }
+
+    /// What became due goes to the host.
+    fn speak(&mut self, now: Duration) {
+        if !self.wire.silent && !self.board.is_booting() {
+            let mut frames = Vec::new();
+            self.count_link();
+            self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
+            self.send(frames, now);
+        }
+        while self.late.front().is_some_and(|(due, _)| *due <= now) {
+            if let Some((_, bytes)) = self.late.pop_front() {
+                self.transmit(&bytes, now);
+            }
+        }
+    }
+
+    fn after_time(&mut self) {
+        if self.board.take_restarted() {
+            // What was on its way is cut off in the middle of a frame, as by any reset.
+            self.slave = Slave::default();
+            self.decoder = Decoder::default();
+            self.outgoing.clear();
+            self.incoming.clear();
+            self.late.clear();
+        }
+    }
+
+    fn count_link(&mut self) {
+        let counters = self.decoder.counters();
+        let reply = &mut self.board.link_counters;
+        (reply.frames, reply.bad_checksum) = (counters.frames, counters.bad_checksum);
+        (reply.malformed, reply.missing) = (counters.malformed, counters.missing);
+        reply.sent = self.slave.sent();
+    }
+
+    fn send(&mut self, frames: Vec<Frame>, now: Duration) {
+        for frame in frames {
+            let bytes = encode(&frame);
+            if self.wire.answer_delay_ms > 0.0 {
+                let due = now + Duration::from_secs_f64(self.wire.answer_delay_ms * 1e-3);
+                self.late.push_back((due, bytes));
+            } else {
+                self.transmit(&bytes, now);
+            }
+        }
+    }
+
+    fn transmit(&mut self, bytes: &[u8], now: Duration) {
+        if self.outgoing.len() + bytes.len() <= FRAMES_WAIT {
+            let share = self.wire.lost_to_host_per_million;
+            let kept = lose(bytes, share, &mut self.line_dice);
+            self.outgoing.push(kept, now);
+        }
+    }
+
+    fn wake_sleepers(&mut self) {
+        let now_ns = self.board.now_ns();
+        self.sleepers.retain(|sleeper| {
+            // A sleeper that gave up waiting is gone; it needs no word.
+            let due = sleeper.until_ns <= now_ns;
+            !due || {
+                let _ = sleeper.done.send(());
+                false
+            }
+        });
+    }
+}
+
+/// The bytes that get through a line that loses some.
+fn lose(bytes: &[u8], lost_per_million: f64, dice: &mut Dice) -> Vec<u8> {
+    if lost_per_million <= 0.0 {
+        return bytes.to_vec();
+    }
+    bytes.iter().copied().filter(|_| dice.between(0.0, 1e6) >= lost_per_million).collect()
+}

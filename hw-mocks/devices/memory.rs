@@ -1,0 +1,267 @@
+//! The RAMs: cells behind address and data lines, and the patterns that run over them.
+//!
+//! # Orders of the patterns
+//! `N` words of `w` bits, index `i` from 0. "up" is rising index, "down" falling; `w x` writes, `r x` reads and
+//! compares. A line ends before the next begins.
+//!
+//! | pattern | order | accesses |
+//! | --- | --- | --- |
+//! | solid | up w 0 / up r 0 / up w ~0 / up r ~0 | 4 N |
+//! | checkerboard | up w 0x55.. / up r / up w 0xAA.. / up r | 4 N |
+//! | walking ones | up w `1 << (i mod w)` / up r | 2 N |
+//! | address | up w `i` / up r / up w `~i` / up r, each modulo `2^w` | 4 N |
+//! | March C- | up w 0 / up (r 0, w ~0) / up (r ~0, w 0) / down (r 0, w ~0) / down (r ~0, w 0) / down r 0 | 10 N |
+//!
+//! In the March elements both operations are done on a word before the next word's turn. `words` of the reply is
+//! `N`; `mismatches` counts comparisons; the first failed comparison in this order gives place, expected and got.
+
+use gnc_protocol::message::{MismatchReply, RamPattern};
+
+/// What is wrong with a memory.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct MemoryFaults {
+    /// A data line held at a level (bit, level): every word read has it.
+    pub stuck_data_line: Option<(u8, bool)>,
+    /// Two address lines in contact: both follow the lower of the two.
+    pub shorted_address_lines: Option<(u8, u8)>,
+    /// An address line held at a level (line, level).
+    pub stuck_address_line: Option<(u8, bool)>,
+    /// Cells that hold one value (index, bit, value).
+    pub stuck_cells: Vec<(u32, u8, bool)>,
+    /// Cells that flip when another one rises (aggressor's index, victim's index, bit).
+    pub coupled_cells: Vec<(u32, u32, u8)>,
+}
+
+/// A memory.
+#[derive(Debug, Clone)]
+pub struct Memory {
+    cells: Vec<u32>,
+    width: u32,
+    mask: u32,
+    forced_high: u32,
+    forced_low: u32,
+    faults: MemoryFaults,
+    plain: bool,
+}
+
+impl Memory {
+    /// A memory of `words` words of `width` bits, whose content at power-on is whatever `fill` gives.
+    #[must_use]
+    pub fn new(words: u32, width: u32, faults: MemoryFaults, mut fill: impl FnMut() -> u32) -> Self {
+        let mask = if width >= 32 { u32::MAX } else { (1 << width) - 1 };
+        let (mut forced_high, mut forced_low) = (0, 0);
+        if let Some((bit, level)) = faults.stuck_data_line {
+            *(if level { &mut forced_high } else { &mut forced_low }) |= (1_u32 << (bit & 31)) & mask;
+        }
+        let plain = faults.shorted_address_lines.is_none()
+            && faults.stuck_address_line.is_none()
+            && faults.stuck_cells.is_empty()
+            && faults.coupled_cells.is_empty();
+        // One drawn block is repeated: nobody may rely on what a RAM holds at power-on.
+        let block: Vec<u32> = (0..1024).map(|_| fill() & mask).collect();
+        let cells = (0..words as usize).map(|index| block[index % block.len()]).collect();
+        Self { cells, width, mask, forced_high, forced_low, faults, plain }
+    }
+
+    /// Number of words.
+    #[must_use]
+    pub fn words(&self) -> u32 {
+        self.cells.len() as u32
+    }
+
+    /// Writes a word through the lines.
+    pub fn write(&mut self, index: u32, value: u32) {
+        let value = (value & self.mask | self.forced_high) & !self.forced_low;
+        if self.plain {
+            self.cells[index as usize] = value;
+        } else {
+            self.write_faulty(index, value);
+        }
+    }
+
+    /// Reads a word through the lines.
+    #[must_use]
+    pub fn read(&self, index: u32) -> u32 {
+        let index = if self.plain { index } else { self.decode(index) };
+        (self.cells[index as usize] | self.forced_high) & !self.forced_low
+    }
+
+    /// Where the address lines really lead.
+    fn decode(&self, mut index: u32) -> u32 {
+        if let Some((a, b)) = self.faults.shorted_address_lines {
+            let both = (index >> a) & (index >> b) & 1;
+            index = index & !(1 << a | 1 << b) | both << a | both << b;
+        }
+        if let Some((line, level)) = self.faults.stuck_address_line {
+            index = index & !(1 << line) | u32::from(level) << line;
+        }
+        index
+    }
+
+    fn write_faulty(&mut self, index: u32, mut value: u32) {
+        let index = self.decode(index);
+        for &(cell, bit, level) in &self.faults.stuck_cells {
+            if cell == index {
+                value = value & !(1 << bit) | u32::from(level) << bit;
+            }
+        }
+        let rising = value & !self.cells[index as usize];
+        self.cells[index as usize] = value;
+        for &(aggressor, victim, bit) in &self.faults.coupled_cells {
+            if aggressor == index && rising >> bit & 1 == 1 {
+                self.cells[victim as usize] ^= 1 << bit;
+            }
+        }
+    }
+}
+
+/// What an operation puts into a word or expects there.
+#[derive(Debug, Clone, Copy)]
+enum Value {
+    Same(u32),
+    Walking,
+    Index,
+    NotIndex,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Operation {
+    Write(Value),
+    Read(Value),
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Element {
+    down: bool,
+    operations: &'static [Operation],
+}
+
+const fn up(operations: &'static [Operation]) -> Element {
+    Element { down: false, operations }
+}
+
+const fn down(operations: &'static [Operation]) -> Element {
+    Element { down: true, operations }
+}
+
+fn elements(pattern: RamPattern) -> &'static [Element] {
+    use Operation::{Read, Write};
+    use Value::{Index, NotIndex, Same, Walking};
+    const ZEROS: Value = Same(0);
+    const ONES: Value = Same(u32::MAX);
+    const FIVES: Value = Same(0x5555_5555);
+    const TENS: Value = Same(0xaaaa_aaaa);
+    match pattern {
+        RamPattern::Solid => {
+            const { &[up(&[Write(ZEROS)]), up(&[Read(ZEROS)]), up(&[Write(ONES)]), up(&[Read(ONES)])] }
+        }
+        RamPattern::Checkerboard => {
+            const { &[up(&[Write(FIVES)]), up(&[Read(FIVES)]), up(&[Write(TENS)]), up(&[Read(TENS)])] }
+        }
+        RamPattern::WalkingOnes => const { &[up(&[Write(Walking)]), up(&[Read(Walking)])] },
+        RamPattern::Address => {
+            const { &[up(&[Write(Index)]), up(&[Read(Index)]), up(&[Write(NotIndex)]), up(&[Read(NotIndex)])] }
+        }
+        RamPattern::MarchC => {
+            const {
+                &[
+                    up(&[Write(ZEROS)]),
+                    up(&[Read(ZEROS), Write(ONES)]),
+                    up(&[Read(ONES), Write(ZEROS)]),
+                    down(&[Read(ZEROS), Write(ONES)]),
+                    down(&[Read(ONES), Write(ZEROS)]),
+                    down(&[Read(ZEROS)]),
+                ]
+            }
+        }
+    }
+}
+
+/// A pattern on its way over a memory; it runs in pieces, so that the board stays able to answer.
+#[derive(Debug, Clone)]
+pub struct PatternRun {
+    elements: &'static [Element],
+    element: usize,
+    step: u32,
+    reply: MismatchReply,
+}
+
+impl PatternRun {
+    /// A run that has not begun.
+    #[must_use]
+    pub fn new(pattern: RamPattern) -> Self {
+        Self { elements: elements(pattern), element: 0, step: 0, reply: MismatchReply::default() }
+    }
+
+    /// Accesses that the pattern makes to a memory of `words` words.
+    #[must_use]
+    pub fn accesses(pattern: RamPattern, words: u32) -> u64 {
+        elements(pattern).iter().map(|element| element.operations.len() as u64 * u64::from(words)).sum()
+    }
+
+    /// Whether all is done.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.element >= self.elements.len()
+    }
+
+    /// What was found so far.
+    #[must_use]
+    pub fn reply(&self) -> &MismatchReply {
+        &self.reply
+    }
+
+    /// Goes over at most `words` words more; tells how many accesses that were.
+    pub fn run(&mut self, memory: &mut Memory, words: u32) -> u64 {
+        self.reply.words = memory.words();
+        let mut left = words;
+        let mut accesses = 0;
+        while left > 0 && !self.is_done() {
+            let element = self.elements[self.element];
+            let end = memory.words().min(self.step.saturating_add(left));
+            for step in self.step..end {
+                let index = if element.down { memory.words() - 1 - step } else { step };
+                for operation in element.operations {
+                    match *operation {
+                        Operation::Write(value) => memory.write(index, word(value, index, memory.width)),
+                        Operation::Read(value) => {
+                            let expected = word(value, index, memory.width) & memory.mask;
+                            let got = memory.read(index);
+                            if got != expected {
+                                self.note(index, expected, got);
+                            }
+                        }
+                    }
+                }
+            }
+            accesses += u64::from(end - self.step) * element.operations.len() as u64;
+            left -= end - self.step;
+            self.step = end;
+            if end == memory.words() {
+                self.element += 1;
+                self.step = 0;
+            }
+        }
+        accesses
+    }
+
+    #[cold]
+    fn note(&mut self, index: u32, expected: u32, got: u32) {
+        if self.reply.mismatches == 0 {
+            self.reply.first_place = index;
+            self.reply.expected = expected;
+            self.reply.got = got;
+        }
+        self.reply.mismatches = self.reply.mismatches.saturating_add(1);
+    }
+}
+
+#[inline]
+fn word(value: Value, index: u32, width: u32) -> u32 {
+    match value {
+        Value::Same(word) => word,
+        Value::Walking => 1 << (index % width),
+        Value::Index => index,
+        Value::NotIndex => !index,
+    }
+}

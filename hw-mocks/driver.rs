@@ -1,0 +1,284 @@
+//! The simulated bench on a real pseudo-terminal, served by a thread of its own.
+
+use std::io::{self, Read, Write};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::pty::openpty;
+use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
+use nix::sys::time::TimeSpec;
+use nix::unistd::ttyname;
+
+use crate::bench::{Bench, Options, Truth};
+use crate::world::{Axis, Sign};
+
+/// Longest wait for a port that is full: the kernel does not always tell when it has room again.
+const FULL_PORT: Duration = Duration::from_millis(5);
+
+/// The thread that serves the bench has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the simulated bench has ended")]
+pub struct BenchGone;
+
+#[derive(Debug)]
+enum Command {
+    SetSwitch(u8, bool),
+    SetHeading(f64),
+    SetAxisUp(Axis, Sign),
+    SetTurn(Axis, f64),
+    Sleep(Duration, Sender<()>),
+    Truth(Sender<Truth>),
+    Stop,
+}
+
+/// What an operator or a fixture does at the bench. Each call returns when it is done, so that a request sent to the
+/// board afterwards finds it done.
+#[derive(Debug, Clone)]
+pub struct Control {
+    commands: Sender<(Command, Option<Sender<()>>)>,
+    wake: std::sync::Arc<UnixStream>,
+}
+
+impl Control {
+    /// Flips DIP switch 1 to 5.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn set_switch(&self, number: u8, on: bool) -> Result<(), BenchGone> {
+        self.order(Command::SetSwitch(number, on))
+    }
+
+    /// Points the reference axis (X for Z up) at a heading, clockwise from north, and ends any turning.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn set_heading_deg(&self, heading_deg: f64) -> Result<(), BenchGone> {
+        self.order(Command::SetHeading(heading_deg))
+    }
+
+    /// Lays the module down with an axis up and ends any turning.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn set_axis_up(&self, axis: Axis, sign: Sign) -> Result<(), BenchGone> {
+        self.order(Command::SetAxisUp(axis, sign))
+    }
+
+    /// Turns the module steadily about one of its axes, right-handed.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn set_turn(&self, axis: Axis, rate_dps: f64) -> Result<(), BenchGone> {
+        self.order(Command::SetTurn(axis, rate_dps))
+    }
+
+    /// Returns when bench time has passed `span`.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn sleep(&self, span: Duration) -> Result<(), BenchGone> {
+        let (done, awake) = mpsc::channel();
+        self.post(Command::Sleep(span, done), None)?;
+        awake.recv().map_err(|_| BenchGone)
+    }
+
+    /// What really is.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn truth(&self) -> Result<Truth, BenchGone> {
+        let (told, truth) = mpsc::channel();
+        self.post(Command::Truth(told), None)?;
+        truth.recv().map_err(|_| BenchGone)
+    }
+
+    /// Board time since the board's last start.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn board_time(&self) -> Result<Duration, BenchGone> {
+        Ok(Duration::from_micros(self.truth()?.board_time_us))
+    }
+
+    fn order(&self, command: Command) -> Result<(), BenchGone> {
+        let (done, answer) = mpsc::channel();
+        self.post(command, Some(done))?;
+        answer.recv().map_err(|_| BenchGone)
+    }
+
+    fn post(&self, command: Command, done: Option<Sender<()>>) -> Result<(), BenchGone> {
+        self.commands.send((command, done)).map_err(|_| BenchGone)?;
+        // A full pipe means that a wake-up is on its way already.
+        let _ = (&*self.wake).write(&[0]);
+        Ok(())
+    }
+}
+
+/// A simulated bench that is being served; dropping it ends the thread and closes the port.
+#[derive(Debug)]
+pub struct RunningBench {
+    port: PathBuf,
+    control: Control,
+    thread: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl RunningBench {
+    /// Opens a pseudo-terminal and serves the bench on it.
+    ///
+    /// # Errors
+    /// When the system has no pseudo-terminal or no thread left.
+    pub fn start(options: &Options) -> io::Result<Self> {
+        let pty = openpty(None, None)?;
+        let mut settings = tcgetattr(&pty.slave)?;
+        cfmakeraw(&mut settings);
+        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings)?;
+        let port = ttyname(&pty.slave)?;
+        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL)?);
+        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
+        let (wake, woken) = UnixStream::pair()?;
+        wake.set_nonblocking(true)?;
+        woken.set_nonblocking(true)?;
+        let (commands, received) = mpsc::channel();
+        let driver = Driver {
+            bench: Bench::new(options),
+            master: pty.master,
+            _kept_open: pty.slave,
+            woken,
+            received,
+            started: Instant::now(),
+        };
+        let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
+        let control = Control { commands, wake: std::sync::Arc::new(wake) };
+        Ok(Self { port, control, thread: Some(thread) })
+    }
+
+    /// The pseudo-terminal that the host opens.
+    #[must_use]
+    pub fn port(&self) -> &Path {
+        &self.port
+    }
+
+    /// The operator's hands.
+    #[must_use]
+    pub fn control(&self) -> Control {
+        self.control.clone()
+    }
+}
+
+impl Drop for RunningBench {
+    fn drop(&mut self) {
+        // Both fail only when the thread has ended, which is what is wanted.
+        let _ = self.control.post(Command::Stop, None);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Driver {
+    bench: Bench,
+    master: OwnedFd,
+    /// Without an open slave end the master reports an error whenever the host closes its own.
+    _kept_open: OwnedFd,
+    woken: UnixStream,
+    received: Receiver<(Command, Option<Sender<()>>)>,
+    started: Instant,
+}
+
+impl Driver {
+    fn serve(mut self) -> io::Result<()> {
+        loop {
+            if !self.obey() {
+                return Ok(());
+            }
+            let now = self.started.elapsed();
+            self.read(now)?;
+            self.bench.advance(now);
+            let full = self.write(now)?;
+            self.wait(full)?;
+        }
+    }
+
+    /// Carries out what was ordered; `false` to stop.
+    fn obey(&mut self) -> bool {
+        while let Ok((command, done)) = self.received.try_recv() {
+            match command {
+                Command::SetSwitch(number, on) => self.bench.set_switch(number, on),
+                Command::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
+                Command::SetAxisUp(axis, sign) => self.bench.set_axis_up(axis, sign),
+                Command::SetTurn(axis, rate_dps) => self.bench.set_turn(axis, rate_dps),
+                Command::Sleep(span, done) => self.bench.sleep(span, done),
+                Command::Truth(told) => {
+                    // Whoever asked and left needs no answer.
+                    let _ = told.send(self.bench.truth());
+                }
+                Command::Stop => return false,
+            }
+            if let Some(done) = done {
+                let _ = done.send(());
+            }
+        }
+        true
+    }
+
+    fn read(&mut self, now: Duration) -> io::Result<()> {
+        let mut buffer = [0; 4096];
+        loop {
+            let room = self.bench.room().min(buffer.len());
+            if room == 0 {
+                return Ok(());
+            }
+            match nix::unistd::read(&self.master, &mut buffer[..room]) {
+                Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
+                Ok(count) => self.bench.receive(&buffer[..count], now),
+                Err(Errno::EINTR) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    /// Writes what is through the line; tells whether the port is full.
+    fn write(&mut self, now: Duration) -> io::Result<bool> {
+        loop {
+            let bytes = self.bench.output(now);
+            if bytes.is_empty() {
+                return Ok(false);
+            }
+            match nix::unistd::write(&self.master, bytes) {
+                Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
+                Ok(count) => self.bench.consume(count),
+                Err(Errno::EINTR) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    fn wait(&mut self, full: bool) -> io::Result<()> {
+        let now = self.started.elapsed();
+        let until_due = self.bench.next_due(now).saturating_sub(now);
+        let timeout = if full { until_due.clamp(Duration::from_micros(200), FULL_PORT) } else { until_due };
+        let mut wanted = PollFlags::empty();
+        if self.bench.room() > 0 {
+            wanted |= PollFlags::POLLIN;
+        }
+        if full {
+            wanted |= PollFlags::POLLOUT;
+        }
+        let mut fds = [PollFd::new(self.master.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
+            Ok(_) | Err(Errno::EINTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        // Only the waking mattered; what it was for is in the channel.
+        let mut rubbish = [0; 64];
+        while matches!((&self.woken).read(&mut rubbish), Ok(count) if count > 0) {}
+        Ok(())
+    }
+}

@@ -1,0 +1,74 @@
+//! One direction of the RS-422 line: bytes leave it at the pace of 8N1.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use gnc_protocol::timing::BITS_PER_BYTE;
+
+/// Bytes are handed on in pieces of at most this much line time, as the buffers of a serial adapter do.
+const PIECE: Duration = Duration::from_millis(1);
+
+/// Bytes on their way.
+#[derive(Debug, Default)]
+pub(crate) struct Line {
+    queue: VecDeque<u8>,
+    /// Time of a byte in ns; 0 for a line without pace.
+    byte_ns: u64,
+    /// When the byte before the first in the queue was through.
+    free_at: Duration,
+}
+
+impl Line {
+    /// A line of so many baud; `None` for one without pace.
+    pub(crate) fn new(rate_baud: Option<f64>) -> Self {
+        let byte_ns = rate_baud.map_or(0, |baud| (f64::from(BITS_PER_BYTE) * 1e9 / baud.max(1.0)) as u64);
+        Self { byte_ns, ..Self::default() }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.queue.len()
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.queue.is_empty()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.queue.clear();
+    }
+
+    pub(crate) fn push(&mut self, bytes: impl IntoIterator<Item = u8>, now: Duration) {
+        if self.queue.is_empty() {
+            self.free_at = self.free_at.max(now);
+        }
+        self.queue.extend(bytes);
+    }
+
+    /// The bytes that are through by `now`.
+    pub(crate) fn ready(&mut self, now: Duration) -> &[u8] {
+        let through = match self.byte_ns {
+            0 => self.queue.len(),
+            byte_ns => (now.saturating_sub(self.free_at).as_nanos() / u128::from(byte_ns)) as usize,
+        };
+        let through = through.min(self.queue.len());
+        &self.queue.make_contiguous()[..through]
+    }
+
+    /// Takes bytes off the front.
+    pub(crate) fn consume(&mut self, count: usize) {
+        self.queue.drain(..count.min(self.queue.len()));
+        self.free_at += Duration::from_nanos(self.byte_ns * count as u64);
+    }
+
+    /// When the next piece is through.
+    pub(crate) fn next_due(&self) -> Option<Duration> {
+        if self.queue.is_empty() {
+            return None;
+        }
+        let bytes = self.queue.len() as u64;
+        Some(
+            self.free_at
+                + Duration::from_nanos(self.byte_ns * bytes).min(PIECE.max(Duration::from_nanos(self.byte_ns))),
+        )
+    }
+}

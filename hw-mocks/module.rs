@@ -1,0 +1,137 @@
+//! The module in the socket, with what the slave board keeps around it.
+
+use gnc_protocol::message::{IdentityReply, PowerReply, Ram};
+use gnc_protocol::wire::text;
+
+use crate::devices::ad::Ad;
+use crate::devices::cpu::Cpu;
+use crate::devices::flash::{FlashMemory, INTERNAL_FLASH, SPI_FLASH};
+use crate::devices::gnss::Receiver;
+use crate::devices::inertial::Sensors;
+use crate::devices::lines::Lines;
+use crate::devices::memory::Memory;
+use crate::devices::sci::Sci;
+use crate::devices::timer::Timers;
+use crate::noise::{Dice, Source};
+use crate::personality::Personality;
+use gnc_protocol::message::Flash;
+
+/// Words of the internal RAM, 16 bits each.
+pub const INTERNAL_WORDS: u32 = 65_536;
+/// Words of the SDRAM, 32 bits each.
+pub const SDRAM_WORDS: u32 = 1_048_576;
+
+/// The supply at the socket.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SupplyModel {
+    /// Voltage at the socket with the module on.
+    pub voltage_v: f64,
+    /// Current into the module.
+    pub current_a: f64,
+}
+
+impl Default for SupplyModel {
+    /// The published 5 V and 0.49 A, off by what supplies and modules are off.
+    fn default() -> Self {
+        Self { voltage_v: 5.012, current_a: 0.487 }
+    }
+}
+
+/// The module with all its devices.
+#[derive(Debug, Clone)]
+pub struct Module {
+    /// What it says about itself.
+    pub identity: IdentityReply,
+    /// Both cores.
+    pub cpu: Cpu,
+    /// Timers.
+    pub timers: Timers,
+    /// The processor's own memory.
+    pub internal_ram: Memory,
+    /// SDRAM.
+    pub sdram: Memory,
+    /// Flash on the SPI bus.
+    pub spi_flash: FlashMemory,
+    /// Flash in the processor.
+    pub internal_flash: FlashMemory,
+    /// Gyroscopes, accelerometers, magnetometer.
+    pub sensors: Sensors,
+    /// GNSS receiver.
+    pub gnss: Receiver,
+    /// AD converter with the board's DIP switches.
+    pub ad: Ad,
+    /// IO lines.
+    pub lines: Lines,
+    /// RS-422.
+    pub sci: Sci,
+    supply: SupplyModel,
+    supply_dice: Dice,
+}
+
+impl Module {
+    /// The module of a personality. `serial_number` is what it says unless the personality fixes one.
+    #[must_use]
+    pub fn new(personality: &Personality, serial_number: &str, seed: u64) -> Self {
+        let model = &personality.model;
+        let mut content = Dice::new(seed, Source::Content);
+        let mut rails = model.rails;
+        rails.v5_v = rails.v5_v.min(model.supply.voltage_v);
+        Self {
+            identity: IdentityReply {
+                serial_number: text(model.serial_number.as_deref().unwrap_or(serial_number)),
+                part: text(&model.part),
+                hardware: text(&model.hardware),
+                firmware: text(&model.firmware),
+                protocol: model.protocol,
+            },
+            cpu: Cpu::new(model.cpu),
+            timers: Timers::new(model.timers, seed),
+            internal_ram: Memory::new(INTERNAL_WORDS, 16, model.internal_ram.clone(), || content.word()),
+            sdram: Memory::new(SDRAM_WORDS, 32, model.sdram.clone(), || content.word()),
+            spi_flash: FlashMemory::new(SPI_FLASH, model.spi_flash.clone(), Dice::new(seed, Source::SpiFlash)),
+            internal_flash: FlashMemory::new(
+                INTERNAL_FLASH,
+                model.internal_flash.clone(),
+                Dice::new(seed, Source::InternalFlash),
+            ),
+            sensors: Sensors::new(model.sensors, model.sensor_faults, seed),
+            gnss: Receiver::new(model.gnss, seed),
+            ad: Ad::new(rails, model.unwired_switches, seed),
+            lines: Lines::new(model.lines.clone()),
+            sci: Sci::new(model.sci),
+            supply: model.supply,
+            supply_dice: Dice::new(seed, Source::Supply),
+        }
+    }
+
+    /// Power came on at `now_s`.
+    pub fn power_on(&mut self, now_s: f64) {
+        self.sensors.power_on();
+        self.gnss.power_on(now_s);
+    }
+
+    /// The board's reading of the supply.
+    pub fn supply(&mut self, on: bool) -> PowerReply {
+        let micro = |value: f64| (value.max(0.0) * 1e6).round() as u32;
+        // The board's meter scatters by 1 mV and 0.5 mA; without power it still reads a few millivolts.
+        let volts = if on { self.supply.voltage_v } else { 0.003 } + 1e-3 * self.supply_dice.normal();
+        let amperes = if on { self.supply.current_a } else { 0.0 } + 0.5e-3 * self.supply_dice.normal();
+        PowerReply { supply_uv: micro(volts), supply_ua: micro(amperes) }
+    }
+
+    /// A RAM by its number on the wire.
+    pub fn ram(&mut self, ram: Ram) -> &mut Memory {
+        match ram {
+            Ram::Internal => &mut self.internal_ram,
+            Ram::Sdram => &mut self.sdram,
+        }
+    }
+
+    /// A flash by its number on the wire.
+    pub fn flash(&mut self, flash: Flash) -> &mut FlashMemory {
+        match flash {
+            Flash::Spi => &mut self.spi_flash,
+            Flash::Internal => &mut self.internal_flash,
+        }
+    }
+}

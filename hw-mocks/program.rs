@@ -1,0 +1,328 @@
+//! The simulated bench as a program: serves a board on a pseudo-terminal and takes an operator's commands on standard
+//! input, so that station and board run as two processes.
+
+use std::collections::VecDeque;
+use std::ffi::OsString;
+use std::io::{self, BufRead, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::mpsc::{self, Sender};
+use std::time::Duration;
+
+use clap::Parser;
+use nix::sys::signal::{SigSet, Signal};
+
+use crate::bench::{Options, Speed, Truth};
+use crate::driver::{BenchGone, Control, RunningBench};
+use crate::personality::{Personality, boards};
+use crate::world::{Axis, Sign};
+
+/// Largest personality file that is read: they are a page long.
+const LARGEST_FILE: u64 = 1024 * 1024;
+
+const HELP: &str = "\
+switch N on|off   flip DIP switch 1 to 5
+heading DEG       point the reference axis (X for Z up), clockwise from north
+up AXIS           lay the module down: x+ x- y+ y- z+ z-
+turn AXIS DPS     turn steadily about x, y or z, in deg/s
+sleep T s|ms      wait for so much bench time; later commands wait too
+truth             what really is
+quit              end";
+
+/// Serves a simulated slave board with a module in its socket on a pseudo-terminal.
+///
+/// The first line on standard output is `port PATH`. Commands are read from standard input; `help` lists them. Each
+/// is answered by a line that begins with `ok` or `error`.
+#[derive(Debug, Parser)]
+#[command(name = "hw-mocks", version)]
+struct Arguments {
+    /// What is in the socket: a file, or the name of a board that comes with the program.
+    #[arg(value_name = "BOARD", default_value = "good")]
+    board: String,
+    /// Serial number of the module, unless the board's file fixes one.
+    #[arg(long, value_name = "SN")]
+    serial_number: Option<String>,
+    /// Seed of all chance.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// How many times as fast as wall time the board lives, or `max`.
+    #[arg(long, value_name = "N|max", default_value = "1", value_parser = parse_speed)]
+    speed: Speed,
+    /// Rate of the link.
+    #[arg(long, value_name = "BAUD", default_value_t = 921_600, value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
+    rate: u32,
+    /// Also put a symbolic link to the pseudo-terminal there.
+    #[arg(long, value_name = "PATH")]
+    link: Option<PathBuf>,
+    /// List the boards that come with the program, and end.
+    #[arg(long)]
+    boards: bool,
+    /// End when standard input ends.
+    #[arg(long)]
+    until_eof: bool,
+}
+
+/// Reads `--speed`.
+///
+/// # Errors
+/// A text for people when it is neither `max` nor a positive number.
+pub fn parse_speed(text: &str) -> Result<Speed, String> {
+    if text == "max" {
+        return Ok(Speed::Max);
+    }
+    match text.parse::<f64>() {
+        Ok(times) if (0.001..=1000.0).contains(&times) => Ok(Speed::Times(times)),
+        _ => Err("neither max nor a number from 0.001 to 1000".to_owned()),
+    }
+}
+
+/// Why the program ended badly.
+#[derive(Debug, thiserror::Error)]
+enum ProgramError {
+    #[error("cannot read {}", path.display())]
+    Read { path: PathBuf, source: io::Error },
+    #[error("{} is larger than {LARGEST_FILE} bytes, which is no board", path.display())]
+    Large { path: PathBuf },
+    #[error("no file {name} and no board of this name comes with the program; --boards lists them")]
+    Unknown { name: String },
+    #[error(transparent)]
+    Personality(#[from] crate::personality::PersonalityError),
+    #[error("cannot open a pseudo-terminal")]
+    Start(#[source] io::Error),
+    #[error("cannot put a link at {}", path.display())]
+    Link { path: PathBuf, source: io::Error },
+    #[error("cannot wait for signals")]
+    Signals(#[source] io::Error),
+    #[error("cannot write to standard output")]
+    Output(#[source] io::Error),
+    #[error(transparent)]
+    Gone(#[from] BenchGone),
+}
+
+/// Runs the program with its command line, the program's name first.
+#[must_use]
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Help and version go to standard output and are no mistake.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    match serve(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let mut text = format!("error: {error}");
+            let mut cause = std::error::Error::source(&error);
+            while let Some(inner) = cause {
+                text.push_str(&format!(": {inner}"));
+                cause = inner.source();
+            }
+            let _ = writeln!(io::stderr(), "{text}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+enum Event {
+    Line(String),
+    InputEnded,
+    Slept(Result<(), BenchGone>),
+    Signal,
+}
+
+fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
+    if arguments.boards {
+        return list_boards();
+    }
+    let options = Options {
+        personality: load(&arguments.board)?,
+        serial_number: arguments.serial_number.clone(),
+        seed: arguments.seed,
+        speed: arguments.speed,
+        rate_baud: arguments.rate,
+        ..Options::default()
+    };
+    // Blocked before any thread starts, so that only the thread that waits for them gets them.
+    let mut signals = SigSet::empty();
+    signals.add(Signal::SIGINT);
+    signals.add(Signal::SIGTERM);
+    signals.thread_block().map_err(|error| ProgramError::Signals(error.into()))?;
+    let bench = RunningBench::start(&options).map_err(ProgramError::Start)?;
+    let link = arguments.link.as_deref().map(|path| Link::put(path, bench.port())).transpose()?;
+    say(&format!("port {}", bench.port().display()))?;
+    let (events, received) = mpsc::channel();
+    watch_signals(signals, events.clone());
+    read_lines(events.clone());
+    let mut waiting = VecDeque::new();
+    let mut asleep = false;
+    while let Ok(event) = received.recv() {
+        match event {
+            Event::Signal => break,
+            Event::InputEnded if arguments.until_eof && !asleep && waiting.is_empty() => break,
+            Event::InputEnded if arguments.until_eof => waiting.push_back("quit".to_owned()),
+            Event::InputEnded => {}
+            Event::Line(line) => waiting.push_back(line),
+            Event::Slept(outcome) => {
+                outcome?;
+                asleep = false;
+                say("ok")?;
+            }
+        }
+        while !asleep && let Some(line) = waiting.pop_front() {
+            match obey(&line, &bench.control()) {
+                Ok(Answer::Text(text)) => say(&text)?,
+                Ok(Answer::Sleep(span)) => {
+                    asleep = true;
+                    let (control, events) = (bench.control(), events.clone());
+                    // Whoever waits for it is gone only when the program ends.
+                    std::thread::spawn(move || events.send(Event::Slept(control.sleep(span))));
+                }
+                Ok(Answer::Quit) => return Ok(()),
+                Err(why) => say(&format!("error {why}"))?,
+            }
+        }
+    }
+    drop(link);
+    Ok(())
+}
+
+enum Answer {
+    Text(String),
+    Sleep(Duration),
+    Quit,
+}
+
+fn obey(line: &str, control: &Control) -> Result<Answer, String> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let done = |outcome: Result<(), BenchGone>| {
+        outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
+    };
+    match words.as_slice() {
+        [] => Ok(Answer::Text("ok".to_owned())),
+        ["quit"] => Ok(Answer::Quit),
+        ["help"] => Ok(Answer::Text(format!("ok\n{HELP}"))),
+        ["truth"] => control.truth().map(|truth| Answer::Text(describe(&truth))).map_err(|error| error.to_string()),
+        ["switch", number, state @ ("on" | "off")] => match number.parse() {
+            Ok(number @ 1..=5_u8) => done(control.set_switch(number, *state == "on")),
+            _ => Err(format!("switch {number} is not one of 1 to 5")),
+        },
+        ["heading", heading] => done(control.set_heading_deg(parse_number(heading)?)),
+        ["up", axis] => {
+            let (axis, sign) = parse_signed_axis(axis)?;
+            done(control.set_axis_up(axis, sign))
+        }
+        ["turn", axis, rate] => {
+            let (axis, _) = parse_signed_axis(&format!("{axis}+"))?;
+            done(control.set_turn(axis, parse_number(rate)?))
+        }
+        ["sleep", span, unit @ ("s" | "ms")] => {
+            let span_s = parse_number(span)? * if *unit == "s" { 1.0 } else { 1e-3 };
+            Duration::try_from_secs_f64(span_s).map(Answer::Sleep).map_err(|error| error.to_string())
+        }
+        _ => Err(format!("\"{}\" is no command; help lists them", line.trim().escape_default())),
+    }
+}
+
+fn parse_number(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| format!("\"{text}\" is no number"))
+}
+
+fn parse_signed_axis(text: &str) -> Result<(Axis, Sign), String> {
+    match text {
+        "x+" => Ok((Axis::X, Sign::Plus)),
+        "x-" => Ok((Axis::X, Sign::Minus)),
+        "y+" => Ok((Axis::Y, Sign::Plus)),
+        "y-" => Ok((Axis::Y, Sign::Minus)),
+        "z+" => Ok((Axis::Z, Sign::Plus)),
+        "z-" => Ok((Axis::Z, Sign::Minus)),
+        _ => Err(format!("\"{text}\" is not one of x+ x- y+ y- z+ z-")),
+    }
+}
+
+fn describe(truth: &Truth) -> String {
+    let vector = |vector: &nalgebra::Vector3<f64>| format!("{:.6} {:.6} {:.6}", vector.x, vector.y, vector.z);
+    format!(
+        "ok\nboard_time_us {}\nutc_s {:.3}\npowered {}\nrestarts {}\nhas_fix {}\nswitches {:?}\nforce {}\nrate_dps \
+         {}\nfield_gauss {}\ntemperature_c {:.2}",
+        truth.board_time_us,
+        truth.utc_s,
+        truth.powered,
+        truth.restarts,
+        truth.has_fix,
+        truth.switches,
+        vector(&truth.influence.force),
+        vector(&truth.influence.rate_rps.map(f64::to_degrees)),
+        vector(&truth.influence.field_gauss),
+        truth.influence.temperature_c,
+    )
+}
+
+fn load(name: &str) -> Result<Personality, ProgramError> {
+    let path = Path::new(name);
+    if !path.exists() {
+        return Personality::named(name).ok_or_else(|| ProgramError::Unknown { name: name.to_owned() });
+    }
+    let unreadable = |source| ProgramError::Read { path: path.to_owned(), source };
+    if std::fs::metadata(path).map_err(unreadable)?.len() > LARGEST_FILE {
+        return Err(ProgramError::Large { path: path.to_owned() });
+    }
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let stem = path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned());
+    Ok(Personality::from_toml(&stem, &text)?)
+}
+
+fn list_boards() -> Result<(), ProgramError> {
+    let width = boards().iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+    for (name, text) in boards() {
+        say(&format!("{name:width$}  {}", Personality::from_toml(name, text)?.description))?;
+    }
+    Ok(())
+}
+
+fn say(text: &str) -> Result<(), ProgramError> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{text}").and_then(|()| out.flush()).map_err(ProgramError::Output)
+}
+
+fn watch_signals(signals: SigSet, events: Sender<Event>) {
+    std::thread::spawn(move || {
+        if signals.wait().is_ok() {
+            let _ = events.send(Event::Signal);
+        }
+    });
+}
+
+fn read_lines(events: Sender<Event>) {
+    std::thread::spawn(move || {
+        for line in io::stdin().lock().lines() {
+            let Ok(line) = line else { break };
+            if events.send(Event::Line(line)).is_err() {
+                return;
+            }
+        }
+        let _ = events.send(Event::InputEnded);
+    });
+}
+
+/// A symbolic link that goes when the program does.
+struct Link(PathBuf);
+
+impl Link {
+    fn put(path: &Path, port: &Path) -> Result<Self, ProgramError> {
+        // A link left over from a run that was killed may be replaced; anything else there belongs to somebody.
+        if path.is_symlink() {
+            let _ = std::fs::remove_file(path);
+        }
+        std::os::unix::fs::symlink(port, path)
+            .map_err(|source| ProgramError::Link { path: path.to_owned(), source })?;
+        Ok(Self(path.to_owned()))
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}

@@ -1,0 +1,77 @@
+//! The board's memory of what it found wrong.
+
+use std::collections::VecDeque;
+
+use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecordsReply};
+
+/// Records kept; older ones give way.
+pub const KEPT: usize = 64;
+/// Records that one request may leave: a dead memory must not push out what other requests found.
+pub const PER_REQUEST: usize = 4;
+
+/// Which request found something, and when.
+#[derive(Debug, Clone, Copy)]
+pub struct Finder {
+    /// The host's number of the request.
+    pub request: u16,
+    /// Its message id.
+    pub message: u16,
+    /// Board time, in microseconds.
+    pub board_time_us: u64,
+}
+
+/// What was found.
+#[derive(Debug, Clone, Copy)]
+pub struct Finding {
+    /// What it is about.
+    pub kind: ErrorKind,
+    /// Where.
+    pub place: u32,
+    /// What should have been there.
+    pub expected: u32,
+    /// What was there.
+    pub got: u32,
+}
+
+/// The last records of a session.
+#[derive(Debug, Clone, Default)]
+pub struct ErrorLog {
+    kept: VecDeque<ErrorRecord>,
+    total: u16,
+}
+
+impl ErrorLog {
+    /// Notes what a request found, the first few of it.
+    pub fn note(&mut self, finder: Finder, findings: impl IntoIterator<Item = Finding>) {
+        for finding in findings.into_iter().take(PER_REQUEST) {
+            if self.kept.len() == KEPT {
+                self.kept.pop_front();
+            }
+            self.kept.push_back(ErrorRecord {
+                index: self.total,
+                request: finder.request,
+                message: finder.message,
+                kind: finding.kind as u16,
+                board_time_us: finder.board_time_us,
+                place: finding.place,
+                expected: finding.expected,
+                got: finding.got,
+            });
+            self.total = self.total.saturating_add(1);
+        }
+    }
+
+    /// Records from an index on, as many as fit into a reply.
+    #[must_use]
+    pub fn from(&self, index: u16) -> ErrorRecordsReply {
+        let mut reply = ErrorRecordsReply { total: self.total, ..ErrorRecordsReply::default() };
+        // What does not fit the host asks for with the next index.
+        for record in self.kept.iter().filter(|record| record.index >= index).take(IN_A_REPLY) {
+            let _ = reply.records.push(record.clone());
+        }
+        reply
+    }
+}
+
+/// The bound of the list: 16 records of 28 bytes.
+const IN_A_REPLY: usize = 16;

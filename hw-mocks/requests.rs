@@ -1,0 +1,381 @@
+//! What a request needs before it can start: parameters in range, devices, time.
+//!
+//! Board times: identity 20 ms; CPU 1 ms and 2 us a word or pair; RAM 30 ns an access; flash reads as the part,
+//! erases and writes as the part with its scatter; AD 1 ms and the samples at 10 kHz; IO 1 ms; SPI 0.2 ms and 8
+//! clocks a byte; SCI 0.5 ms and 10 bits a byte, one byte of delay; GNSS restart 50 ms; streams 1 ms; power on 150 ms,
+//! off 20 ms; timers what they time.
+
+use gnc_protocol::error::NakCode;
+use gnc_protocol::message::{
+    Flash, GnssStart, Ram, RamPattern, Request, SpiDirection, StreamStart, TimerMeasure, TimerMeasureReply, WordTarget,
+};
+use gnc_protocol::slave::Refusal;
+use gnc_protocol::stream::{IMU_SAMPLE, MAX_IMU_SAMPLES, MAX_LOAD_PERMILLE, STREAM_HEAD, StreamId, imu_load_permille};
+
+use crate::devices::ad;
+use crate::devices::memory::PatternRun;
+use crate::module::Module;
+
+/// Nanoseconds in a millisecond of board time.
+pub(crate) const MS: u64 = 1_000_000;
+/// An access to either RAM.
+pub(crate) const RAM_ACCESS_NS: u64 = 30;
+/// Share of the link for the receiver's sentences and 1PPS captures: 5 epochs of at most 700 bytes with frames.
+const GNSS_BYTES_A_SECOND: u64 = 3_700;
+const PPS_BYTES_A_SECOND: u64 = 48;
+
+/// Devices that a request holds while it runs; two requests that share one conflict.
+pub(crate) mod uses {
+    pub(crate) const NOTHING: u32 = 0;
+    pub(crate) const IDENTITY: u32 = 1;
+    pub(crate) const CORE_1: u32 = 1 << 1;
+    pub(crate) const CORE_2: u32 = 1 << 2;
+    pub(crate) const TIMERS: u32 = 1 << 3;
+    pub(crate) const INTERNAL_RAM: u32 = 1 << 4;
+    pub(crate) const SDRAM: u32 = 1 << 5;
+    pub(crate) const SPI_FLASH: u32 = 1 << 6;
+    pub(crate) const INTERNAL_FLASH: u32 = 1 << 7;
+    pub(crate) const AD: u32 = 1 << 8;
+    pub(crate) const IO_PINS: u32 = 1 << 9;
+    pub(crate) const SCI: u32 = 1 << 10;
+    pub(crate) const GNSS: u32 = 1 << 11;
+    pub(crate) const STREAMS: u32 = 1 << 12;
+    /// The supply feeds everything.
+    pub(crate) const SUPPLY: u32 = u32::MAX;
+
+    /// The devices of a set, for texts.
+    pub(crate) fn names(set: u32) -> String {
+        const NAMES: [&str; 13] = [
+            "identity",
+            "core 1",
+            "core 2",
+            "timers",
+            "internal RAM",
+            "SDRAM",
+            "SPI flash",
+            "internal flash",
+            "AD converter",
+            "IO pins",
+            "SCI",
+            "GNSS receiver",
+            "streams",
+        ];
+        let of_set: Vec<&str> = (0..13).filter(|bit| set >> bit & 1 == 1).map(|bit| NAMES[bit]).collect();
+        of_set.join(", ")
+    }
+}
+
+/// A request ready to start.
+#[derive(Debug)]
+pub(crate) struct Work {
+    /// What the board tells the host.
+    pub(crate) expected_ns: u64,
+    /// What it will really take.
+    pub(crate) takes_ns: u64,
+    pub(crate) task: Task,
+}
+
+/// What is to be done, and when.
+#[derive(Debug)]
+pub(crate) enum Task {
+    /// All of it at the end.
+    AtEnd(Request),
+    /// A flash that is busy for the time drawn.
+    Flash { request: Request, duration_us: u32 },
+    /// Intervals already drawn, since they are what takes the time.
+    Timers { request: TimerMeasure, reply: TimerMeasureReply },
+    /// A pattern that goes over the memory as time passes.
+    Pattern { ram: Ram, run: PatternRun, done: u64, accesses: u64 },
+}
+
+fn bad(why: impl AsRef<str>) -> Refusal {
+    Refusal::new(NakCode::BadParameter, why.as_ref())
+}
+
+fn range<T: PartialOrd + Copy + std::fmt::Display>(name: &str, value: T, low: T, high: T) -> Result<(), Refusal> {
+    if value >= low && value <= high { Ok(()) } else { Err(bad(format!("{name} {value} is not in {low} to {high}"))) }
+}
+
+fn known<T>(name: &str, number: u8, value: Option<T>, names: &str) -> Result<T, Refusal> {
+    value.ok_or_else(|| bad(format!("{name} {number} is not one of {names}")))
+}
+
+fn core(number: u8) -> Result<u32, Refusal> {
+    range("core", number, 1, 2)?;
+    Ok(if number == 1 { uses::CORE_1 } else { uses::CORE_2 })
+}
+
+fn flash_of(number: u8) -> Result<(Flash, u32), Refusal> {
+    match known("flash", number, Flash::from_number(number), "0 (SPI), 1 (internal)")? {
+        Flash::Spi => Ok((Flash::Spi, uses::SPI_FLASH)),
+        Flash::Internal => Ok((Flash::Internal, uses::INTERNAL_FLASH)),
+    }
+}
+
+fn sector(module: &mut Module, number: u8, sector: u16) -> Result<u32, Refusal> {
+    let (flash, uses) = flash_of(number)?;
+    let scratch = module.flash(flash).part.scratch_sectors;
+    if sector < scratch {
+        return Ok(uses);
+    }
+    let why = format!("sector {sector} is not a scratch sector; those are 0 to {}", scratch - 1);
+    Err(Refusal::new(NakCode::Protected, &why))
+}
+
+fn seed(seed: u32) -> Result<(), Refusal> {
+    if seed == 0 { Err(bad("seed 0 is not in 1 to 4294967295")) } else { Ok(()) }
+}
+
+fn ms(time_ms: f64) -> u64 {
+    (time_ms * MS as f64) as u64
+}
+
+/// Checks the parameters of a request and tells which devices it needs. Draws nothing, so that a refused request
+/// leaves no trace.
+pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refusal> {
+    match request {
+        Request::MakeSafe(_) | Request::Abort(_) | Request::ErrorRecords(_) | Request::LinkCounters(_) => {
+            Ok(uses::NOTHING)
+        }
+        Request::ModulePower(power) => {
+            range("on", power.on, 0, 1)?;
+            Ok(uses::SUPPLY)
+        }
+        Request::Identity(_) => Ok(uses::IDENTITY),
+        Request::CpuWords(words) => {
+            let target = WordTarget::from_number(words.target);
+            known("target", words.target, target, "0 (registers), 1 (memory)")?;
+            core(words.core)
+        }
+        Request::CpuIntegers(integers) => {
+            if let Some(index) = integers.pairs.iter().position(|pair| pair[1] == 0) {
+                return Err(bad(format!("b of pair {index} is 0, which divides nothing")));
+            }
+            core(integers.core)
+        }
+        Request::CpuFloats(floats) => {
+            let refused = |pair: &[f64; 2]| pair[1] == 0.0 || pair.iter().any(|operand| !operand.is_finite());
+            if let Some(index) = floats.pairs.iter().position(refused) {
+                let [a, b] = floats.pairs[index];
+                return Err(bad(format!("pair {index} ({a}, {b}): operands are finite and b is not 0")));
+            }
+            core(floats.core)
+        }
+        Request::TimerMeasure(timer) => {
+            range("timer", timer.timer, 0, 2)?;
+            range("period_us", timer.period_us, 100, 100_000)?;
+            range("count", timer.count, 1, 100)?;
+            Ok(uses::TIMERS)
+        }
+        Request::RamTest(test) => {
+            let names = "0 (solid), 1 (checkerboard), 2 (walking ones), 3 (address), 4 (March C-)";
+            known("pattern", test.pattern, RamPattern::from_number(test.pattern), names)?;
+            match known("ram", test.ram, Ram::from_number(test.ram), "0 (internal), 1 (SDRAM)")? {
+                Ram::Internal => Ok(uses::INTERNAL_RAM),
+                Ram::Sdram => Ok(uses::SDRAM),
+            }
+        }
+        Request::FlashId(id) => Ok(flash_of(id.flash)?.1),
+        Request::FlashErase(erase) => sector(module, erase.flash, erase.sector),
+        Request::FlashBlankCheck(check) => sector(module, check.flash, check.sector),
+        Request::FlashWrite(write) => {
+            seed(write.seed)?;
+            sector(module, write.flash, write.sector)
+        }
+        Request::FlashVerify(verify) => {
+            seed(verify.seed)?;
+            sector(module, verify.flash, verify.sector)
+        }
+        Request::AdRead(read) => {
+            range("channels", read.channels, 1, 255)?;
+            range("samples", read.samples, 1, 1000)?;
+            Ok(uses::AD)
+        }
+        Request::IoTest(io) => {
+            range("driver", io.driver, 0, 3)?;
+            range("reader", io.reader, 0, 3)?;
+            range("level", io.level, 0, 1)?;
+            if io.driver == io.reader {
+                return Err(bad(format!("driver and reader are both line {}", io.driver)));
+            }
+            Ok(uses::IO_PINS)
+        }
+        Request::SpiTransfer(spi) => {
+            let direction = SpiDirection::from_number(spi.direction);
+            known("direction", spi.direction, direction, "0 (from the module), 1 (to the module)")?;
+            range("clock_hz", spi.clock_hz, 10_000, 10_000_000)?;
+            Ok(uses::IO_PINS)
+        }
+        Request::SciEcho(sci) => {
+            range("rate_baud", sci.rate_baud, 9_600, 2_000_000)?;
+            Ok(uses::SCI)
+        }
+        Request::GnssRestart(restart) => {
+            known("start", restart.start, GnssStart::from_number(restart.start), "1 (hot), 2 (warm), 3 (cold)")?;
+            Ok(uses::GNSS)
+        }
+        Request::StreamStart(start) => {
+            check_stream(start)?;
+            Ok(uses::STREAMS)
+        }
+        Request::StreamStop(stop) => {
+            stream_of(stop.stream)?;
+            Ok(uses::STREAMS)
+        }
+    }
+}
+
+/// Works out how long a checked request takes, and draws what has to be known for that.
+pub(crate) fn prepare(request: Request, module: &mut Module) -> Work {
+    let bits_ns = |bits: usize, rate_hz: u32| bits as u64 * 1_000_000_000 / u64::from(rate_hz.max(1));
+    let part_of = |module: &mut Module, number| module.flash(flash_of(number).map_or(Flash::Spi, |of| of.0)).part;
+    let takes_ns = match &request {
+        Request::MakeSafe(_) | Request::Abort(_) | Request::ErrorRecords(_) | Request::LinkCounters(_) => 0,
+        Request::ModulePower(power) => {
+            if power.on == 1 {
+                150 * MS
+            } else {
+                20 * MS
+            }
+        }
+        Request::Identity(_) => 20 * MS,
+        Request::CpuWords(words) => MS + 2000 * words.words.len() as u64,
+        Request::CpuIntegers(integers) => MS + 2000 * integers.pairs.len() as u64,
+        Request::CpuFloats(floats) => MS + 2000 * floats.pairs.len() as u64,
+        Request::TimerMeasure(timer) => {
+            let expected_ns = u64::from(timer.period_us) * 1000 * u64::from(timer.count);
+            let (reply, takes_ns) = module.timers.measure(timer);
+            return Work { expected_ns, takes_ns, task: Task::Timers { request: timer.clone(), reply } };
+        }
+        Request::RamTest(test) => {
+            let ram = Ram::from_number(test.ram).unwrap_or(Ram::Internal);
+            let pattern = RamPattern::from_number(test.pattern).unwrap_or(RamPattern::Solid);
+            let accesses = PatternRun::accesses(pattern, module.ram(ram).words());
+            let takes_ns = accesses * RAM_ACCESS_NS;
+            let task = Task::Pattern { ram, run: PatternRun::new(pattern), done: 0, accesses };
+            return Work { expected_ns: takes_ns, takes_ns, task };
+        }
+        Request::FlashErase(erase) => {
+            let flash = module.flash(flash_of(erase.flash).map_or(Flash::Spi, |of| of.0));
+            let (typical_ms, duration_us) = (flash.part.erase_ms, flash.erase_us());
+            return flash_work(typical_ms, duration_us, request);
+        }
+        Request::FlashWrite(write) => {
+            let flash = module.flash(flash_of(write.flash).map_or(Flash::Spi, |of| of.0));
+            let (typical_ms, duration_us) = (flash.part.write_ms, flash.write_us());
+            return flash_work(typical_ms, duration_us, request);
+        }
+        Request::FlashBlankCheck(check) => ms(part_of(module, check.flash).read_ms),
+        Request::FlashVerify(verify) => ms(part_of(module, verify.flash).read_ms),
+        Request::AdRead(read) => MS + bits_ns(usize::from(read.samples), ad::RATE_HZ),
+        Request::FlashId(_) | Request::IoTest(_) | Request::StreamStart(_) | Request::StreamStop(_) => MS,
+        Request::SpiTransfer(spi) => MS / 5 + bits_ns(spi.data.len() * 8, spi.clock_hz),
+        Request::SciEcho(sci) => MS / 2 + bits_ns((sci.data.len() + 1) * 10, sci.rate_baud),
+        Request::GnssRestart(_) => 50 * MS,
+    };
+    Work { expected_ns: takes_ns, takes_ns, task: Task::AtEnd(request) }
+}
+
+fn flash_work(typical_ms: f64, duration_us: u32, request: Request) -> Work {
+    let takes_ns = u64::from(duration_us) * 1000;
+    Work { expected_ns: ms(typical_ms), takes_ns, task: Task::Flash { request, duration_us } }
+}
+
+/// Whether a request needs the module to be under power.
+pub(crate) fn needs_power(request: &Request) -> bool {
+    !matches!(
+        request,
+        Request::MakeSafe(_)
+            | Request::Abort(_)
+            | Request::ModulePower(_)
+            | Request::ErrorRecords(_)
+            | Request::LinkCounters(_)
+            | Request::StreamStop(_)
+    )
+}
+
+/// The device that a request is about, by the name of its test item: what triggers of faults speak of.
+pub(crate) fn device(request: &Request) -> &'static str {
+    let flash = |number| if number == Flash::Spi as u8 { "spi-flash" } else { "internal-flash" };
+    match request {
+        Request::MakeSafe(_) | Request::Abort(_) | Request::ErrorRecords(_) | Request::LinkCounters(_) => "board",
+        Request::ModulePower(_) => "power",
+        Request::Identity(_) => "identity",
+        Request::CpuWords(_) | Request::CpuIntegers(_) | Request::CpuFloats(_) => "cpu",
+        Request::TimerMeasure(_) => "timers",
+        Request::RamTest(test) if test.ram == Ram::Sdram as u8 => "sdram",
+        Request::RamTest(_) => "internal-ram",
+        Request::FlashId(request) => flash(request.flash),
+        Request::FlashErase(request) => flash(request.flash),
+        Request::FlashBlankCheck(request) => flash(request.flash),
+        Request::FlashWrite(request) => flash(request.flash),
+        Request::FlashVerify(request) => flash(request.flash),
+        Request::AdRead(_) => "ad",
+        Request::IoTest(_) => "io",
+        Request::SpiTransfer(_) => "spi",
+        Request::SciEcho(_) => "sci",
+        Request::GnssRestart(_) => "gnss",
+        Request::StreamStart(start) if start.stream == StreamId::Imu as u8 => "imu",
+        Request::StreamStop(stop) if stop.stream == StreamId::Imu as u8 => "imu",
+        Request::StreamStart(_) | Request::StreamStop(_) => "gnss",
+    }
+}
+
+/// A stream by its number.
+pub(crate) fn stream_of(number: u8) -> Result<StreamId, Refusal> {
+    known("stream", number, StreamId::from_number(number), "1 (IMU), 2 (GNSS), 3 (1PPS)")
+}
+
+fn check_stream(start: &StreamStart) -> Result<(), Refusal> {
+    match stream_of(start.stream)? {
+        StreamId::Imu => {
+            range("rate_hz", start.rate_hz, 1, 1000)?;
+            range("samples_per_frame", usize::from(start.samples_per_frame), 0, MAX_IMU_SAMPLES)
+        }
+        StreamId::Gnss | StreamId::Pps => {
+            range("rate_hz of a GNSS stream", start.rate_hz, 0, 0)?;
+            range("samples_per_frame of a GNSS stream", start.samples_per_frame, 0, 0)
+        }
+    }
+}
+
+/// Samples in a frame of an IMU stream: the host's choice, or a frame every 50 ms at most.
+pub(crate) fn samples_per_frame(start: &StreamStart) -> u8 {
+    match start.samples_per_frame {
+        0 => (start.rate_hz / 20).clamp(1, MAX_IMU_SAMPLES as u16) as u8,
+        chosen => chosen,
+    }
+}
+
+/// Mean share of the link that a stream takes.
+pub(crate) fn load_permille(start: &StreamStart, rate_baud: u32) -> u32 {
+    let share = |bytes_a_second: u64| (bytes_a_second * 10_000 / u64::from(rate_baud.max(1))) as u32;
+    match StreamId::from_number(start.stream) {
+        Some(StreamId::Imu) => {
+            imu_load_permille(u32::from(start.rate_hz), u32::from(samples_per_frame(start)), rate_baud)
+        }
+        Some(StreamId::Gnss) => share(GNSS_BYTES_A_SECOND),
+        Some(StreamId::Pps) => share(PPS_BYTES_A_SECOND),
+        None => 0,
+    }
+}
+
+/// Whether one more stream fits beside those that take `taken_permille`.
+pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u32) -> Result<u32, Refusal> {
+    let load = load_permille(start, rate_baud);
+    if load + taken_permille <= MAX_LOAD_PERMILLE {
+        return Ok(load);
+    }
+    let per_frame = usize::from(samples_per_frame(start));
+    let frame_bytes = gnc_protocol::serial::on_wire(STREAM_HEAD + IMU_SAMPLE * per_frame);
+    let why = if start.stream == StreamId::Imu as u8 {
+        format!(
+            "{} Hz / {per_frame} per frame * {frame_bytes} B * 10 bit / {rate_baud} baud = {load} permille, others \
+             {taken_permille}; at most {MAX_LOAD_PERMILLE}",
+            start.rate_hz
+        )
+    } else {
+        format!("{load} permille of {rate_baud} baud and others {taken_permille}; at most {MAX_LOAD_PERMILLE}")
+    };
+    Err(Refusal::new(NakCode::DoesNotFit, &why))
+}

@@ -1,0 +1,143 @@
+//! Streams: samples taken by the board's clock and packed into frames.
+
+use gnc_protocol::message::{StreamStart, StreamStopReply};
+use gnc_protocol::stream::{Format, ImuSample, MAX_SAMPLE_BYTES, PpsCapture, StreamFrame, StreamHead, StreamId};
+use gnc_protocol::wire::Wire;
+
+use crate::requests::samples_per_frame;
+
+/// A running stream. Times are bench time in ns.
+#[derive(Debug)]
+pub(crate) struct Stream {
+    pub(crate) id: StreamId,
+    pub(crate) load_permille: u32,
+    rate_hz: u64,
+    count: u32,
+    per_frame: u16,
+    started_ns: u64,
+    /// Samples (bytes) so far; dropped ones count.
+    produced: u32,
+    dropped: u32,
+    pending: Vec<u8>,
+    pending_count: u16,
+    first: u32,
+    first_time_us: u64,
+    /// Epochs of 0.2 s or seconds of UTC already dealt with.
+    pub(crate) tick: u64,
+}
+
+impl Stream {
+    pub(crate) fn new(start: &StreamStart, id: StreamId, load_permille: u32, started_ns: u64, tick: u64) -> Self {
+        Self {
+            id,
+            load_permille,
+            rate_hz: u64::from(start.rate_hz.max(1)),
+            count: start.count,
+            per_frame: u16::from(samples_per_frame(start)),
+            started_ns,
+            produced: 0,
+            dropped: 0,
+            pending: Vec::new(),
+            pending_count: 0,
+            first: 0,
+            first_time_us: 0,
+            tick,
+        }
+    }
+
+    pub(crate) fn rate_hz(&self) -> u64 {
+        self.rate_hz
+    }
+
+    /// Whether it has produced all that was asked for.
+    pub(crate) fn is_complete(&self) -> bool {
+        self.count != 0 && self.produced >= self.count
+    }
+
+    pub(crate) fn stopped(&self) -> StreamStopReply {
+        StreamStopReply { produced: self.produced, dropped: self.dropped }
+    }
+
+    /// When the IMU sample `index` is taken: the first one a period after the start.
+    fn imu_time_ns(&self, index: u32) -> u64 {
+        self.started_ns + (u64::from(index) + 1) * 1_000_000_000 / self.rate_hz
+    }
+
+    /// When the next IMU sample is taken.
+    pub(crate) fn next_imu_ns(&self) -> u64 {
+        self.imu_time_ns(self.produced)
+    }
+
+    /// When the IMU frame begun is full.
+    pub(crate) fn frame_full_ns(&self) -> u64 {
+        let missing = u32::from(self.per_frame - self.pending_count.min(self.per_frame - 1)) - 1;
+        let missing = if self.count == 0 { missing } else { missing.min(self.count.saturating_sub(self.produced + 1)) };
+        self.imu_time_ns(self.produced + missing)
+    }
+
+    /// Adds an IMU sample; gives a frame when one is full.
+    pub(crate) fn add_imu(&mut self, sample: &ImuSample, time_us: u64) -> Option<StreamFrame> {
+        let bytes = sample.to_payload().unwrap_or_default();
+        self.add(&bytes, 1, time_us);
+        (self.pending_count >= self.per_frame || self.is_complete()).then(|| self.take_frame()).flatten()
+    }
+
+    /// Adds an edge of the 1PPS, which travels at once.
+    pub(crate) fn add_pps(&mut self, capture: &PpsCapture, time_us: u64) -> Option<StreamFrame> {
+        let bytes = capture.to_payload().unwrap_or_default();
+        self.add(&bytes, 1, time_us);
+        self.take_frame()
+    }
+
+    /// Adds the receiver's bytes, which travel at once in as many frames as they need.
+    pub(crate) fn add_bytes(&mut self, bytes: &[u8], time_us: u64) -> Vec<StreamFrame> {
+        let room = if self.count == 0 { bytes.len() } else { (self.count - self.produced.min(self.count)) as usize };
+        let bytes = &bytes[..bytes.len().min(room)];
+        let frame = |chunk: &[u8]| {
+            self.add(chunk, chunk.len() as u16, time_us);
+            self.take_frame()
+        };
+        bytes.chunks(MAX_SAMPLE_BYTES).filter_map(frame).collect()
+    }
+
+    fn add(&mut self, bytes: &[u8], count: u16, time_us: u64) {
+        if self.pending_count == 0 {
+            (self.first, self.first_time_us) = (self.produced, time_us);
+        }
+        self.pending.extend_from_slice(bytes);
+        self.pending_count += count;
+        self.produced = self.produced.wrapping_add(u32::from(count));
+    }
+
+    /// The samples that wait, as a frame.
+    pub(crate) fn take_frame(&mut self) -> Option<StreamFrame> {
+        if self.pending_count == 0 {
+            return None;
+        }
+        let head = StreamHead {
+            stream: self.id as u8,
+            format: format_of(self.id) as u8,
+            count: std::mem::take(&mut self.pending_count),
+            first: self.first,
+            board_time_us: self.first_time_us,
+            dropped: self.dropped,
+        };
+        // A frame is closed before its samples outgrow it.
+        let samples = std::mem::take(&mut self.pending).iter().copied().collect();
+        Some(StreamFrame { head, samples })
+    }
+
+    /// A frame for which the line had no room.
+    pub(crate) fn drop_frame(&mut self, frame: &StreamFrame) {
+        self.dropped = self.dropped.wrapping_add(u32::from(frame.head.count));
+    }
+}
+
+/// How the samples of a stream are laid out.
+pub(crate) fn format_of(id: StreamId) -> Format {
+    match id {
+        StreamId::Imu => Format::Imu,
+        StreamId::Gnss => Format::Bytes,
+        StreamId::Pps => Format::Pps,
+    }
+}
