@@ -2,7 +2,7 @@
 //!
 //! A frame also begins with 00, since a write cut off by a timeout leaves half a frame on the wire.
 
-use crate::frame::{CRC, Frame, FrameError, HEADER, MAX_FRAME};
+use crate::frame::{CRC, Frame, FrameError, HEADER, Kind, MAX_FRAME};
 
 /// Longest stuffed frame without its delimiters: one more byte for each 254 begun.
 pub const MAX_STUFFED: usize = MAX_FRAME + MAX_FRAME.div_ceil(254);
@@ -128,7 +128,8 @@ impl Decoder {
 
     fn count(&mut self, frame: &Frame) {
         let sequence = frame.header.sequence;
-        if let Some(expected) = self.expected_sequence {
+        // With a HELLO the other end may have started afresh; what is missing before one says nothing.
+        if let Some(expected) = self.expected_sequence.filter(|_| frame.header.kind != Kind::Hello) {
             let missing = sequence.wrapping_sub(expected);
             // A step back is a frame out of order or a restart, not 65,000 losses.
             if missing < 0x8000 {
