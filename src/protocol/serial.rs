@@ -83,7 +83,7 @@ impl Decoder {
             let (chunk, rest) = (&bytes[..end], &bytes[end + 1..]);
             *bytes = rest;
             // A frame that came in one piece is read where it lies.
-            let outcome = if self.pending.is_empty() && !self.overflowed {
+            let outcome = if self.pending.is_empty() {
                 self.close(chunk)
             } else {
                 self.keep(chunk);
@@ -178,4 +178,32 @@ fn unstuff(stuffed: &[u8], out: &mut [u8; MAX_STUFFED]) -> Result<usize, FrameEr
         }
     }
     Ok(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(stuffed: &[u8], expected: Result<&[u8], FrameError>) {
+        let mut out = [0xEE; MAX_STUFFED];
+        let got = unstuff(stuffed, &mut out).map(|length| &out[..length]);
+        assert_eq!(got, expected, "{stuffed:02x?}");
+    }
+
+    /// The first is the worked example of the interface document.
+    #[test]
+    fn runs_and_codes() {
+        check(&[2, 0x11, 1, 2, 0x2a], Ok(&[0x11, 0, 0, 0x2a]));
+        check(&[1], Ok(&[]));
+        check(&[1, 1], Ok(&[0]));
+        check(&[2, 5], Ok(&[5]));
+        check(&[2, 5, 1], Ok(&[5, 0]));
+    }
+
+    #[test]
+    fn a_run_that_is_cut_short_is_broken() {
+        for stuffed in [&[2][..], &[3, 1], &[1, 2], &[0xff, 1, 2, 3], &[0x80; 0x7f]] {
+            check(stuffed, Err(FrameError::Stuffing));
+        }
+    }
 }

@@ -283,7 +283,9 @@ fn stream_frame(head: StreamHead, samples: &[impl Wire]) -> StreamFrame {
 #[test]
 fn stream_frames() {
     let mut list = Checklist(read("v1-streams.txt"));
-    for (name, stream) in [("imu.two-samples", StreamId::Imu), ("gnss.bytes", StreamId::Gnss)] {
+    let streams =
+        [("imu.two-samples", StreamId::Imu), ("gnss.bytes", StreamId::Gnss), ("pps.one-capture", StreamId::Pps)];
+    for (name, stream) in streams {
         let header = Header { sequence: list.0[name].frame.header.sequence, ..stream_header(stream) };
         assert_eq!(header, list.0[name].frame.header);
     }
@@ -334,4 +336,87 @@ fn a_full_run_at_the_end_may_be_followed_by_a_code_of_its_own() {
 #[test]
 fn checksum_of_the_nine_digits() {
     assert_eq!(gnc_protocol::frame::checksum(b"123456789"), 0xE306_9283);
+}
+
+fn icd() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/ICD.md")).unwrap()
+}
+
+/// Frames that the interface document shows are vectors, so that a slip of the pen there cannot stand.
+#[test]
+fn frames_in_the_interface_document_are_vectors() {
+    let wires: Vec<Vec<u8>> =
+        FILES.iter().flat_map(|file| read(file).into_values().map(|vector| vector.wire)).collect();
+    let document = icd();
+    let mut shown: Vec<Vec<u8>> = Vec::new();
+    let mut open: Option<Vec<u8>> = None;
+    for word in document.split_whitespace().map(|word| word.trim_matches(['`', '.', ',', ';'])) {
+        let byte = if word.len() == 2 { u8::from_str_radix(word, 16).ok() } else { None };
+        match (byte, open.as_mut()) {
+            (Some(byte), Some(bytes)) => {
+                bytes.push(byte);
+                if byte == 0 {
+                    shown.extend(open.take().filter(|bytes| bytes.len() >= 14));
+                }
+            }
+            (Some(0), None) => open = Some(vec![0]),
+            _ => open = None,
+        }
+    }
+    assert!(shown.len() >= 12, "only {} frames were found in the document", shown.len());
+    for bytes in shown {
+        assert!(wires.contains(&bytes), "in the interface document, but no vector: {bytes:02x?}");
+    }
+}
+
+/// Every message, code and kind has its row.
+#[test]
+fn the_interface_document_names_everything() {
+    let document = icd();
+    let find = |row: String| assert!(document.contains(&row), "no row {row:?} in the interface document");
+    for (id, name) in Request::IDS {
+        find(format!("| 0x{id:04X} | [{name}]"));
+        find(format!("\n### 0x{id:04X} {name}\n"));
+    }
+    let section = |from: &str, to: &str| document.split_once(from).unwrap().1.split_once(to).unwrap().0.to_owned();
+    let naks = section("**NAK**", "**Status");
+    assert!(NakCode::ALL.iter().all(|code| naks.contains(&format!("\n| {} |", *code as u16))));
+    assert_eq!(naks.matches("\n| ").count(), NakCode::ALL.len() + 2, "a code too many");
+    let statuses = section("**Status", "A host takes");
+    assert!(FaultCode::ALL.iter().all(|code| statuses.contains(&format!("\n| {} |", *code as u16))));
+    assert_eq!(statuses.matches("\n| ").count(), FaultCode::ALL.len() + 2, "a status too many");
+    let kinds = section("**Kinds of error records**", "## 13");
+    assert!(ErrorKind::ALL.iter().all(|kind| kinds.contains(&format!("\n| {} |", *kind as u16))));
+    assert_eq!(kinds.matches("\n| ").count(), ErrorKind::ALL.len() + 2, "a kind too many");
+}
+
+/// Written out, since a board in the field has these numbers and not our names for them.
+#[test]
+fn the_numbers_of_the_interface_document() {
+    use gnc_protocol::{frame, slave, timing};
+    let milliseconds = [
+        timing::ACCEPT_WITHIN,
+        timing::PROGRESS_EVERY,
+        timing::PROGRESS_LOST_AFTER,
+        timing::HEARTBEAT_EVERY,
+        timing::KEEP_ALIVE_EVERY,
+        timing::WATCHDOG,
+    ];
+    assert_eq!(milliseconds.map(|time| time.as_millis()), [50, 500, 1500, 1000, 500, 1750]);
+    assert_eq!((timing::RESENDS, slave::MAX_RUNNING, slave::KEPT_RESULTS), (3, 4, 8));
+    assert_eq!((gnc_protocol::PROTOCOL_VERSION, frame::MAX_PAYLOAD, frame::MAX_FRAME), (1, 512, 524));
+    assert_eq!(
+        (serial::MAX_STUFFED, serial::MAX_ON_WIRE, serial::on_wire(512), serial::on_wire(0)),
+        (527, 529, 529, 15)
+    );
+    let microseconds = |bytes, rate| timing::wire_time(bytes, rate).as_micros();
+    assert_eq!(
+        (microseconds(529, 115_200), microseconds(529, 921_600), microseconds(15, 460_800)),
+        (45_921, 5_741, 326)
+    );
+    assert_eq!((MAX_SAMPLE_BYTES, MAX_IMU_SAMPLES, MAX_LOAD_PERMILLE), (492, 12, 900));
+    assert_eq!((GYRO_LSB_PER_DPS, ACCEL_LSB_PER_G, MAG_LSB_PER_GAUSS), (20_000.0, 160_000.0, 1_250_000.0));
+    assert_eq!(SATURATION, (1 << 23) - 1);
+    let first: Vec<u32> = Xorshift32::new(1).take(4).collect();
+    assert_eq!(first, [0x0004_2021, 0x0408_0601, 0x9DCC_A8C5, 0x1255_994F]);
 }
