@@ -49,7 +49,7 @@ wire_enum! {
     FaultCode: u16 {
         /// Done; the body follows.
         None = 0,
-        /// Ended by ABORT, MAKE_SAFE or a new HELLO.
+        /// Ended by ABORT or MAKE_SAFE. (The end of a session ends requests too, but without a RESULT.)
         Aborted = 1,
         /// A device of the module did not answer in its time.
         DeviceTimeout = 2,

@@ -144,6 +144,7 @@ impl Frame {
     ///
     /// # Errors
     /// [`FrameError`] for a wrong length, checksum or kind.
+    #[inline]
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FrameError> {
         if bytes.len() > MAX_FRAME {
             return Err(FrameError::Long);

@@ -58,7 +58,7 @@ pub mod capability {
 pub mod event {
     /// Board, every second: [`super::Heartbeat`].
     pub const HEARTBEAT: u16 = 0x0001;
-    /// Host, every 500 ms: no payload; any valid frame serves as well.
+    /// Host, every 500 ms: no payload; a REQUEST or HELLO serves as well.
     pub const KEEP_ALIVE: u16 = 0x0002;
     /// Board: the watchdog ended the session and made the board safe: no payload.
     pub const WATCHDOG: u16 = 0x0003;

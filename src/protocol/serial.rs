@@ -2,7 +2,7 @@
 //!
 //! A frame also begins with 00, since a write cut off by a timeout leaves half a frame on the wire.
 
-use crate::frame::{CRC, Frame, FrameError, HEADER, MAX_FRAME};
+use crate::frame::{CRC, Frame, FrameError, HEADER, Kind, MAX_FRAME};
 
 /// Longest stuffed frame without its delimiters: one more byte for each 254 begun.
 pub const MAX_STUFFED: usize = MAX_FRAME + MAX_FRAME.div_ceil(254);
@@ -49,7 +49,10 @@ pub struct LineCounters {
 /// delimiter starts afresh.
 #[derive(Debug)]
 pub struct Decoder {
+    /// A frame that came in pieces, as far as it came.
     pending: heapless::Vec<u8, MAX_STUFFED>,
+    /// Room to take the stuffing out; means nothing between two calls.
+    unstuffed: [u8; MAX_STUFFED],
     overflowed: bool,
     expected_sequence: Option<u16>,
     counters: LineCounters,
@@ -59,6 +62,7 @@ impl Default for Decoder {
     fn default() -> Self {
         Self {
             pending: heapless::Vec::new(),
+            unstuffed: [0; MAX_STUFFED],
             overflowed: false,
             expected_sequence: None,
             counters: LineCounters::default(),
@@ -78,9 +82,16 @@ impl Decoder {
             };
             let (chunk, rest) = (&bytes[..end], &bytes[end + 1..]);
             *bytes = rest;
-            self.keep(chunk);
-            if let Some(outcome) = self.close() {
-                return Some(outcome);
+            // A frame that came in one piece is read where it lies.
+            let outcome = if self.pending.is_empty() {
+                self.close(chunk)
+            } else {
+                self.keep(chunk);
+                let pending = core::mem::take(&mut self.pending);
+                self.close(&pending)
+            };
+            if outcome.is_some() {
+                return outcome;
             }
         }
     }
@@ -104,20 +115,17 @@ impl Decoder {
     }
 
     /// A delimiter came. Two in a row enclose nothing and mean nothing.
-    fn close(&mut self) -> Option<Result<Frame, FrameError>> {
-        let overflowed = core::mem::take(&mut self.overflowed);
-        if overflowed {
+    #[inline]
+    fn close(&mut self, stuffed: &[u8]) -> Option<Result<Frame, FrameError>> {
+        if core::mem::take(&mut self.overflowed) || stuffed.len() > MAX_STUFFED {
             self.counters.malformed = self.counters.malformed.wrapping_add(1);
             return Some(Err(FrameError::Long));
         }
-        if self.pending.is_empty() {
+        if stuffed.is_empty() {
             return None;
         }
-        let outcome = match cobs::decode_in_place(&mut self.pending) {
-            Ok(length) => Frame::from_bytes(&self.pending[..length]),
-            Err(_) => Err(FrameError::Stuffing),
-        };
-        self.pending.clear();
+        let outcome =
+            unstuff(stuffed, &mut self.unstuffed).and_then(|length| Frame::from_bytes(&self.unstuffed[..length]));
         match &outcome {
             Ok(frame) => self.count(frame),
             Err(FrameError::Checksum { .. }) => self.counters.bad_checksum = self.counters.bad_checksum.wrapping_add(1),
@@ -128,7 +136,8 @@ impl Decoder {
 
     fn count(&mut self, frame: &Frame) {
         let sequence = frame.header.sequence;
-        if let Some(expected) = self.expected_sequence {
+        // With a HELLO the other end may have started afresh; what is missing before one says nothing.
+        if let Some(expected) = self.expected_sequence.filter(|_| frame.header.kind != Kind::Hello) {
             let missing = sequence.wrapping_sub(expected);
             // A step back is a frame out of order or a restart, not 65,000 losses.
             if missing < 0x8000 {
@@ -137,5 +146,64 @@ impl Decoder {
         }
         self.expected_sequence = Some(sequence.wrapping_add(1));
         self.counters.frames = self.counters.frames.wrapping_add(1);
+    }
+}
+
+/// Most runs of sample data are a few bytes long, and a copy of fixed length is two moves where one of any length is
+/// a call.
+const SHORT_RUN: usize = 16;
+
+/// Takes the stuffing out, run by run. Returns the bytes that came out; never more than went in.
+fn unstuff(stuffed: &[u8], out: &mut [u8; MAX_STUFFED]) -> Result<usize, FrameError> {
+    let (mut at, mut length) = (0, 0);
+    while let Some(&code) = stuffed.get(at) {
+        let run = usize::from(code).wrapping_sub(1);
+        at += 1;
+        let fixed = (stuffed.get(at..at + SHORT_RUN), out.get_mut(length..length + SHORT_RUN));
+        if run <= SHORT_RUN
+            && let (Some(from), Some(to)) = fixed
+        {
+            // What it copies beyond the run is overwritten next.
+            to.copy_from_slice(from);
+        } else {
+            let from = stuffed.get(at..at.saturating_add(run)).ok_or(FrameError::Stuffing)?;
+            out.get_mut(length..length + run).ok_or(FrameError::Stuffing)?.copy_from_slice(from);
+        }
+        at += run;
+        length += run;
+        // The zero behind the last run is not data, nor is there one behind a full run.
+        if code != 0xff && at < stuffed.len() {
+            *out.get_mut(length).ok_or(FrameError::Stuffing)? = 0;
+            length += 1;
+        }
+    }
+    Ok(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(stuffed: &[u8], expected: Result<&[u8], FrameError>) {
+        let mut out = [0xEE; MAX_STUFFED];
+        let got = unstuff(stuffed, &mut out).map(|length| &out[..length]);
+        assert_eq!(got, expected, "{stuffed:02x?}");
+    }
+
+    /// The first is the worked example of the interface document.
+    #[test]
+    fn runs_and_codes() {
+        check(&[2, 0x11, 1, 2, 0x2a], Ok(&[0x11, 0, 0, 0x2a]));
+        check(&[1], Ok(&[]));
+        check(&[1, 1], Ok(&[0]));
+        check(&[2, 5], Ok(&[5]));
+        check(&[2, 5, 1], Ok(&[5, 0]));
+    }
+
+    #[test]
+    fn a_run_that_is_cut_short_is_broken() {
+        for stuffed in [&[2][..], &[3, 1], &[1, 2], &[0xff, 1, 2, 3], &[0x80; 0x7f]] {
+            check(stuffed, Err(FrameError::Stuffing));
+        }
     }
 }

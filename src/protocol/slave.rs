@@ -168,9 +168,10 @@ impl Slave {
                 self.heard = now;
                 self.request(frame, now, board, send);
             }
-            Kind::Event => self.heard = now,
-            // Only a board sends these: an echo on the line, or another board.
-            Kind::Accept | Kind::Progress | Kind::Result | Kind::Stream | Kind::Nak => {}
+            Kind::Event if frame.header.message == event::KEEP_ALIVE => self.heard = now,
+            // Only a board sends these: an echo on the line, or another board. Its own heartbeat coming back must
+            // not pass for a living host.
+            Kind::Event | Kind::Accept | Kind::Progress | Kind::Result | Kind::Stream | Kind::Nak => {}
         }
     }
 
@@ -256,9 +257,17 @@ impl Slave {
                 send,
             );
         }
-        if let Some(running) = self.running.iter().find(|running| running.request == request) {
-            let expected_ms = running.expected_ms;
-            return self.reply(Kind::Accept, request, message, &Accept { expected_ms }, send);
+        match self.running.iter().find(|running| running.request == request) {
+            Some(running) if running.message == message => {
+                let expected_ms = running.expected_ms;
+                return self.reply(Kind::Accept, request, message, &Accept { expected_ms }, send);
+            }
+            // MAKE_SAFE ends the other one, so that its id is free again.
+            Some(_) if message != MakeSafe::ID => {
+                let refusal = Refusal::new(NakCode::BadParameter, "another request runs under this id");
+                return self.nak(request, message, &refusal, send);
+            }
+            _ => {}
         }
         if let Some(kept) = self.kept.iter().find(|kept| kept.request == request && kept.message == message) {
             let (header, payload) = (header(Kind::Result, Flags::REPLAYED, request, message), kept.payload.clone());

@@ -16,7 +16,7 @@ pub const PROGRESS_LOST_AFTER: Duration = Duration::from_millis(1500);
 pub const HEARTBEAT_EVERY: Duration = Duration::from_millis(1000);
 /// The host's keep-alive.
 pub const KEEP_ALIVE_EVERY: Duration = Duration::from_millis(500);
-/// The board makes itself safe after this long without a valid frame from the host. Three keep-alives may be
+/// The board makes itself safe after this long without a KEEP_ALIVE, REQUEST or HELLO. Three keep-alives may be
 /// lost; with the time to act the board is safe within 2 s of the last one.
 pub const WATCHDOG: Duration = Duration::from_millis(1750);
 
