@@ -193,3 +193,6 @@ fn error_record(record: &crate::event::ErrorRecord) -> String {
     );
     printable(&text).into_owned()
 }
+
+#[cfg(test)]
+mod tests;

@@ -157,8 +157,10 @@ pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
     }
 }
 
-/// Gives every item its requirements by position, and refuses names that stand twice.
-fn link(raw: Vec<RawItem>, sources: &[Source], mistakes: &mut Mistakes) -> Vec<PlanItem> {
+/// Orders the items by phase, gives each its requirements by position, and refuses names that stand twice.
+fn link(mut raw: Vec<RawItem>, sources: &[Source], mistakes: &mut Mistakes) -> Vec<PlanItem> {
+    // A stable sort: within a phase the order of the files stays.
+    raw.sort_by_key(|raw| raw.item.phase);
     let mut positions: HashMap<&str, usize> = HashMap::with_capacity(raw.len());
     for (position, RawItem { item, name_span, .. }) in raw.iter().enumerate() {
         match positions.entry(item.name.as_str()) {
@@ -192,8 +194,8 @@ fn link(raw: Vec<RawItem>, sources: &[Source], mistakes: &mut Mistakes) -> Vec<P
                 let (what, hint) = match at {
                     Some(at) if at == position => (format!("{} requires itself", quoted(name)), String::new()),
                     Some(_) => (
-                        format!("{} stands after the item that requires it", quoted(name)),
-                        "items run in the order of the plan: put it first".to_owned(),
+                        format!("{} runs after the item that requires it", quoted(name)),
+                        "setup runs before tests, teardown after them, and each in the order of the plan".to_owned(),
                     ),
                     None => (
                         format!("no item has the name {}", quoted(name)),
