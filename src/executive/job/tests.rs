@@ -136,9 +136,9 @@ fn errored_items_are_tried_again_and_failed_ones_only_if_the_plan_says_so() {
     cpu attempt 2
     cpu attempt 3
     cpu errored
-    io skipped: requires cpu, which is errored
-    spi skipped: requires io, which is skipped
-    sci skipped: requires cpu, which is errored
+    io skipped: requires cpu, which errored
+    spi skipped: requires io, which was skipped
+    sci skipped: requires cpu, which errored
     internal-flash attempt 1
     internal-flash passed
     run errored
@@ -148,9 +148,9 @@ fn errored_items_are_tried_again_and_failed_ones_only_if_the_plan_says_so() {
     identity passed
     cpu attempt 1
     cpu failed
-    io skipped: requires cpu, which is failed
-    spi skipped: requires io, which is skipped
-    sci skipped: requires cpu, which is failed
+    io skipped: requires cpu, which failed
+    spi skipped: requires io, which was skipped
+    sci skipped: requires cpu, which failed
     internal-flash attempt 1
     internal-flash passed
     run failed
@@ -162,10 +162,10 @@ fn a_bad_setup_skips_every_test() {
     insta::assert_snapshot!(play(&job(PHASES), &[("identity", &[Outcome::Failed])], None), @r#"
     identity attempt 1
     identity failed
-    cpu skipped: the setup item identity is failed
-    io skipped: the setup item identity is failed
-    spi skipped: the setup item identity is failed
-    sci skipped: requires cpu, which is skipped
+    cpu skipped: the setup item identity failed
+    io skipped: the setup item identity failed
+    spi skipped: the setup item identity failed
+    sci skipped: requires cpu, which was skipped
     internal-flash attempt 1
     internal-flash passed
     run failed
@@ -180,7 +180,7 @@ fn a_stop_in_order_leaves_only_teardown_and_one_at_once_nothing() {
     identity passed
     cpu attempt 1
     cpu aborted
-    sci skipped: requires cpu, which is aborted
+    sci skipped: requires cpu, which was aborted
     internal-flash attempt 1
     internal-flash passed
     run aborted
@@ -217,9 +217,9 @@ fn a_plan_can_stop_at_the_first_bad_item() {
     identity passed
     cpu attempt 1
     cpu failed
-    io skipped: the plan stops at the first bad item, and cpu is failed
-    spi skipped: the plan stops at the first bad item, and cpu is failed
-    sci skipped: requires cpu, which is failed
+    io skipped: the plan stops at the first bad item, and cpu failed
+    spi skipped: the plan stops at the first bad item, and cpu failed
+    sci skipped: requires cpu, which failed
     internal-flash attempt 1
     internal-flash passed
     run failed

@@ -79,9 +79,6 @@ on_fail = "halt"
 verison = "1.0"
 
 [[item]]
-id = "idnetity"
-
-[[item]]
 id = "sdram"
 atempts = 3
 attempts = 99
@@ -120,6 +117,13 @@ id = "gnss"
 params = { start = "warmish", timeout = 60 }
 [item.limits]
 fix_type = "=="
+
+[[item]]
+id = "imu"
+requires = ["imu"]
+name = "imu-again"
+[item.limits]
+gyro_x = "<= 1 deg/s"
 "#;
     insta::assert_snapshot!(mistakes(text), @r#"
     plan.toml:1:1: "version" is missing
@@ -142,178 +146,186 @@ fix_type = "=="
        | ^^^^^^^
        = try: did you mean "version"?
 
-    plan.toml:6:6: unknown item "idnetity"
-     6 | id = "idnetity"
-       |      ^^^^^^^^^^
-       = try: did you mean "identity"?
+    plan.toml:7:1: unknown key "atempts"
+     7 | atempts = 3
+       | ^^^^^^^
+       = try: did you mean "attempts"?
 
-    plan.toml:10:1: unknown key "atempts"
-     10 | atempts = 3
-        | ^^^^^^^
-        = try: did you mean "attempts"?
+    plan.toml:8:12: attempts is 99, and must be 1 to 10
+     8 | attempts = 99
+       |            ^^
 
-    plan.toml:11:12: attempts is 99, and must be 1 to 10
-     11 | attempts = 99
-        |            ^^
+    plan.toml:9:11: "30" has no unit
+     9 | timeout = "30"
+       |           ^^^^
+       = try: a time is written in ns, us, ms, s, min, h
 
-    plan.toml:12:11: "30" has no unit
-     12 | timeout = "30"
-        |           ^^^^
-        = try: a time is written in ns, us, ms, s, min, h
-
-    plan.toml:13:13: no item has the name "cpu"
-     13 | requires = ["cpu", "imu", "sdram", "spdram"]
+    plan.toml:10:13: no item has the name "cpu"
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
         |             ^^^^^
+        = try: add that item before this one, or remove the name here
 
-    plan.toml:13:20: "imu" runs after the item that requires it
-     13 | requires = ["cpu", "imu", "sdram", "spdram"]
+    plan.toml:10:20: "imu" runs after the item that requires it
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
         |                    ^^^^^
-        = try: setup runs before tests, teardown after them, and each in the order of the plan
+        = try: move it up: items run in the order of the plan, setup first and teardown last
 
-    plan.toml:13:27: "sdram" requires itself
-     13 | requires = ["cpu", "imu", "sdram", "spdram"]
+    plan.toml:10:27: "sdram" requires itself
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
         |                           ^^^^^^^
 
-    plan.toml:13:36: no item has the name "spdram"
-     13 | requires = ["cpu", "imu", "sdram", "spdram"]
+    plan.toml:10:36: no item has the name "spdram"
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
         |                                    ^^^^^^^^
         = try: did you mean "sdram"?
 
-    plan.toml:14:33: patterns cannot hold "marchc"
-     14 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+    plan.toml:11:33: patterns cannot hold "marchc"
+     11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
         |                                 ^^^^^^^^
         = try: did you mean "march-c"?
 
-    plan.toml:14:43: "solid" stands twice in patterns
-     14 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+    plan.toml:11:43: "solid" stands twice in patterns
+     11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
         |                                           ^^^^^^^
 
-    plan.toml:14:53: sdram has no parameter "pattern"
-     14 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+    plan.toml:11:53: sdram has no parameter "pattern"
+     11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
         |                                                     ^^^^^^^
         = try: did you mean "patterns"?
 
-    plan.toml:16:1: sdram does not measure "mismatches_sold"
-     16 | mismatches_sold = "== 0"
+    plan.toml:13:1: sdram does not measure "mismatches_sold"
+     13 | mismatches_sold = "== 0"
         | ^^^^^^^^^^^^^^^
         = try: did you mean "mismatches_solid"?
 
-    plan.toml:17:1: "mismatches_address" is not measured with these parameters
-     17 | mismatches_address = "== 0"
+    plan.toml:14:1: "mismatches_address" is not measured with these parameters
+     14 | mismatches_address = "== 0"
         | ^^^^^^^^^^^^^^^^^^
         = try: change the parameters, or leave the limit out
 
-    plan.toml:18:13: 2 V is a voltage, but this measurement is a time
-     18 | test_time = "<= 2 V"
+    plan.toml:15:13: 2 V is a voltage, but this measurement is a time
+     15 | test_time = "<= 2 V"
         |             ^^^^^^^^
         = try: a time is written in ns, us, ms, s, min, h
 
-    plan.toml:19:16: the limit of "words_tested" is not a text in quotes
-     19 | words_tested = 5
+    plan.toml:16:16: the limit of "words_tested" is not a text in quotes
+     16 | words_tested = 5
         |                ^
         = try: a limit is one of: "<= Q", ">= Q", "Q .. Q", "Q +- Q", "Q +- N %", "== text"
 
-    plan.toml:20:1: "foo_*" matches no measurement of sdram
-     20 | "foo_*" = "== 0"
+    plan.toml:17:1: "foo_*" matches no measurement of sdram
+     17 | "foo_*" = "== 0"
         | ^^^^^^^
         = try: it measures mismatches_solid, mismatches_checkerboard, mismatches_walking_ones, mismatches_address, mismatches_march_c, words_tested, test_time
 
-    plan.toml:24:9: unknown phase "before"
-     24 | phase = "before"
+    plan.toml:21:9: unknown phase "before"
+     21 | phase = "before"
         |         ^^^^^^^^
         = try: "setup" comes before all tests, "teardown" after them, and "test" is the usual one
 
-    plan.toml:25:12: "optional" is a text, and must be true or false
-     25 | optional = "yes"
+    plan.toml:22:12: "optional" is a text, and must be true or false
+     22 | optional = "yes"
         |            ^^^^^
 
-    plan.toml:26:16: retry_failed without further attempts changes nothing
-     26 | retry_failed = true
+    plan.toml:23:16: retry_failed without further attempts changes nothing
+     23 | retry_failed = true
         |                ^^^^
         = try: write attempts = 2 beside it
 
-    plan.toml:27:10: the prompt has 0 characters
-     27 | prompt = ""
+    plan.toml:24:10: the prompt has 0 characters
+     24 | prompt = ""
         |          ^^
         = try: write 1 to 500, or leave it out
 
-    plan.toml:28:22: samples is 10, and must be 50 to 10000
-     28 | params = { samples = 10, rate = "5 kHz", speed = 1 }
+    plan.toml:25:22: samples is 10, and must be 50 to 10000
+     25 | params = { samples = 10, rate = "5 kHz", speed = 1 }
         |                      ^^
 
-    plan.toml:28:33: rate is 5 kHz
-     28 | params = { samples = 10, rate = "5 kHz", speed = 1 }
+    plan.toml:25:33: rate is 5 kHz
+     25 | params = { samples = 10, rate = "5 kHz", speed = 1 }
         |                                 ^^^^^^^
         = try: it may be 1 Hz to 1000 Hz
 
-    plan.toml:28:42: imu has no parameter "speed"
-     28 | params = { samples = 10, rate = "5 kHz", speed = 1 }
+    plan.toml:25:42: imu has no parameter "speed"
+     25 | params = { samples = 10, rate = "5 kHz", speed = 1 }
         |                                          ^^^^^
         = try: its parameters are samples, rate
 
-    plan.toml:30:10: "2 deg/s" is not a limit
-     30 | gyro_x = "2 deg/s"
+    plan.toml:27:10: "2 deg/s" is not a limit
+     27 | gyro_x = "2 deg/s"
         |          ^^^^^^^^^
         = try: a limit is one of: <= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text
 
-    plan.toml:31:10: 2 has no unit
-     31 | gyro_y = "<= 2"
+    plan.toml:28:10: 2 has no unit
+     28 | gyro_y = "<= 2"
         |          ^^^^^^
         = try: write "2 deg/s", if that is the unit you mean
 
-    plan.toml:32:10: the low bound 2 deg/s is above the high bound 1 deg/s
-     32 | gyro_z = "2 .. 1 deg/s"
+    plan.toml:29:10: the low bound 2 deg/s is above the high bound 1 deg/s
+     29 | gyro_z = "2 .. 1 deg/s"
         |          ^^^^^^^^^^^^^^
         = try: write the smaller one first
 
-    plan.toml:33:11: unknown unit "gs"
-     33 | accel_x = "<= 1 gs"
+    plan.toml:30:11: unknown unit "gs"
+     30 | accel_x = "<= 1 gs"
         |           ^^^^^^^^^
         = try: an acceleration is written in mg, g, m/s^2
 
-    plan.toml:34:12: "gyro_*" is for gyro_temperature too, and there 9 deg/s is an angular rate, but this measurement is a temperature
-     34 | "gyro_*" = "<= 9 deg/s"
+    plan.toml:31:12: "gyro_*" is for gyro_temperature too, and there 9 deg/s is an angular rate, but this measurement is a temperature
+     31 | "gyro_*" = "<= 9 deg/s"
         |            ^^^^^^^^^^^^
         = try: a temperature is written in degC
 
-    plan.toml:35:49: 1 deg/s is an angular rate, but this measurement is an acceleration
-     35 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
+    plan.toml:32:49: 1 deg/s is an angular rate, but this measurement is an acceleration
+     32 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
         |                                                 ^^^^^^^^^
         = try: an acceleration is written in mg, g, m/s^2
 
-    plan.toml:35:60: unknown key "margin"
-     35 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
+    plan.toml:32:60: unknown key "margin"
+     32 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
         |                                                            ^^^^^^
         = try: did you mean "marginal"?
 
-    plan.toml:36:18: "<= 0" is a limit for numbers, but this measurement is a text
-     36 | stuck_channels = "<= 0"
+    plan.toml:33:18: "<= 0" is a limit for numbers, but this measurement is a text
+     33 | stuck_channels = "<= 0"
         |                  ^^^^^^
         = try: write == and the text, or == $serial_number for the scanned one
 
-    plan.toml:39:6: "imu" has no limits: nothing would be judged
-     39 | id = "imu"
+    plan.toml:36:6: "imu" has no limits: nothing would be judged
+     36 | id = "imu"
         |      ^^^^^
         = try: write them below a line [item.limits]
 
-    plan.toml:39:6: the name "imu" stands twice, first at plan.toml:23
-     39 | id = "imu"
+    plan.toml:36:6: the name "imu" stands twice, first at plan.toml:20
+     36 | id = "imu"
         |      ^^^^^
         = try: give one of them a name of its own: name = "..."
 
-    plan.toml:44:20: start cannot be "warmish"
-     44 | params = { start = "warmish", timeout = 60 }
+    plan.toml:41:20: start cannot be "warmish"
+     41 | params = { start = "warmish", timeout = 60 }
         |                    ^^^^^^^^^
         = try: it may be "hot", "warm", "cold", "as-is"
 
-    plan.toml:44:41: "timeout" is a whole number, and must be a number and its unit in quotes, such as "1 ns"
-     44 | params = { start = "warmish", timeout = 60 }
+    plan.toml:41:41: "timeout" is a whole number, and must be a number and its unit in quotes, such as "1 s"
+     41 | params = { start = "warmish", timeout = 60 }
         |                                         ^^
 
-    plan.toml:46:12: nothing stands after ==
-     46 | fix_type = "=="
+    plan.toml:43:12: nothing stands after ==
+     43 | fix_type = "=="
         |            ^^^^
         = try: write == and the text, or == $serial_number for the scanned one
+    "#);
+}
+
+/// What cannot be read must not make mistakes of what depends on it.
+#[test]
+fn one_slip_is_one_mistake() {
+    let text = FUNCTIONAL.replace("id = \"identity\"", "id = \"idnetity\"");
+    insta::assert_snapshot!(mistakes(&text), @r#"
+    plan.toml:7:6: unknown item "idnetity"
+     7 | id = "idnetity"
+       |      ^^^^^^^^^^
+       = try: did you mean "identity"?
     "#);
 }
 
@@ -334,15 +346,15 @@ fn syntax_errors_stand_alone() {
         out.push_str("\n\n");
     }
     insta::assert_snapshot!(out, @r#"
-    plan.toml:1:8: invalid boolean, expected `false`
+    plan.toml:1:8: this is no text in quotes, no number, and neither true nor false
      1 | name = functional
        |        ^^^^^^^^^^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: texts stand in quotes: name = "functional"
 
-    plan.toml:2:1: duplicate key
+    plan.toml:2:1: this key stands twice
      2 | name = "b"
        | ^^^^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: remove one of them, or begin the next item with [[item]]
 
     plan.toml:1:8: unclosed array table, expected `]`
      1 | [[item]
@@ -352,27 +364,27 @@ fn syntax_errors_stand_alone() {
     plan.toml:1:17: invalid basic string, expected `"`
      1 | name = "unclosed
        |                 ^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: a text ends with the quote that it began with, in the same line
 
     plan.toml:1:6: unexpected key or value, expected newline, `#`
      1 | a =  [31m
        |      ^
        = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
 
-    plan.toml:1:5: string values must be quoted, expected literal string
+    plan.toml:1:5: this is no text in quotes, no number, and neither true nor false
      1 | a = 1 
        |     ^^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: texts stand in quotes: name = "functional"
 
-    plan.toml:1:85: cannot recurse further; max recursion depth met
+    plan.toml:1:85: values lie too deep in each other
      1 | [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[
        |                          ^
-       = try: values may lie at most 80 deep in each other
+       = try: at most 80 levels are read
 
-    plan.toml:1:1: recursion limit
+    plan.toml:1:1: values lie too deep in each other
      1 | a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.
        | ^
-       = try: values may lie at most 80 deep in each other
+       = try: at most 80 levels are read
     "#);
 }
 
@@ -422,11 +434,6 @@ fn what_is_no_plan_at_all() {
        | ^
        = try: save the file with the encoding UTF-8
 
-    plan.toml:1:1: the plan has no items
-     1 | name = "a"
-       | ^
-       = try: begin each item with a line [[item]]
-
     plan.toml:3:8: "item" is a whole number, and must be a list of tables, each beginning with [[item]]
      3 | item = 5
        |        ^
@@ -456,14 +463,12 @@ const IDENTITY: &str = "[[item]]\nid = \"identity\"\n[item.limits]\nprotocol = \
 
 #[test]
 fn includes_come_first_and_are_part_of_the_digest() {
-    let root = format!(
-        "name = \"root\"\nversion = \"1\"\ninclude = [\"../common/a.toml\", \"b.toml\"]\n[[item]]\nid = \"io\"\nrequires = [\"identity\"]\n[item.limits]\nwrong_reads = \"== 0\"\n"
-    );
+    let root = "name = \"root\"\nversion = \"1\"\ninclude = [\"../common/a.toml\", \"b.toml\"]\n[[item]]\nid = \"io\"\nrequires = [\"identity\"]\n[item.limits]\nwrong_reads = \"== 0\"\n";
     let a = format!("name = \"a\"\nversion = \"1\"\ninclude = [\"./c.toml\"]\n{IDENTITY}");
     let b = "name = \"b\"\nversion = \"1\"\n[[item]]\nid = \"spi\"\nphase = \"setup\"\n";
     let c = "name = \"c\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\n[item.limits]\n\"*\" = \"== 0\"\n";
     let plan = read(&[
-        ("plans/line/root.toml", &root),
+        ("plans/line/root.toml", root),
         ("plans/common/a.toml", &a),
         ("plans/line/b.toml", b),
         ("plans/common/c.toml", c),
@@ -542,10 +547,10 @@ fn includes_that_are_refused() {
        |      ^^^^^^^^^^
        = try: give one of them a name of its own: name = "..."
 
-    b.toml:1:8: string values must be quoted, expected literal string
+    b.toml:1:8: this is no text in quotes, no number, and neither true nor false
      1 | name = 
        |        ^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: texts stand in quotes: name = "functional"
 
     a.toml:3:12: "include" is a whole number, and must be a list of texts in quotes
      3 | include = [5]

@@ -15,7 +15,7 @@ fn one_line_for_each_item() {
     marginal  identity             1.25 s  supply_current 0.468 A (0.4655 .. 0.5145 A)
     failed    sdram                1.50 s  mismatches_solid 4096 (== 0) and 1 more
     errored   imu                  1.75 s  attempt 2  the slave board restarted during the request
-    skipped   io                           requires sdram, which is failed
+    skipped   io                           requires sdram, which failed
     "#);
 }
 
@@ -48,7 +48,7 @@ fn the_verdict_never_hides_what_it_is_worth() {
     insta::assert_snapshot!(format!("{}\n{}", banners(&record).join("\n"), verdict_line(&record)), @r#"
     SIMULATED BENCH (boards/good\u{1b}.toml): no evidence about any module
     SELECTION (identity, sdram): not a pass of the module
-    ERRORED  ../\u{1b}[2JX  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.25 s
+    ERRORED (simulated, selection)  ../\u{1b}[2JX  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.25 s
     "#);
     assert!(log_txt(&record).starts_with("*** SIMULATED BENCH"));
     let lines: String = run.events.iter().take(8).map(|event| journal::line(event).unwrap()).collect();
@@ -58,7 +58,7 @@ fn the_verdict_never_hides_what_it_is_worth() {
     SIMULATED BENCH (boards/good\u{1b}.toml): no evidence about any module
     SELECTION (identity, sdram): not a pass of the module
     INTERRUPTED: the run has no end, and its record shows what is known
-    INTERRUPTED  ../\u{1b}[2JX  small 1.0  4 not run  in 1.75 s
+    INTERRUPTED (simulated, selection)  ../\u{1b}[2JX  small 1.0  4 not run  in 1.75 s
     "#);
     assert_eq!(RunRecord::from_state(&RunState::new()), None);
 }
@@ -100,7 +100,7 @@ fn the_log_holds_everything() {
       attempt 2: errored, start 2026-11-22 14:30:19.750 +08:00, elapsed 0.50 s
         error:    the slave board restarted during the request
 
-    skipped   io                           requires sdram, which is failed
+    skipped   io                           requires sdram, which failed
 
     Notes
       2026-11-22 14:30:20.000 +08:00       5.000 s  error    imu: the slave board restarted
@@ -120,7 +120,7 @@ fn the_log_holds_everything() {
       error:    the slave board restarted during the request
                 try: check its supply
 
-    ERRORED  DEMO-1  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.25 s
+    ERRORED (simulated)  DEMO-1  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.25 s
     *** SIMULATED BENCH (good-1): no evidence about any module ***
     "#);
 }
