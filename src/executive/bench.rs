@@ -177,3 +177,6 @@ fn check_text(walk: &Walk<'_>, text: &str, span: std::ops::Range<usize>) {
         walk.mistake(span, format!("{} is not fit for a name", quoted(text)), "write it without control characters");
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! A plan on a bench: what can be run, what is chosen, and what comes next.
 
 use crate::catalogue::Device;
-use crate::event::PlannedItem;
+use crate::event::{PlannedItem, StopHow};
 use crate::mistake::{Mistake, Mistakes};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
@@ -157,31 +157,33 @@ impl Job {
     }
 
     fn decide(&self, state: &RunState) -> Next {
-        let stopped = state.stop();
-        let phases: &[Phase] = match stopped {
-            None => &[Phase::Setup, Phase::Test, Phase::Teardown],
-            Some((crate::event::StopHow::InOrder, _)) => &[Phase::Teardown],
-            Some((crate::event::StopHow::AtOnce, _)) => &[],
-        };
         // Ends first: an attempt that is over may set others free.
-        if let Some(end) = self.open(state).find_map(|(position, item, row)| self.ended(state, position, item, row)) {
+        let over = |(position, row)| self.ended(state, position, self.item(position)?, row);
+        if let Some(end) = state.begun().find_map(over) {
             return end;
         }
-        for phase in phases {
-            let mut left = false;
-            for (position, item, row) in self.open(state).filter(|(_, item, _)| item.phase == *phase) {
-                left = true;
-                if row.running().is_none()
-                    && let Some(next) = self.begin(state, position, item, row)
-                {
-                    return next;
-                }
+        let stop = state.stop().map(|(how, _)| how);
+        let wanted = |phase: Phase| match stop {
+            None => true,
+            Some(StopHow::InOrder) => phase == Phase::Teardown,
+            Some(StopHow::AtOnce) => false,
+        };
+        let mut current = None;
+        for (position, item, row) in self.open(state).filter(|(_, item, _)| wanted(item.phase)) {
+            // A phase begins when the one before it is over; the plan holds its items in the order of the phases.
+            if *current.get_or_insert(item.phase) != item.phase {
+                break;
             }
-            if left {
-                return Next::Wait;
+            if row.running().is_none()
+                && let Some(next) = self.begin(state, position, item, row)
+            {
+                return next;
             }
         }
-        if state.in_flight() > 0 { Next::Wait } else { Next::Done { outcome: state.outcome_so_far() } }
+        if current.is_some() || state.in_flight() > 0 {
+            return Next::Wait;
+        }
+        Next::Done { outcome: state.outcome_so_far() }
     }
 
     /// Items that are selected and have not ended.
@@ -217,8 +219,7 @@ impl Job {
                 Condition::Skip(cause) => return Some(Next::Skip { item: position, cause }),
             }
         }
-        let runs = |row: &&Row| row.running().is_some();
-        if state.in_flight() > 0 && state.rows().iter().filter(runs).any(|row| row.planned.id.excludes(item.id)) {
+        if state.begun().any(|(_, other)| other.running().is_some() && other.planned.id.excludes(item.id)) {
             return None;
         }
         let attempt = u32::try_from(row.attempts.len() + 1).unwrap_or(u32::MAX);
@@ -249,6 +250,11 @@ impl Job {
                 let (item, outcome) = (row.planned.name.clone(), row.outcome);
                 return Condition::Skip(Cause::Precondition { item, outcome });
             }
+            // After a stop nothing but teardown begins, so that waiting for another item would never end.
+            if state.stop().is_some() && row.planned.phase != Phase::Teardown && row.running().is_none() {
+                let (item, outcome) = (row.planned.name.clone(), Outcome::NotRun);
+                return Condition::Skip(Cause::Precondition { item, outcome });
+            }
             condition = Condition::Open;
         }
         condition
@@ -269,3 +275,6 @@ fn unknown_selection(plan: &Plan, name: &str) -> Mistake {
     };
     Mistake::nowhere(format!("the plan has no item {}", quoted(name)), hint)
 }
+
+#[cfg(test)]
+mod tests;

@@ -70,3 +70,6 @@ pub fn fold(bytes: &[u8]) -> Result<Journal, JournalError> {
     }
     Ok(Journal { state, good_bytes, cut_bytes: bytes.len() - good_bytes })
 }
+
+#[cfg(test)]
+mod tests;

@@ -27,3 +27,6 @@ mod spanned;
 pub mod state;
 mod suggest;
 pub mod text;
+
+#[cfg(test)]
+mod fixture;

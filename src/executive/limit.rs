@@ -388,3 +388,6 @@ pub(crate) fn article(dimension: Dimension) -> String {
     let article = if name.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
     format!("{article} {name}")
 }
+
+#[cfg(test)]
+mod tests;

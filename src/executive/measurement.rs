@@ -173,3 +173,6 @@ impl Measurement {
 fn shown_unit(unit: Unit) -> Option<Unit> {
     (unit != Unit::Count).then_some(unit)
 }
+
+#[cfg(test)]
+mod tests;

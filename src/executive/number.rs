@@ -73,3 +73,6 @@ fn decimal_exponent(number: f64, digits: usize) -> i32 {
 fn trimmed(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
+
+#[cfg(test)]
+mod tests;

@@ -130,10 +130,10 @@ impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Cause::DeviceMissing { device } => write!(f, "the bench has no {device}"),
-            Cause::Precondition { item, outcome } => write!(f, "requires {item}, which is {}", words(*outcome)),
-            Cause::Setup { item, outcome } => write!(f, "the setup item {item} is {}", words(*outcome)),
+            Cause::Precondition { item, outcome } => write!(f, "requires {item}, which {}", verb(*outcome)),
+            Cause::Setup { item, outcome } => write!(f, "the setup item {item} {}", verb(*outcome)),
             Cause::StoppedAfter { item, outcome } => {
-                write!(f, "the plan stops at the first bad item, and {item} is {}", words(*outcome))
+                write!(f, "the plan stops at the first bad item, and {item} {}", verb(*outcome))
             }
             Cause::NotSelected => f.write_str("not selected"),
         }
@@ -143,6 +143,19 @@ impl fmt::Display for Cause {
 /// The outcome as words in a sentence: "not run" instead of "not_run".
 pub(crate) fn words(outcome: Outcome) -> &'static str {
     if outcome == Outcome::NotRun { "not run" } else { outcome.as_str() }
+}
+
+/// The outcome as the verb of a sentence: "failed", "was skipped".
+fn verb(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Passed => "passed",
+        Outcome::Marginal => "was marginal",
+        Outcome::Failed => "failed",
+        Outcome::Errored => "errored",
+        Outcome::Aborted => "was aborted",
+        Outcome::Skipped => "was skipped",
+        Outcome::NotRun => "was not run",
+    }
 }
 
 /// What the end of one item means for its run.
@@ -224,7 +237,7 @@ mod tests {
     #[test]
     fn causes_read_as_sentences() {
         let cause = Cause::Precondition { item: "identity".into(), outcome: Outcome::NotRun };
-        assert_eq!(cause.to_string(), "requires identity, which is not run");
+        assert_eq!(cause.to_string(), "requires identity, which was not run");
         assert_eq!(
             serde_json::to_string(&cause).unwrap(),
             r#"{"kind":"precondition","item":"identity","outcome":"not_run"}"#

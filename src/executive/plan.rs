@@ -88,7 +88,7 @@ pub enum OnFail {
 }
 
 /// When an item is run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// Before all tests, which are skipped unless it is good.
@@ -170,7 +170,7 @@ impl Plan {
         closure::read(name, bytes, load)
     }
 
-    /// The items in the order of running: those of includes first.
+    /// The items in the order of running: setup, tests, teardown, and within each those of includes first.
     pub fn items(&self) -> &[PlanItem] {
         &self.items
     }
@@ -266,3 +266,6 @@ impl fmt::Display for Phase {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

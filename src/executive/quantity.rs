@@ -75,6 +75,27 @@ impl Dimension {
         Unit::ALL.into_iter().filter(move |unit| unit.dimension() == self)
     }
 
+    /// The unit that people use first, for examples.
+    pub(crate) fn usual_unit(self) -> Unit {
+        match self {
+            Dimension::Count => Unit::Count,
+            Dimension::Ratio => Unit::Percent,
+            Dimension::Time => Unit::Second,
+            Dimension::Frequency => Unit::Hertz,
+            Dimension::Voltage => Unit::Volt,
+            Dimension::Current => Unit::Ampere,
+            Dimension::Length => Unit::Metre,
+            Dimension::Speed => Unit::MetrePerSecond,
+            Dimension::Angle => Unit::Degree,
+            Dimension::AngularRate => Unit::DegreePerSecond,
+            Dimension::Acceleration => Unit::Gravity,
+            Dimension::MagneticField => Unit::Gauss,
+            Dimension::Temperature => Unit::DegreeCelsius,
+            Dimension::BitRate => Unit::BitPerSecond,
+            Dimension::Data => Unit::Byte,
+        }
+    }
+
     /// Significant digits that a person needs: an angle may be a latitude, where 9 digits are a centimetre.
     pub(crate) fn digits(self) -> usize {
         if self == Dimension::Angle { 9 } else { 6 }
@@ -456,3 +477,6 @@ fn gcd(mut a: u128, mut b: u128) -> u128 {
     }
     a
 }
+
+#[cfg(test)]
+mod tests;

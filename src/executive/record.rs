@@ -250,3 +250,6 @@ impl From<&Note> for NoteRecord {
 fn seconds(us: u64) -> f64 {
     us as f64 / 1e6
 }
+
+#[cfg(test)]
+mod tests;

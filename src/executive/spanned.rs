@@ -49,13 +49,26 @@ impl<'s> Walk<'s> {
 /// Parses a file; a syntax error stands alone, since what follows it is guesswork.
 pub(crate) fn parse(source: &Source) -> Result<DeTable<'_>, Mistakes> {
     DeTable::parse(&source.text).map(Spanned::into_inner).map_err(|error| {
-        let hint = if error.message().contains("recursion limit") || error.message().contains("recurse") {
-            "values may lie at most 80 deep in each other"
-        } else {
-            "texts stand in quotes, a table begins with [name], a list item with [[name]]"
-        };
-        Mistakes::one(source.mistake(error.span().unwrap_or(0..0), syntax_message(error.message()), hint))
+        let (what, hint) = syntax(error.message());
+        Mistakes::one(source.mistake(error.span().unwrap_or(0..0), what, hint))
     })
+}
+
+/// A message of the TOML parser in the words of somebody who writes plans.
+fn syntax(message: &str) -> (String, &'static str) {
+    let said = |text: &str| message.contains(text);
+    if said("recursion") || said("recurse") {
+        ("values lie too deep in each other".to_owned(), "at most 80 levels are read")
+    } else if said("duplicate key") {
+        ("this key stands twice".to_owned(), "remove one of them, or begin the next item with [[item]]")
+    } else if said("invalid boolean") || said("must be quoted") {
+        let what = "this is no text in quotes, no number, and neither true nor false";
+        (what.to_owned(), "texts stand in quotes: name = \"functional\"")
+    } else if said("basic string") || said("literal string") {
+        (syntax_message(message), "a text ends with the quote that it began with, in the same line")
+    } else {
+        (syntax_message(message), "texts stand in quotes, a table begins with [name], a list item with [[name]]")
+    }
 }
 
 /// A table whose keys are taken one by one; [`Table::finish`] refuses those that nobody took.
@@ -109,7 +122,7 @@ impl<'w, 't> Table<'w, 't> {
 
     /// A text that must be there and must not be blank.
     pub(crate) fn required_text(&self, key: &'static str, hint: &str) -> Option<(&'t str, Span)> {
-        if !self.table.contains_key(key) {
+        if !self.has(key) {
             self.known.borrow_mut().insert(key);
             self.walk.mistake(self.span(), format!("{} is missing", quoted(key)), hint);
             return None;
@@ -156,6 +169,11 @@ impl<'w, 't> Table<'w, 't> {
             return None;
         };
         Some(Table::new(self.walk, table, entry.key_span.0..entry.key_span.1))
+    }
+
+    /// Whether there is a value under a key, whatever it is.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
     }
 
     /// A list of tables, written as `[[key]]`.
@@ -228,9 +246,9 @@ pub(crate) fn quantity(
     key: &str,
     dimension: Dimension,
 ) -> Option<Quantity> {
-    let example = dimension.units().next().map_or("", Unit::symbol);
     let Some(text) = value.get_ref().as_str() else {
-        walk.wrong_type(value, key, &format!("a number and its unit in quotes, such as \"1 {example}\""));
+        let example = Quantity::new(1.0, dimension.usual_unit());
+        walk.wrong_type(value, key, &format!("a number and its unit in quotes, such as \"{example}\""));
         return None;
     };
     match Quantity::parse(text) {

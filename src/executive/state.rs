@@ -18,8 +18,10 @@ pub struct RunState {
     rows: Vec<Row>,
     /// Row numbers in the order of their names, to find a row without a second copy of its name.
     by_name: Vec<u32>,
-    /// Rows before this one have all ended; they need not be looked at again to find out what comes next.
+    /// Rows before this one have ended or are not selected: they need not be looked at to find out what comes next.
     first_open: usize,
+    /// Rows that have begun and not ended, in the order of their beginning; as few as run at once.
+    begun: Vec<u32>,
     /// The first setup item that ended badly, which skips all tests.
     bad_setup: Option<u32>,
     /// The first test that ended badly, after which a plan may stop.
@@ -286,7 +288,12 @@ impl RunState {
         self.rows.get(self.bad_setup.or(test)? as usize)
     }
 
-    /// Rows before this one have all ended.
+    /// Positions and rows of items that have begun and not ended.
+    pub(crate) fn begun(&self) -> impl Iterator<Item = (usize, &Row)> {
+        self.begun.iter().filter_map(|index| Some((*index as usize, self.rows.get(*index as usize)?)))
+    }
+
+    /// Rows before this one have ended or are not selected.
     pub(crate) fn first_open(&self) -> usize {
         self.first_open
     }
@@ -318,6 +325,7 @@ impl RunState {
             .collect();
         self.header = Some(Box::new(header.clone()));
         self.started = Some(stamp.at);
+        self.pass_closed();
         Ok(())
     }
 
@@ -334,7 +342,8 @@ impl RunState {
             }
             EventKind::Power(power) => self.power = Some(power.clone()),
             EventKind::ItemStarted { item, attempt } => {
-                let row = self.open_row(seq, kind, item)?;
+                let index = self.open_index(seq, kind, item)?;
+                let row = &mut self.rows[index];
                 let due = row.attempts.len() + 1;
                 if row.running().is_some() {
                     return Err(wrong(seq, kind, item, "has an attempt that runs"));
@@ -343,6 +352,7 @@ impl RunState {
                     return Err(wrong(seq, kind, item, "is due for another attempt"));
                 }
                 row.started.get_or_insert(stamp);
+                let first = row.attempts.is_empty();
                 row.attempts.push(Attempt {
                     started: stamp,
                     ended: None,
@@ -352,6 +362,9 @@ impl RunState {
                     error: None,
                 });
                 self.in_flight += 1;
+                if first && let Ok(index) = u32::try_from(index) {
+                    self.begun.push(index);
+                }
             }
             EventKind::Measured { item, attempt, measurement } => {
                 self.running(seq, kind, item, *attempt)?.measurements.push(measurement.clone());
@@ -388,9 +401,8 @@ impl RunState {
                 if let (Some(bad), Ok(index)) = (bad, u32::try_from(index)) {
                     bad.get_or_insert(index);
                 }
-                while self.rows.get(self.first_open).is_some_and(Row::is_over) {
-                    self.first_open += 1;
-                }
+                self.begun.retain(|begun| *begun as usize != index);
+                self.pass_closed();
             }
             EventKind::Prompted { item, text } => {
                 let text = format!("asked: {text}");
@@ -416,6 +428,12 @@ impl RunState {
             EventKind::RunEnded { outcome } => self.ended = Some(*outcome),
         }
         Ok(())
+    }
+
+    fn pass_closed(&mut self) {
+        while self.rows.get(self.first_open).is_some_and(|row| row.is_over() || !row.planned.selected) {
+            self.first_open += 1;
+        }
     }
 
     fn note(&mut self, note: Note) {

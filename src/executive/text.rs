@@ -52,7 +52,14 @@ pub fn failing_rows(record: &RunRecord) -> String {
 
 /// The last line of a run: its verdict, and how many items ended how.
 pub fn verdict_line(record: &RunRecord) -> String {
-    let verdict = if record.interrupted { "INTERRUPTED".to_owned() } else { words(record.outcome).to_uppercase() };
+    let mut verdict = if record.interrupted { "INTERRUPTED".to_owned() } else { words(record.outcome).to_uppercase() };
+    // Beside the word itself, since a single line may be all that somebody copies.
+    match (record.bench.kind, &record.selection) {
+        (BenchKind::Real, None) => {}
+        (BenchKind::Real, Some(_)) => verdict.push_str(" (selection)"),
+        (BenchKind::Simulated, None) => verdict.push_str(" (simulated)"),
+        (BenchKind::Simulated, Some(_)) => verdict.push_str(" (simulated, selection)"),
+    }
     let selected = record.items.iter().filter(|item| item.selected);
     let counts: Vec<String> = Outcome::ALL
         .into_iter()
@@ -193,3 +200,6 @@ fn error_record(record: &crate::event::ErrorRecord) -> String {
     );
     printable(&text).into_owned()
 }
+
+#[cfg(test)]
+mod tests;

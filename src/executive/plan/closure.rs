@@ -21,6 +21,8 @@ struct Reader<'l> {
     load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
     sources: Vec<Source>,
     items: Vec<RawItem>,
+    /// Some item or include could not be read, so that names may be unknown that are not wrong.
+    unreadable: bool,
     mistakes: Mistakes,
 }
 
@@ -39,14 +41,15 @@ pub(super) fn read(
     load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Plan, Mistakes> {
     let source = Source::new(name, bytes, MAX_PLAN_BYTES)?;
-    let mut reader = Reader { load, sources: vec![source], items: Vec::new(), mistakes: Mistakes::default() };
+    let sources = vec![source];
+    let mut reader = Reader { load, sources, items: Vec::new(), unreadable: false, mistakes: Mistakes::default() };
     let head = reader.file(0, &mut vec![0])?;
-    let Reader { sources, items, mut mistakes, .. } = reader;
+    let Reader { sources, items, unreadable, mut mistakes, .. } = reader;
     if items.len() > MAX_ITEMS {
         let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
         mistakes.add(|| Mistake::nowhere(what, "use repeats, or a loop over a shorter plan"));
     }
-    let items = link(items, &sources, &mut mistakes);
+    let items = link(items, &sources, unreadable, &mut mistakes);
     let Head { name, version, description, on_fail } = head;
     mistakes.or(Plan { name, version, description, on_fail, items, sources })
 }
@@ -63,10 +66,12 @@ impl Reader<'_> {
         let head = head(&walk, &root);
         let includes = root.texts("include");
         let tables = root.tables("item");
-        if tables.is_empty() && includes.is_empty() {
+        if !root.has("item") && !root.has("include") {
             walk.mistake(root.span(), "the plan has no items", "begin each item with a line [[item]]");
         }
+        let planned = tables.len();
         let own: Vec<RawItem> = tables.into_iter().filter_map(|table| item::read(&walk, table, index)).collect();
+        self.unreadable |= own.len() < planned;
         root.finish();
         self.mistakes = walk.into_mistakes();
         for (include, span) in includes {
@@ -81,6 +86,7 @@ impl Reader<'_> {
         let Some(name) = joined(&by.name, include) else {
             let what = format!("{} is not a path beside this plan", quoted(include));
             let hint = "write it relative to this file, with / between folders";
+            self.unreadable = true;
             self.mistakes.add(|| refused(what, hint));
             return Ok(());
         };
@@ -102,6 +108,7 @@ impl Reader<'_> {
             None => None,
         };
         if let Some((what, hint)) = problem {
+            self.unreadable = true;
             self.mistakes.add(|| refused(what, hint));
             return Ok(());
         }
@@ -109,6 +116,7 @@ impl Reader<'_> {
             Ok(bytes) => bytes,
             Err(error) => {
                 let what = format!("{} cannot be read: {}", quoted(&name), printable(&error));
+                self.unreadable = true;
                 self.mistakes.add(|| refused(what, "the path is relative to the file that includes it"));
                 return Ok(());
             }
@@ -157,8 +165,10 @@ pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
     }
 }
 
-/// Gives every item its requirements by position, and refuses names that stand twice.
-fn link(raw: Vec<RawItem>, sources: &[Source], mistakes: &mut Mistakes) -> Vec<PlanItem> {
+/// Orders the items by phase, gives each its requirements by position, and refuses names that stand twice.
+fn link(mut raw: Vec<RawItem>, sources: &[Source], unreadable: bool, mistakes: &mut Mistakes) -> Vec<PlanItem> {
+    // A stable sort: within a phase the order of the files stays.
+    raw.sort_by_key(|raw| raw.item.phase);
     let mut positions: HashMap<&str, usize> = HashMap::with_capacity(raw.len());
     for (position, RawItem { item, name_span, .. }) in raw.iter().enumerate() {
         match positions.entry(item.name.as_str()) {
@@ -188,18 +198,21 @@ fn link(raw: Vec<RawItem>, sources: &[Source], mistakes: &mut Mistakes) -> Vec<P
                 found.push(required);
                 continue;
             }
+            if at.is_none() && unreadable {
+                continue;
+            }
             mistakes.add(|| {
                 let (what, hint) = match at {
                     Some(at) if at == position => (format!("{} requires itself", quoted(name)), String::new()),
                     Some(_) => (
-                        format!("{} stands after the item that requires it", quoted(name)),
-                        "items run in the order of the plan: put it first".to_owned(),
+                        format!("{} runs after the item that requires it", quoted(name)),
+                        "move it up: items run in the order of the plan, setup first and teardown last".to_owned(),
                     ),
                     None => (
                         format!("no item has the name {}", quoted(name)),
                         nearest(name, positions.keys().copied())
                             .map(|name| format!("did you mean \"{name}\"?"))
-                            .unwrap_or_default(),
+                            .unwrap_or_else(|| "add that item before this one, or remove the name here".to_owned()),
                     ),
                 };
                 sources[item.place.source].mistake(span.clone(), what, hint)

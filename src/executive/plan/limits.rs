@@ -77,7 +77,7 @@ fn one(
     }
     let written = written(walk, entry.key, entry.value)?;
     for (index, measurement) in on {
-        let limit = parse(walk, &written, measurement)?;
+        let limit = parse(walk, entry.key, &written, measurement)?;
         if chosen[index].as_ref().is_none_or(|(before, _)| *before <= exactness) {
             chosen[index] = Some((exactness, limit));
         }
@@ -85,13 +85,13 @@ fn one(
     Some(())
 }
 
-fn parse(walk: &Walk<'_>, written: &Written<'_>, measurement: &MeasurementSpec) -> Option<Limit> {
+fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &MeasurementSpec) -> Option<Limit> {
     let refuse = |span: &Span, error: &LimitError| {
-        let what = match error {
-            LimitError::WrongDimension { .. } | LimitError::MissingUnit { .. } | LimitError::TextNeedsEqual { .. } => {
-                format!("{}: {error}", measurement.name)
-            }
-            _ => error.to_string(),
+        // A pattern may reach measurements that its writer did not think of.
+        let what = if key == measurement.name {
+            error.to_string()
+        } else {
+            format!("{} is for {} too, and there {error}", quoted(key), measurement.name)
         };
         walk.mistake(span.clone(), what, hint(error, measurement));
     };

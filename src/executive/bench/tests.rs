@@ -1,0 +1,95 @@
+use super::*;
+
+#[test]
+fn a_bench_file_is_read() {
+    let text = r#"
+[station]
+id = "line-2"
+records = "records"
+[site]
+name = "hall 3"
+latitude = "39.9042 deg"
+longitude = "116.4074 deg"
+height = "0.044 km"
+gravity = "9.80151 m/s^2"
+field = "55 uT"
+[socket]
+port = "/dev/ttyUSB0"
+rate = "921.6 kbit/s"
+"#;
+    let bench = BenchFile::read("bench.toml", text.into()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
+    assert_eq!((bench.station_id.as_str(), bench.records.as_deref()), ("line-2", Some("records")));
+    let site = bench.site.unwrap();
+    assert_eq!(site.place, Some(SitePlace { latitude_deg: 39.9042, longitude_deg: 116.4074, height_m: 44.0 }));
+    assert_eq!((site.gravity_mps2, site.field_gauss), (Some(9.80151), Some(0.55)));
+    assert_eq!(bench.socket, Some(Socket { port: "/dev/ttyUSB0".to_owned(), rate_bps: 921_600 }));
+    let small = BenchFile::read("bench.toml", b"[station]\nid = \"a\"\n[socket]\nport = \"p\"".to_vec()).unwrap();
+    assert_eq!(small.socket.unwrap().rate_bps, DEFAULT_RATE_BPS);
+}
+
+#[test]
+fn mistakes_of_a_bench_file() {
+    let text = r#"
+[sttion]
+id = "line-2"
+[site]
+latitude = "91 deg"
+longitude = "116.4074"
+gravity = "1 g"
+field = "9.8 m/s^2"
+[socket]
+prot = "/dev/ttyUSB0"
+rate = "5 bit/s"
+"#;
+    insta::assert_snapshot!(BenchFile::read("bench.toml", text.into()).unwrap_err(), @r#"
+    bench.toml:1:1: the table [station] is missing
+     1 | 
+       | ^
+       = try: write [station] and id = "line-2" below it
+
+    bench.toml:2:2: unknown key "sttion"
+     2 | [sttion]
+       |  ^^^^^^
+       = try: did you mean "station"?
+
+    bench.toml:4:2: the place of the antenna is incomplete
+     4 | [site]
+       |  ^^^^
+       = try: write latitude, longitude and height
+
+    bench.toml:5:12: latitude is 91 deg
+     5 | latitude = "91 deg"
+       |            ^^^^^^^^
+       = try: it may be -90 deg to 90 deg
+
+    bench.toml:6:13: "116.4074" has no unit
+     6 | longitude = "116.4074"
+       |             ^^^^^^^^^^
+       = try: an angle is written in deg, rad
+
+    bench.toml:8:9: "9.8 m/s^2" is an acceleration, and "field" is a magnetic field
+     8 | field = "9.8 m/s^2"
+       |         ^^^^^^^^^^^
+       = try: a magnetic field is written in gauss, mgauss, uT, nT
+
+    bench.toml:9:2: "port" is missing
+     9 | [socket]
+       |  ^^^^^^
+       = try: write port = "/dev/ttyUSB0" below [socket]
+
+    bench.toml:10:1: unknown key "prot"
+     10 | prot = "/dev/ttyUSB0"
+        | ^^^^
+        = try: did you mean "port"?
+
+    bench.toml:11:8: rate is 5 bit/s
+     11 | rate = "5 bit/s"
+        |        ^^^^^^^^^
+        = try: it may be a whole number from 1200 bit/s to 4000000 bit/s
+    "#);
+    let large = BenchFile::read("bench.toml", vec![b'#'; 100_000]).unwrap_err();
+    insta::assert_snapshot!(large, @r#"
+    "bench.toml" has 100000 bytes, and at most 65536 are read
+      try: is this the right file?
+    "#);
+}

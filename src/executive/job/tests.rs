@@ -1,0 +1,396 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::event::EventKind;
+use crate::fixture::{EVERYTHING, FUNCTIONAL, Run, header, job, plan};
+use crate::measurement::Value;
+
+/// Runs a job with given outcomes, the next one for each attempt, and writes down what happened.
+fn play(job: &Job, outcomes: &[(&str, &[Outcome])], stop: Option<(usize, StopHow)>) -> String {
+    let mut header = header();
+    header.selection = job.selection().map(<[String]>::to_vec);
+    let mut run = Run::new(job, header);
+    let mut story = String::new();
+    let mut begun = 0;
+    loop {
+        let (item, attempt) = match job.next(&run.state) {
+            Next::Run { item, attempt } => (job.item(item).unwrap().name.clone(), attempt),
+            Next::End { item, outcome } => {
+                let item = job.item(item).unwrap().name.clone();
+                story.push_str(&format!("{item} {outcome}\n"));
+                run.emit(EventKind::ItemEnded { item, outcome, cause: None });
+                continue;
+            }
+            Next::Skip { item, cause } => {
+                let item = job.item(item).unwrap().name.clone();
+                story.push_str(&format!("{item} skipped: {cause}\n"));
+                run.emit(EventKind::ItemEnded { item, outcome: Outcome::Skipped, cause: Some(cause) });
+                continue;
+            }
+            Next::Wait => panic!("waits with nothing in flight:\n{story}"),
+            Next::Done { outcome } => {
+                run.emit(EventKind::RunEnded { outcome });
+                story.push_str(&format!("run {outcome}"));
+                return story;
+            }
+        };
+        begun += 1;
+        assert!(begun < 1000, "does not end:\n{story}");
+        run.emit(EventKind::ItemStarted { item: item.clone(), attempt });
+        let mut outcome = outcomes
+            .iter()
+            .find(|(name, _)| *name == item)
+            .and_then(|(_, outcomes)| outcomes.get(attempt as usize - 1))
+            .copied()
+            .unwrap_or(Outcome::Passed);
+        if let Some((at, how)) = stop
+            && at == begun
+        {
+            run.emit(EventKind::StopRequested { how, by: "ctrl-C".to_owned() });
+            outcome = Outcome::Aborted;
+        }
+        story.push_str(&format!("{item} attempt {attempt}\n"));
+        run.emit(EventKind::AttemptEnded { item, attempt, outcome, error: None });
+    }
+}
+
+const PHASES: &str = r#"
+name = "phases"
+version = "1"
+[[item]]
+id = "sci"
+phase = "teardown"
+requires = ["cpu"]
+[[item]]
+id = "identity"
+phase = "setup"
+[[item]]
+id = "cpu"
+attempts = 3
+[item.limits]
+"*" = "== 0"
+[[item]]
+id = "io"
+requires = ["cpu"]
+attempts = 2
+retry_failed = true
+[item.limits]
+wrong_reads = "== 0"
+[[item]]
+id = "spi"
+requires = ["io"]
+[item.limits]
+out_bit_errors = "== 0"
+[[item]]
+id = "internal-flash"
+phase = "teardown"
+"#;
+
+#[test]
+fn all_good() {
+    insta::assert_snapshot!(play(&job(PHASES), &[], None), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu passed
+    io attempt 1
+    io passed
+    spi attempt 1
+    spi passed
+    sci attempt 1
+    sci passed
+    internal-flash attempt 1
+    internal-flash passed
+    run passed
+    "#);
+}
+
+#[test]
+fn errored_items_are_tried_again_and_failed_ones_only_if_the_plan_says_so() {
+    use Outcome::{Errored, Failed, Passed};
+    let job = job(PHASES);
+    let outcomes: &[(&str, &[Outcome])] = &[("cpu", &[Errored, Errored, Passed]), ("io", &[Failed, Passed])];
+    insta::assert_snapshot!(play(&job, outcomes, None), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu attempt 2
+    cpu attempt 3
+    cpu passed
+    io attempt 1
+    io attempt 2
+    io passed
+    spi attempt 1
+    spi passed
+    sci attempt 1
+    sci passed
+    internal-flash attempt 1
+    internal-flash passed
+    run passed
+    "#);
+    // The fourth attempt of cpu is never made, and a failed one is not repeated.
+    insta::assert_snapshot!(play(&job, &[("cpu", &[Errored, Errored, Errored])], None), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu attempt 2
+    cpu attempt 3
+    cpu errored
+    io skipped: requires cpu, which errored
+    spi skipped: requires io, which was skipped
+    sci skipped: requires cpu, which errored
+    internal-flash attempt 1
+    internal-flash passed
+    run errored
+    "#);
+    insta::assert_snapshot!(play(&job, &[("cpu", &[Failed])], None), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu failed
+    io skipped: requires cpu, which failed
+    spi skipped: requires io, which was skipped
+    sci skipped: requires cpu, which failed
+    internal-flash attempt 1
+    internal-flash passed
+    run failed
+    "#);
+}
+
+#[test]
+fn a_bad_setup_skips_every_test() {
+    insta::assert_snapshot!(play(&job(PHASES), &[("identity", &[Outcome::Failed])], None), @r#"
+    identity attempt 1
+    identity failed
+    cpu skipped: the setup item identity failed
+    io skipped: the setup item identity failed
+    spi skipped: the setup item identity failed
+    sci skipped: requires cpu, which was skipped
+    internal-flash attempt 1
+    internal-flash passed
+    run failed
+    "#);
+}
+
+#[test]
+fn a_stop_in_order_leaves_only_teardown_and_one_at_once_nothing() {
+    let job = job(PHASES);
+    insta::assert_snapshot!(play(&job, &[], Some((2, StopHow::InOrder))), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu aborted
+    sci skipped: requires cpu, which was aborted
+    internal-flash attempt 1
+    internal-flash passed
+    run aborted
+    "#);
+    insta::assert_snapshot!(play(&job, &[], Some((3, StopHow::InOrder))), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu passed
+    io attempt 1
+    io aborted
+    sci attempt 1
+    sci passed
+    internal-flash attempt 1
+    internal-flash passed
+    run aborted
+    "#);
+    insta::assert_snapshot!(play(&job, &[], Some((3, StopHow::AtOnce))), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu passed
+    io attempt 1
+    io aborted
+    run aborted
+    "#);
+}
+
+#[test]
+fn a_plan_can_stop_at_the_first_bad_item() {
+    let job = job(&PHASES.replace("version = \"1\"", "version = \"1\"\non_fail = \"stop\""));
+    insta::assert_snapshot!(play(&job, &[("cpu", &[Outcome::Failed])], None), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu failed
+    io skipped: the plan stops at the first bad item, and cpu failed
+    spi skipped: the plan stops at the first bad item, and cpu failed
+    sci skipped: requires cpu, which failed
+    internal-flash attempt 1
+    internal-flash passed
+    run failed
+    "#);
+}
+
+#[test]
+fn a_selection_runs_its_items_with_setup_and_teardown() {
+    let only = ["io".to_owned()];
+    let job = Job::new(plan(PHASES), EVERYTHING, Some(&only)).unwrap();
+    // io requires cpu, which was not chosen.
+    insta::assert_snapshot!(play(&job, &[], None), @r#"
+    identity attempt 1
+    identity passed
+    io attempt 1
+    io passed
+    sci attempt 1
+    sci passed
+    internal-flash attempt 1
+    internal-flash passed
+    run passed
+    "#);
+}
+
+#[test]
+fn a_bench_that_lacks_devices() {
+    let bench = BenchAbilities { rs422: true, can: false, operator: false };
+    let job = Job::new(plan(FUNCTIONAL), bench, None).unwrap();
+    insta::assert_snapshot!(play(&job, &[], None), @r#"
+    identity attempt 1
+    identity passed
+    cpu attempt 1
+    cpu passed
+    timers attempt 1
+    timers passed
+    sdram attempt 1
+    sdram passed
+    imu attempt 1
+    imu passed
+    ad skipped: the bench has no operator
+    can skipped: the bench has no CAN link
+    run passed
+    "#);
+    let strict = FUNCTIONAL.replace("optional = true", "optional = false");
+    insta::assert_snapshot!(Job::new(plan(&strict), bench, None).unwrap_err(), @r#"
+    plan.toml:50:6: "ad" needs what this bench has not: operator
+     50 | id = "ad"
+        |      ^^^^
+        = try: run it on a terminal, or call the item optional with optional = true
+
+    plan.toml:58:6: "can" needs what this bench has not: CAN link
+     58 | id = "can"
+        |      ^^^^^
+        = try: connect a CAN adapter, or call the item optional with optional = true
+    "#);
+    // What is not selected needs nothing.
+    let only = ["cpu".to_owned()];
+    assert!(Job::new(plan(&strict), bench, Some(&only)).is_ok());
+    let nothing = BenchAbilities { rs422: false, can: false, operator: false };
+    assert_eq!(Job::new(plan(FUNCTIONAL), nothing, None).unwrap_err().count(), 5);
+}
+
+#[test]
+fn selections_that_are_refused() {
+    let only = ["idnetity".to_owned(), "cpu".to_owned(), "\u{1b}".to_owned()];
+    insta::assert_snapshot!(Job::new(plan(FUNCTIONAL), EVERYTHING, Some(&only)).unwrap_err(), @r#"
+    the plan has no item "idnetity"
+      try: did you mean "identity"?
+
+    the plan has no item "\u{1b}"
+      try: its items are identity, cpu, timers, sdram, imu, ad, can
+    "#);
+    insta::assert_snapshot!(Job::new(plan(FUNCTIONAL), EVERYTHING, Some(&[])).unwrap_err(), @r#"
+    no item is selected
+      try: name at least one item, or leave the selection out
+    "#);
+}
+
+#[test]
+fn what_shares_nothing_runs_at_once() {
+    let job = job(FUNCTIONAL);
+    let mut run = Run::new(&job, header());
+    let mut begun = Vec::new();
+    while let Next::Run { item, attempt } = job.next_overlapping(&run.state) {
+        let item = job.item(item).unwrap().name.clone();
+        run.emit(EventKind::ItemStarted { item: item.clone(), attempt });
+        begun.push(item);
+    }
+    // cpu waits for identity; timers takes the processor, which sdram needs too; ad would turn what imu needs still.
+    assert_eq!(begun, ["identity", "timers", "imu", "can"]);
+    assert_eq!(job.next_overlapping(&run.state), Next::Wait);
+    assert_eq!(job.next(&run.state), Next::Wait);
+    let outcome = Outcome::Passed;
+    run.emit(EventKind::AttemptEnded { item: "imu".to_owned(), attempt: 1, outcome, error: None });
+    assert_eq!(job.next_overlapping(&run.state), Next::End { item: 4, outcome });
+    run.emit(EventKind::ItemEnded { item: "imu".to_owned(), outcome, cause: None });
+    assert_eq!(job.next_overlapping(&run.state), Next::Run { item: 5, attempt: 1 });
+}
+
+#[test]
+fn nothing_measured_is_never_a_pass() {
+    let job = job("name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\n[item.limits]\nwrong_reads = \"== 0\"\n");
+    let mut run = Run::new(&job, header());
+    assert_eq!(run.settle(&job), Next::Run { item: 0, attempt: 1 });
+    run.attempt(job.item(0).unwrap(), 1, &[("faulty_pairs", Value::text("none"))]);
+    assert_eq!(run.settle(&job), Next::Done { outcome: Outcome::Errored });
+}
+
+fn any_outcome() -> impl Strategy<Value = Outcome> {
+    proptest::sample::select(vec![Outcome::Passed, Outcome::Marginal, Outcome::Failed, Outcome::Errored])
+}
+
+proptest! {
+    /// Whatever happens, the run ends, overlapping or not, and ends good only if every required item is good.
+    #[test]
+    fn every_run_ends(
+        seed in proptest::collection::vec(any_outcome(), 40),
+        stop in proptest::option::of((1usize..12, any::<bool>())),
+        picks in proptest::collection::vec(any::<proptest::sample::Index>(), 200),
+        overlapping in any::<bool>(),
+    ) {
+        let job = job(if seed[0] == Outcome::Passed { FUNCTIONAL } else { PHASES });
+        let mut run = Run::new(&job, header());
+        let mut flying: Vec<(String, u32)> = Vec::new();
+        let mut attempts = 0;
+        let mut steps = picks.iter().cycle();
+        let outcome = loop {
+            prop_assert!(run.events.len() < 500);
+            let next = if overlapping { job.next_overlapping(&run.state) } else { job.next(&run.state) };
+            match next {
+                Next::Run { item, attempt } => {
+                    attempts += 1;
+                    let item = job.item(item).unwrap();
+                    for (other, _) in &flying {
+                        let other = run.state.row(other).unwrap().planned.id;
+                        prop_assert!(!other.excludes(item.id));
+                    }
+                    run.emit(EventKind::ItemStarted { item: item.name.clone(), attempt });
+                    flying.push((item.name.clone(), attempt));
+                    if let Some((at, in_order)) = stop
+                        && at == attempts
+                    {
+                        let how = if in_order { StopHow::InOrder } else { StopHow::AtOnce };
+                        run.emit(EventKind::StopRequested { how, by: "test".to_owned() });
+                    }
+                }
+                Next::End { item, outcome } => {
+                    let item = job.item(item).unwrap().name.clone();
+                    run.emit(EventKind::ItemEnded { item, outcome, cause: None });
+                }
+                Next::Skip { item, cause } => {
+                    let item = job.item(item).unwrap().name.clone();
+                    run.emit(EventKind::ItemEnded { item, outcome: Outcome::Skipped, cause: Some(cause) });
+                }
+                Next::Wait => {
+                    prop_assert!(!flying.is_empty(), "waits for nothing");
+                    let (item, attempt) = flying.remove(steps.next().unwrap().index(flying.len()));
+                    let outcome = seed[run.events.len() % seed.len()];
+                    run.emit(EventKind::AttemptEnded { item, attempt, outcome, error: None });
+                }
+                Next::Done { outcome } => break outcome,
+            }
+        };
+        prop_assert!(flying.is_empty());
+        let good = run.state.rows().iter().all(|row| {
+            let missing = matches!(row.outcome, Outcome::Skipped | Outcome::NotRun);
+            row.outcome.is_good() || row.planned.optional && missing
+        });
+        prop_assert_eq!(outcome.is_good(), good && run.state.stop().is_none());
+        if run.state.stop().is_none() {
+            prop_assert!(run.state.rows().iter().all(crate::state::Row::is_over));
+        }
+    }
+}

@@ -1,0 +1,118 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::fixture::{header, small_run};
+
+fn stored() -> (Vec<u8>, RunState, Vec<Event>) {
+    let run = small_run(header());
+    let text: String = run.events.iter().map(|event| line(event).unwrap()).collect();
+    (text.into_bytes(), run.state, run.events)
+}
+
+#[test]
+fn the_stored_run_is_the_live_run() {
+    let (bytes, live, events) = stored();
+    let journal = fold(&bytes).unwrap();
+    assert_eq!(journal.state, live);
+    assert!(!journal.state.is_interrupted());
+    assert_eq!((journal.good_bytes, journal.cut_bytes), (bytes.len(), 0));
+    for event in events {
+        let back: Event = serde_json::from_str(&line(&event).unwrap()).unwrap();
+        assert_eq!(back, event);
+        assert!(line(&event).unwrap().contains(&format!("\"kind\":\"{}\"", event.kind.name())));
+    }
+}
+
+/// The form of the lines is read by other programs: a change here is a change of the schema.
+#[test]
+fn lines_have_their_form() {
+    let (bytes, _, _) = stored();
+    let text = String::from_utf8(bytes).unwrap();
+    let some: Vec<&str> = text.lines().take(6).collect();
+    insta::assert_snapshot!(some.join("\n"), @r#"
+    {"seq":0,"at":"2026-11-22T14:30:15+08:00","elapsed_us":0,"kind":"run_started","header":{"schema":"gnc-events/1","serial_number":"DEMO-1","operator":"Li Wei","station":"line-2","program":{"name":"gnc-station","version":"0.1.0"},"bench":{"kind":"real","port":"/dev/ttyUSB0","rate_bps":921600},"plan":{"name":"small","version":"1.0","sha256":"0000000000000000000000000000000000000000000000000000000000000000"},"selection":null,"loop":null},"items":[{"name":"identity","id":"identity","title":"Identity and supply","phase":"test","optional":false,"selected":true},{"name":"sdram","id":"sdram","title":"SDRAM","phase":"test","optional":false,"selected":true},{"name":"imu","id":"imu","title":"IMU at rest","phase":"test","optional":false,"selected":true},{"name":"io","id":"io","title":"IO lines","phase":"test","optional":false,"selected":true}]}
+    {"seq":1,"at":"2026-11-22T14:30:15.250+08:00","elapsed_us":250000,"kind":"board_found","board_serial":"SB-7","firmware":"1.4.0","protocol":1,"boot_id":"5f3a9c01","link":"/dev/ttyUSB0 at 921600 bit/s"}
+    {"seq":2,"at":"2026-11-22T14:30:15.500+08:00","elapsed_us":500000,"kind":"power","on":true,"supply":"slave board","voltage_v":5.01,"current_a":null}
+    {"seq":3,"at":"2026-11-22T14:30:15.750+08:00","elapsed_us":750000,"kind":"item_started","item":"identity","attempt":1}
+    {"seq":4,"at":"2026-11-22T14:30:16+08:00","elapsed_us":1000000,"kind":"measured","item":"identity","attempt":1,"measurement":{"name":"serial_number","value":"DEMO-1","unit":null,"low":null,"high":null,"expected":"DEMO-1","outcome":"passed"}}
+    {"seq":5,"at":"2026-11-22T14:30:16.250+08:00","elapsed_us":1250000,"kind":"measured","item":"identity","attempt":1,"measurement":{"name":"firmware","value":"2.1\u001b[31m","unit":null,"low":null,"high":null,"expected":null,"outcome":null}}
+    "#);
+}
+
+/// Power may fail at any byte: the journal then reads as the run up to its last whole event.
+#[test]
+fn a_journal_may_be_cut_anywhere() {
+    let (bytes, _, events) = stored();
+    for cut in 0..bytes.len() {
+        let journal = fold(&bytes[..cut]).unwrap();
+        let mut expected = RunState::new();
+        // Whole lines, and a last one of which only the line feed is missing.
+        let ends: Vec<usize> = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').map(|(at, _)| at).collect();
+        for event in &events[..ends.iter().filter(|end| **end <= cut).count()] {
+            expected.apply(event).unwrap();
+        }
+        assert_eq!(journal.state, expected, "cut at {cut}");
+        assert_eq!(journal.good_bytes + journal.cut_bytes, cut);
+        assert!(journal.state.outcome().is_none() || cut + 1 == bytes.len());
+        // A file system that had no time for the data leaves zero bytes.
+        let mut zeros = bytes[..cut].to_vec();
+        zeros.extend([0; 100]);
+        assert_eq!(fold(&zeros).unwrap().state, expected, "zeros from {cut}");
+    }
+}
+
+#[test]
+fn damaged_journals_are_refused() {
+    let (bytes, _, _) = stored();
+    let text = String::from_utf8(bytes).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let mut out = String::new();
+    let mut show = |text: String| {
+        let error = fold(text.as_bytes()).unwrap_err();
+        let source = std::error::Error::source(&error).unwrap();
+        out.push_str(&format!("{error}: {source}\n"));
+    };
+    show(format!("{}\ngarbage\n{}\n", lines[0], lines[1]));
+    show(format!("{}\n{}\n", lines[0], lines[2]));
+    show(format!("{}\n{}\n", lines[0], lines[0]));
+    show(lines[1].replace("\"seq\":1", "\"seq\":0") + "\n");
+    show(format!("{text}{}\n", lines[1]));
+    show(format!("{text}{}\n", lines[1].replace("\"seq\":1,", &format!("\"seq\":{},", lines.len()))));
+    let started = |item: &str, attempt: u32| {
+        let line = lines.iter().find(|line| line.contains("item_started")).unwrap();
+        let line = line.replace("\"seq\":3,", "\"seq\":1,").replace("identity", item);
+        format!("{}\n{}\n", lines[0], line.replace("\"attempt\":1", &format!("\"attempt\":{attempt}")))
+    };
+    show(started("\\u001b[2J", 1));
+    show(started("identity", 2));
+    show(format!("{}\n{}\n", lines[0], lines[4].replace("\"seq\":4,", "\"seq\":1,")));
+    let twice = lines[0].replace("\"name\":\"sdram\"", "\"name\":\"io\"");
+    show(format!("{twice}\n"));
+    insta::assert_snapshot!(out, @r#"
+    line 2 of the journal is not an event: expected value at line 1 column 1
+    line 2 of the journal does not follow from those before it: event 2 comes where event 1 is due
+    line 2 of the journal does not follow from those before it: event 0 comes where event 1 is due
+    line 1 of the journal does not follow from those before it: event 0 is board_found before run_started
+    line 27 of the journal does not follow from those before it: event 1 comes where event 26 is due
+    line 27 of the journal does not follow from those before it: event 26 is board_found after run_ended
+    line 2 of the journal does not follow from those before it: event 1 is item_started of the item "\u{1b}[2J", which is not planned
+    line 2 of the journal does not follow from those before it: event 1 is item_started of "identity", which is due for another attempt
+    line 2 of the journal does not follow from those before it: event 1 is measured of "identity", which has no attempt that runs
+    line 1 of the journal does not follow from those before it: item "io" is planned twice
+    "#);
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        let _ = fold(&bytes);
+    }
+
+    #[test]
+    fn any_damage_never_panics(at in 0usize..6000, piece in "\\PC{0,6}") {
+        let (mut bytes, _, _) = stored();
+        let at = at % bytes.len();
+        bytes.splice(at..(at + 3).min(bytes.len()), piece.bytes());
+        let _ = fold(&bytes);
+    }
+}

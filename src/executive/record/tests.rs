@@ -1,0 +1,170 @@
+use serde_json::Value;
+
+use super::*;
+use crate::event::Bench;
+use crate::fixture::{header, small_run};
+use crate::journal;
+
+const SCHEMA: &str = include_str!("../../../docs/run.schema.json");
+
+fn record() -> RunRecord {
+    RunRecord::from_state(&small_run(header()).state).unwrap()
+}
+
+#[test]
+fn a_record_comes_back_as_it_was() {
+    let record = record();
+    let json = serde_json::to_string_pretty(&record).unwrap();
+    assert_eq!(serde_json::from_str::<RunRecord>(&json).unwrap(), record);
+    assert_eq!(record.outcome, Outcome::Errored);
+    // 26 events, a quarter of a second apart.
+    assert_eq!(record.elapsed_s, 6.25);
+    let outcomes: Vec<Outcome> = record.items.iter().map(|item| item.outcome).collect();
+    assert_eq!(outcomes, [Outcome::Marginal, Outcome::Failed, Outcome::Errored, Outcome::Skipped]);
+    assert_eq!(record.items[2].attempts.len(), 2, "every attempt is kept");
+    assert_eq!(record.item_files().map(|file| file.item.name).collect::<Vec<_>>(), ["identity", "sdram", "imu"]);
+}
+
+#[test]
+fn only_a_whole_run_on_a_real_bench_is_evidence() {
+    assert!(record().is_evidence());
+    let with = |change: fn(&mut crate::event::RunHeader)| {
+        let mut header = header();
+        change(&mut header);
+        RunRecord::from_state(&small_run(header).state).unwrap()
+    };
+    assert!(!with(|header| header.bench = Bench::simulated("good-1", "max", 7)).is_evidence());
+    assert!(!with(|header| header.selection = Some(vec!["identity".to_owned()])).is_evidence());
+}
+
+#[test]
+fn a_run_without_end_is_interrupted() {
+    let run = small_run(header());
+    let lines: Vec<String> = run.events.iter().map(|event| journal::line(event).unwrap()).collect();
+    for kept in 1..lines.len() {
+        let state = journal::fold(lines[..kept].concat().as_bytes()).unwrap().state;
+        let record = RunRecord::from_state(&state).unwrap();
+        assert!(record.interrupted && record.outcome == Outcome::Aborted && record.finished.is_none());
+        assert!(!record.is_evidence());
+        validate(&serde_json::to_value(&record).unwrap());
+    }
+    assert_eq!(RunRecord::from_state(&RunState::new()), None);
+}
+
+#[test]
+fn records_keep_their_schema() {
+    validate(&serde_json::to_value(record()).unwrap());
+}
+
+#[test]
+fn the_schema_refuses_what_is_wrong() {
+    let schema: Value = serde_json::from_str(SCHEMA).unwrap();
+    let good = serde_json::to_value(record()).unwrap();
+    let change = |pointer: &str, value: Value| {
+        let mut record = good.clone();
+        *record.pointer_mut(pointer).unwrap() = value;
+        !problems(&schema, &schema, &record, "").is_empty()
+    };
+    assert!(change("/outcome", "PASSED".into()));
+    assert!(change("/items/0/attempts/0/measurements/0/outcome", "good".into()));
+    assert!(change("/items/0/id", "unknown".into()));
+    assert!(change("/plan/sha256", "xyz".into()));
+    assert!(change("/started", Value::Null));
+}
+
+/// Every field is described, so that somebody who has only the schema can read a record.
+#[test]
+fn every_field_has_a_description() {
+    fn walk(schema: &Value, path: &str) {
+        if let Some(properties) = schema.get("properties").and_then(Value::as_object) {
+            for (name, property) in properties {
+                let described = property.get("description").is_some();
+                assert!(described, "{path}.{name} has no description");
+                walk(property, &format!("{path}.{name}"));
+            }
+        }
+        for (name, definition) in schema.get("$defs").and_then(Value::as_object).into_iter().flatten() {
+            walk(definition, name);
+        }
+        for key in ["items", "additionalProperties"] {
+            if let Some(inner) = schema.get(key) {
+                walk(inner, path);
+            }
+        }
+        for inner in schema.get("anyOf").and_then(Value::as_array).into_iter().flatten() {
+            walk(inner, path);
+        }
+    }
+    walk(&serde_json::from_str(SCHEMA).unwrap(), "run");
+}
+
+fn validate(record: &Value) {
+    let schema: Value = serde_json::from_str(SCHEMA).unwrap();
+    let found = problems(&schema, &schema, record, "run");
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+/// The part of JSON Schema that our schema uses; an unknown keyword is a problem, so that none goes unchecked.
+fn problems(root: &Value, schema: &Value, value: &Value, path: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (keyword, rule) in schema.as_object().unwrap() {
+        let ok = match keyword.as_str() {
+            "$schema" | "$id" | "$defs" | "title" | "description" | "format" => true,
+            "$ref" => {
+                let target = root.pointer(rule.as_str().unwrap().trim_start_matches('#')).unwrap();
+                found.extend(problems(root, target, value, path));
+                true
+            }
+            "type" => {
+                let types = rule.as_array().cloned().unwrap_or_else(|| vec![rule.clone()]);
+                types.iter().any(|wanted| match wanted.as_str().unwrap() {
+                    "null" => value.is_null(),
+                    "string" => value.is_string(),
+                    "boolean" => value.is_boolean(),
+                    "number" => value.is_number(),
+                    "integer" => value.is_u64() || value.is_i64(),
+                    "array" => value.is_array(),
+                    "object" => value.is_object(),
+                    other => panic!("type {other}"),
+                })
+            }
+            "enum" => rule.as_array().unwrap().contains(value),
+            "const" => rule == value,
+            "minimum" => value.as_f64().is_none_or(|number| number >= rule.as_f64().unwrap()),
+            "pattern" => {
+                assert_eq!(rule.as_str().unwrap(), "^[0-9a-f]{64}$");
+                let hex = |text: &str| text.len() == 64 && text.bytes().all(|b| b"0123456789abcdef".contains(&b));
+                value.as_str().is_none_or(hex)
+            }
+            "required" => {
+                let names = rule.as_array().unwrap().iter().map(|name| name.as_str().unwrap());
+                names.into_iter().all(|name| value.get(name).is_some())
+            }
+            "properties" => {
+                for (name, property) in rule.as_object().unwrap() {
+                    if let Some(inner) = value.get(name) {
+                        found.extend(problems(root, property, inner, &format!("{path}.{name}")));
+                    }
+                }
+                true
+            }
+            "additionalProperties" => {
+                assert_eq!(rule, &Value::Bool(false));
+                let known = schema["properties"].as_object().unwrap();
+                value.as_object().is_none_or(|object| object.keys().all(|key| known.contains_key(key)))
+            }
+            "items" => {
+                for (index, inner) in value.as_array().into_iter().flatten().enumerate() {
+                    found.extend(problems(root, rule, inner, &format!("{path}[{index}]")));
+                }
+                true
+            }
+            "anyOf" => rule.as_array().unwrap().iter().any(|option| problems(root, option, value, path).is_empty()),
+            other => panic!("keyword {other}"),
+        };
+        if !ok {
+            found.push(format!("{path}: {keyword} {rule} refuses {value}"));
+        }
+    }
+    found
+}
