@@ -4,6 +4,9 @@
 //! a [`Personality`] says what is in the socket and what is wrong with it. Faults change the world, a device or the
 //! wire, never an answer: the bench knows no plans, no limits and no verdicts, and must not know the right answer.
 
+/// The bench file of the simulated bench, as a surveyor and its builder would write it.
+pub const BENCH_FILE: &str = include_str!("bench.toml");
+
 pub mod bench;
 pub mod board;
 mod boards;

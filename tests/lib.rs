@@ -1,5 +1,7 @@
 //! Runs the station as its users do and reads what it leaves behind.
 
+#![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
+
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};

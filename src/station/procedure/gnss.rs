@@ -30,13 +30,13 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     if let Some(start) = restarted {
         bench.board.call(&GnssRestart { start: start as u8 }).await?;
     }
-    for stream in [StreamId::Pps, StreamId::Gnss] {
-        bench.board.call(&StreamStart { stream: stream as u8, ..StreamStart::default() }).await?;
-    }
+    // Both at once, so that no time passes between them, also where simulated time does not wait.
+    let [start_pulses, start_bytes] = [StreamId::Pps, StreamId::Gnss]
+        .map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
+    tokio::try_join!(bench.board.call(&start_pulses), bench.board.call(&start_bytes))?;
     let heard = listen(&mut bytes, &mut pulses, window_s, timeout_s).await?;
     let losses = bytes.losses();
-    let sent = bench.board.stop_stream(bytes).await?;
-    bench.board.stop_stream(pulses).await?;
+    let (sent, _) = tokio::try_join!(bench.board.stop_stream(bytes), bench.board.stop_stream(pulses))?;
     if losses.any() || sent.dropped > 0 {
         return Err(Trouble::SamplesLost { wanted: sent.produced, losses });
     }
