@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::*;
+use gnc_protocol::serial::{Decoder, encode};
 use gnc_protocol::slave::{Board, BoardIdentity, Done, Fault, KEPT_RESULTS, MAX_RUNNING, Output, Refusal, Slave};
 use gnc_protocol::stream::{ImuSample, StreamFrame, StreamHead, StreamId};
 use gnc_protocol::wire::{Reader, Wire, text};
@@ -22,11 +23,15 @@ struct Scripted {
     refuse_next: Option<Refusal>,
     outputs: VecDeque<Output>,
     state_bits: u8,
+    boot_id: Option<u32>,
+    serial: &'static str,
+    firmware: &'static str,
 }
 
 impl Board for Scripted {
     fn identity(&self) -> BoardIdentity {
-        BoardIdentity { boot_id: 77, capabilities: 1, serial: text("SB-1"), firmware: text("0.1") }
+        let boot_id = self.boot_id.unwrap_or(77);
+        BoardIdentity { boot_id, capabilities: 1, serial: text(self.serial), firmware: text(self.firmware) }
     }
     fn start(&mut self, request: u16, _: Request) -> Result<u32, Refusal> {
         if let Some(refusal) = self.refuse_next.take() {
@@ -148,7 +153,8 @@ fn without_a_session_nothing_is_started() {
 
 #[test]
 fn hello_names_the_board_and_the_versions() {
-    let answer = Bench::default().hello(0, 200, 0xABCD);
+    let board = Scripted { serial: "SB-1", ..Scripted::default() };
+    let answer = Bench { board, ..Bench::default() }.hello(0, 200, 0xABCD);
     assert_eq!((answer.chosen, answer.lowest, answer.highest), (1, 1, 1));
     assert_eq!((answer.nonce, answer.boot_id, answer.serial.as_str()), (0xABCD, 77, "SB-1"));
 }
@@ -469,6 +475,38 @@ fn frames_are_numbered_without_gaps_past_the_wrap() {
         expected = expected.wrapping_add(1);
     }
     assert_eq!(bench.slave.sent(), 70_000);
+}
+
+/// Bytes on the wire of a frozen vector.
+fn wire_of(vector: &str) -> Vec<u8> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors/v1-session.txt");
+    let all = std::fs::read_to_string(path).unwrap();
+    let (_, tail) = all.split_once(&format!("\nvector: {vector}\n")).unwrap();
+    let digits = tail.lines().find_map(|line| line.strip_prefix("  wire: ")).unwrap();
+    (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
+}
+
+/// From wire to wire: the bytes of the interface document go in, its bytes come out.
+#[test]
+fn the_board_answers_a_hello_with_the_bytes_of_the_vector() {
+    let mut bench = Bench {
+        board: Scripted { boot_id: Some(0xB007_1DEA), serial: "SB-0042", firmware: "1.4.2", ..Scripted::default() },
+        ..Bench::default()
+    };
+    for _ in 0..3 {
+        bench.ask(1, &Identity {});
+    }
+    let mut answer = |bytes: &[u8]| {
+        let (mut decoder, mut rest, mut wire) = (Decoder::default(), bytes, Vec::new());
+        while let Some(frame) = decoder.next(&mut rest) {
+            let mut send = |frame: Frame| wire.extend_from_slice(&encode(&frame));
+            bench.slave.receive(&frame.unwrap(), bench.now, &mut bench.board, &mut send);
+        }
+        wire
+    };
+    assert_eq!(answer(&wire_of("hello.host")), wire_of("hello.board"));
+    assert_eq!(answer(&wire_of("event.keep-alive")), []);
+    assert_eq!(answer(&wire_of("hello.host-newer")), wire_of("hello.board-refuses"));
 }
 
 /// One step of a storm.
