@@ -39,13 +39,24 @@ pub(crate) mod uses {
     pub(crate) const IO_PINS: u32 = 1 << 9;
     pub(crate) const SCI: u32 = 1 << 10;
     pub(crate) const GNSS: u32 = 1 << 11;
-    pub(crate) const STREAMS: u32 = 1 << 12;
+    pub(crate) const IMU_STREAM: u32 = 1 << 12;
+    pub(crate) const GNSS_STREAM: u32 = 1 << 13;
+    pub(crate) const PPS_STREAM: u32 = 1 << 14;
     /// The supply feeds everything.
     pub(crate) const SUPPLY: u32 = u32::MAX;
 
+    /// What starting or stopping a stream holds.
+    pub(crate) fn of_stream(stream: super::StreamId) -> u32 {
+        match stream {
+            super::StreamId::Imu => IMU_STREAM,
+            super::StreamId::Gnss => GNSS_STREAM,
+            super::StreamId::Pps => PPS_STREAM,
+        }
+    }
+
     /// The devices of a set, for texts.
     pub(crate) fn names(set: u32) -> String {
-        const NAMES: [&str; 13] = [
+        const NAMES: [&str; 15] = [
             "identity",
             "core 1",
             "core 2",
@@ -58,7 +69,9 @@ pub(crate) mod uses {
             "IO pins",
             "SCI",
             "GNSS receiver",
-            "streams",
+            "IMU stream",
+            "GNSS stream",
+            "1PPS stream",
         ];
         let of_set: Vec<&str> = (0..13).filter(|bit| set >> bit & 1 == 1).map(|bit| NAMES[bit]).collect();
         of_set.join(", ")
@@ -216,11 +229,10 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
         }
         Request::StreamStart(start) => {
             check_stream(start)?;
-            Ok(uses::STREAMS)
+            stream_of(start.stream).map(uses::of_stream)
         }
         Request::StreamStop(stop) => {
-            stream_of(stop.stream)?;
-            Ok(uses::STREAMS)
+            stream_of(stop.stream).map(uses::of_stream)
         }
     }
 }
