@@ -35,6 +35,7 @@ mod closure;
 mod item;
 mod limits;
 mod params;
+mod schema;
 
 use std::fmt;
 
@@ -48,6 +49,7 @@ use crate::outcome::Outcome;
 use crate::quantity::Unit;
 
 pub use params::{ParamError, ParamValue, Params};
+pub use schema::plan_schema;
 
 /// Bytes of one plan file. The functional plan has about 5 kB and 20,000 items about 2 MB; what is larger is another
 /// file that was given by accident, and reading it would only take memory. Readers should stop at one byte more.

@@ -1,7 +1,7 @@
 //! A run as lines for people: on a terminal, in a file, in a mail.
 //!
 //! Texts from outside (serial numbers, answers of boards, names in stored records) go through
-//! [`printable`](crate::printable::printable), so that no line here can move a cursor or hide another.
+//! [`printable`], so that no line here can move a cursor or hide another.
 
 mod log;
 
@@ -10,13 +10,19 @@ use std::fmt::Write as _;
 use crate::event::BenchKind;
 use crate::measurement::{Measurement, Reading};
 use crate::outcome::{Outcome, words};
-use crate::printable::printable;
+use crate::printable::{printable, shortened};
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
 
 pub use log::log_txt;
 
 /// Width of an item's name in a line; most names are shorter.
 const NAME_WIDTH: usize = 16;
+
+/// Characters of the reason in an item's line: a board may say much, and the record has all of it.
+const REASON_CHARACTERS: usize = 120;
+
+/// Characters of a serial number in the verdict: a barcode reader may deliver 10 kB.
+const SERIAL_NUMBER_CHARACTERS: usize = 60;
 
 /// Width of the longest outcome.
 const OUTCOME_WIDTH: usize = 8;
@@ -31,7 +37,7 @@ pub fn item_line(item: &ItemRecord) -> String {
         // Writing to a String cannot fail.
         let _ = write!(line, "  attempt {}", item.attempts.len());
     }
-    let why = reason(item);
+    let why = shortened(&reason(item), REASON_CHARACTERS);
     if !why.is_empty() {
         let _ = write!(line, "  {why}");
     }
@@ -69,7 +75,7 @@ pub fn verdict_line(record: &RunRecord) -> String {
         .collect();
     format!(
         "{verdict}  {}  {} {}  {}  in {}",
-        printable(&record.serial_number),
+        shortened(&record.serial_number, SERIAL_NUMBER_CHARACTERS),
         printable(&record.plan.name),
         printable(&record.plan.version),
         counts.join(", "),

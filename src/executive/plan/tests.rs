@@ -655,6 +655,12 @@ bits_tested = ">= 8"
     assert_eq!(gnss.missing(&[]).collect::<Vec<_>>(), ["fix_type", "height"]);
 }
 
+#[test]
+fn the_stored_schema_is_the_generated_one() {
+    let stored: serde_json::Value = serde_json::from_str(include_str!("../../../docs/plan.schema.json")).unwrap();
+    assert_eq!(stored, plan_schema(), "run: cargo run -p gnc-executive --example plan_schema > docs/plan.schema.json");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 

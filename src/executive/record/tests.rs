@@ -26,6 +26,15 @@ fn a_record_comes_back_as_it_was() {
 }
 
 #[test]
+fn an_item_file_stands_alone() {
+    for file in record().item_files() {
+        let json = serde_json::to_string(&file).unwrap();
+        assert_eq!(serde_json::from_str::<ItemFile>(&json).unwrap(), file);
+        assert!(json.starts_with(r#"{"schema":"gnc-run/1","serial_number":"DEMO-1","bench":"real","run_started":"#));
+    }
+}
+
+#[test]
 fn only_a_whole_run_on_a_real_bench_is_evidence() {
     assert!(record().is_evidence());
     let with = |change: fn(&mut crate::event::RunHeader)| {

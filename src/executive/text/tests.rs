@@ -151,6 +151,19 @@ fn no_control_character_leaves_this_module() {
 }
 
 #[test]
+fn lines_stay_lines_whatever_a_barcode_reader_delivers() {
+    let mut header = header();
+    header.serial_number = "9".repeat(10_000);
+    let mut record = RunRecord::from_state(&small_run(header).state).unwrap();
+    if let Some(error) = &mut record.items[2].attempts[1].error {
+        error.text = "x".repeat(10_000);
+    }
+    assert!(verdict_line(&record).len() < 200);
+    assert!(item_line(&record.items[2]).chars().count() < 200);
+    assert!(log_txt(&record).contains(&"9".repeat(10_000)), "the log has all of it");
+}
+
+#[test]
 fn durations_read_well() {
     for (seconds, expected) in [
         (0.0, "0.00 s"),

@@ -1,0 +1,163 @@
+//! The JSON Schema of plans, for editors: generated from the catalogue, so that it cannot disagree with the parser's
+//! items, parameters and measurements.
+//!
+//! An editor completes keys and marks unknown ones with it; units, order of bounds and requirements are checked by
+//! [`Plan::read`](super::Plan::read) alone.
+
+use serde_json::{Map, Value, json};
+
+use crate::catalogue::{ItemId, ItemSpec, MeasurementSpec, ParamKind};
+use crate::limit::Kind;
+use crate::quantity::Quantity;
+
+/// The schema of a plan file, draft 2020-12.
+pub fn plan_schema() -> Value {
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": "plan.schema.json",
+        "title": "Test plan",
+        "type": "object",
+        "required": ["name", "version"],
+        "additionalProperties": false,
+        "properties": {
+            "name": { "description": "Name of the plan: small letters, digits, - _ and .", "$ref": "#/$defs/name" },
+            "version": { "description": "Version of the plan.", "type": "string" },
+            "description": { "description": "What the plan is for.", "type": "string" },
+            "on_fail": {
+                "description": "What happens after an item that is not good.",
+                "enum": ["continue", "stop"]
+            },
+            "include": {
+                "description": "Plans whose items are run before those of this one, relative to this file.",
+                "type": "array",
+                "items": { "type": "string" }
+            },
+            "item": {
+                "description": "The items in the order of running.",
+                "type": "array",
+                "items": { "oneOf": ItemId::ALL.map(item) }
+            }
+        },
+        "$defs": {
+            "name": { "type": "string", "pattern": "^[a-z0-9][a-z0-9._-]{0,63}$" },
+            "limit": {
+                "description": "<= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text; Q is a number with its unit",
+                "type": "string",
+                "pattern": "^\\s*(<=|>=|==|.*\\.\\.|.*\\+-)"
+            },
+            "limit_or_band": {
+                "anyOf": [
+                    { "$ref": "#/$defs/limit" },
+                    {
+                        "type": "object",
+                        "required": ["limit"],
+                        "additionalProperties": false,
+                        "properties": {
+                            "limit": { "description": "The limit.", "$ref": "#/$defs/limit" },
+                            "marginal": {
+                                "description": "Good values closer than this to a bound are marginal.",
+                                "type": "string"
+                            }
+                        }
+                    }
+                ]
+            }
+        }
+    })
+}
+
+fn item(id: ItemId) -> Value {
+    let spec = id.spec();
+    json!({
+        "title": spec.title,
+        "type": "object",
+        "required": ["id"],
+        "additionalProperties": false,
+        "properties": {
+            "id": { "description": spec.title, "const": id.as_str() },
+            "name": { "description": "Unique name; the id if it is left out.", "$ref": "#/$defs/name" },
+            "phase": {
+                "description": "setup: all tests need it. teardown: always run at the end.",
+                "enum": ["setup", "test", "teardown"]
+            },
+            "optional": { "description": "Skipped instead of refused where the bench lacks a device.", "type": "boolean" },
+            "requires": {
+                "description": "Names of items before this one; it is skipped unless they are good.",
+                "type": "array",
+                "items": { "type": "string" }
+            },
+            "attempts": { "description": "Tries of an errored item.", "type": "integer", "minimum": 1, "maximum": 10 },
+            "retry_failed": { "description": "Whether a failed item is tried again too.", "type": "boolean" },
+            "repeats": { "description": "Rounds within an attempt.", "type": "integer", "minimum": 1, "maximum": 1000 },
+            "timeout": {
+                "description": format!("Board time for an attempt; {} s if it is left out.", spec.timeout_s),
+                "type": "string"
+            },
+            "prompt": { "description": "What the operator is asked to do before the first attempt.", "type": "string" },
+            "params": params(spec),
+            "limits": limits(spec)
+        }
+    })
+}
+
+fn params(spec: &ItemSpec) -> Value {
+    let properties: Map<String, Value> = spec
+        .params
+        .iter()
+        .map(|param| {
+            let mut schema = match param.kind {
+                ParamKind::Integer { min, max, default } => {
+                    json!({ "type": "integer", "minimum": min, "maximum": max, "default": default })
+                }
+                ParamKind::Integers { min, max, default } => json!({
+                    "type": "array", "minItems": 1, "uniqueItems": true, "default": default,
+                    "items": { "type": "integer", "minimum": min, "maximum": max }
+                }),
+                ParamKind::Quantity { unit, default, .. } => {
+                    json!({ "type": "string", "default": Quantity::new(default, unit).to_string() })
+                }
+                ParamKind::Choice { of, default } => json!({ "enum": of, "default": default }),
+                ParamKind::Choices { of, default } => json!({
+                    "type": "array", "minItems": 1, "uniqueItems": true, "default": default, "items": { "enum": of }
+                }),
+            };
+            let about = match param.kind {
+                ParamKind::Quantity { unit, min, max, .. } => {
+                    format!("{}, {} to {}", param.about, Quantity::new(min, unit), Quantity::new(max, unit))
+                }
+                _ => param.about.to_owned(),
+            };
+            schema["description"] = Value::String(about);
+            (param.name.to_owned(), schema)
+        })
+        .collect();
+    json!({
+        "description": "Parameters of the item.",
+        "type": "object",
+        "additionalProperties": false,
+        "properties": properties
+    })
+}
+
+fn limits(spec: &ItemSpec) -> Value {
+    let about = |measurement: &MeasurementSpec| match measurement.kind {
+        Kind::Text => "Text.".to_owned(),
+        Kind::Number(dimension) if measurement.unit.symbol().is_empty() => format!("A {dimension}."),
+        Kind::Number(dimension) => format!("{}, shown in {}.", crate::limit::article(dimension), measurement.unit),
+    };
+    let properties: Map<String, Value> = spec
+        .measurements
+        .iter()
+        .map(|measurement| {
+            let schema = json!({ "description": about(measurement), "$ref": "#/$defs/limit_or_band" });
+            (measurement.name.to_owned(), schema)
+        })
+        .collect();
+    json!({
+        "description": "What measured values must keep; a key with * stands for every measurement that it matches.",
+        "type": "object",
+        "additionalProperties": false,
+        "properties": properties,
+        "patternProperties": { "\\*": { "$ref": "#/$defs/limit_or_band" } }
+    })
+}
