@@ -231,9 +231,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
             check_stream(start)?;
             stream_of(start.stream).map(uses::of_stream)
         }
-        Request::StreamStop(stop) => {
-            stream_of(stop.stream).map(uses::of_stream)
-        }
+        Request::StreamStop(stop) => stream_of(stop.stream).map(uses::of_stream),
     }
 }
 

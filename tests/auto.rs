@@ -1,5 +1,7 @@
 //! `--auto` as an operator or a script meets it: exit codes, and words that say what to do.
 
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
 use gnc_tests::{Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
@@ -43,7 +45,8 @@ fn mistakes_of_the_command_line_are_refused() {
 
 #[test]
 fn a_wrong_plan_is_refused_with_line_and_column() {
-    let text = "name = \"x\"\nversion = \"1\"\n[[item]]\nid = \"imo\"\n[[item]]\nid = \"imu\"\nlimits.gyro_x = \"0 +- 2 V\"\n";
+    let text =
+        "name = \"x\"\nversion = \"1\"\n[[item]]\nid = \"imo\"\n[[item]]\nid = \"imu\"\nlimits.gyro_x = \"0 +- 2 V\"\n";
     let files = [("p.toml", text)];
     let words = ["p.toml:4:6", "did you mean", "p.toml:7:"];
     check_refused(&["--auto", "p.toml", "--sim", "--serial-number", "A"], &files, &words);

@@ -1,5 +1,7 @@
 //! Every simulated board ends as its file says, over a pseudo-terminal, at true speed and at full speed.
 
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 

@@ -1,5 +1,7 @@
 //! What a run leaves on the disk: whole, believable, and readable after the worst.
 
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
 use std::fs::{self, OpenOptions};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -313,7 +315,10 @@ fn a_run_cut_off_at_its_very_start_is_listed() {
     let run = place.run(["records", "list"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("143015-functional"), "{}", run.stdout);
-    let mut child =
-        place.station(["records", "show", "2026-11-22/T-1/143015-functional"]).stdout(Stdio::piped()).spawn().expect("it");
+    let mut child = place
+        .station(["records", "show", "2026-11-22/T-1/143015-functional"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("it");
     drain(&mut child);
 }

@@ -31,8 +31,8 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
         bench.board.call(&GnssRestart { start: start as u8 }).await?;
     }
     // Both at once, so that no time passes between them, also where simulated time does not wait.
-    let [start_pulses, start_bytes] = [StreamId::Pps, StreamId::Gnss]
-        .map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
+    let [start_pulses, start_bytes] =
+        [StreamId::Pps, StreamId::Gnss].map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
     tokio::try_join!(bench.board.call(&start_pulses), bench.board.call(&start_bytes))?;
     let heard = listen(&mut bytes, &mut pulses, window_s, timeout_s).await?;
     let losses = bytes.losses();
