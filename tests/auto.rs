@@ -1,7 +1,5 @@
 //! `--auto` as an operator or a script meets it: exit codes, and words that say what to do.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
-
 use gnc_tests::{Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");

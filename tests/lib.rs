@@ -2,9 +2,8 @@
 
 #![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
 
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -159,16 +158,4 @@ pub fn bad_items(record: &Value) -> Vec<String> {
         .filter(|item| item["cause"]["kind"] != "device_missing")
         .filter_map(|item| item["name"].as_str().map(str::to_owned))
         .collect()
-}
-
-/// All that a child writes to its standard output, once it has ended.
-///
-/// # Panics
-/// It has none, or does not end.
-#[must_use]
-pub fn drain(child: &mut Child) -> String {
-    let mut text = String::new();
-    let _ = child.stdout.take().expect("a piped output").read_to_string(&mut text);
-    child.wait().expect("its end");
-    text
 }

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use gnc_protocol::Frame;
 use gnc_protocol::frame::FrameError;
 use gnc_protocol::serial::{Decoder, LineCounters};
+use nix::errno::Errno;
 use tokio::io::{ReadHalf, WriteHalf};
 use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::{Buf as _, BytesMut};
@@ -117,9 +118,19 @@ fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
             Err(_) => OpenError::Missing { port },
             Ok(_) => OpenError::Busy { port },
         },
-        _ if std::fs::metadata(&port).is_ok_and(|meta| meta.is_file() || meta.is_dir()) => OpenError::NotAPort { port },
+        // The crate keeps no error number, only its text.
+        _ if source.description == Errno::ENOTTY.desc()
+            || std::fs::metadata(&port).is_ok_and(|meta| !is_device(&meta)) =>
+        {
+            OpenError::NotAPort { port }
+        }
         _ => OpenError::System { port, source },
     }
+}
+
+fn is_device(meta: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt as _;
+    meta.file_type().is_char_device()
 }
 
 /// What comes out of the bytes on a line.
