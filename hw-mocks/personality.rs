@@ -452,14 +452,16 @@ impl raw::Triad {
 impl raw::Gnss {
     fn check(&self) -> Result<GnssFaults, Mistake> {
         let metres = |value: Option<&Spanned<f64>>, name| number(value, name, -1e6, 1e6, 0.0);
-        let covered = self.covered_after_s.as_ref();
+        let covered = self.covered_after_fix_s.as_ref();
         Ok(GnssFaults {
             no_sky: self.no_sky,
             antenna_offset_m: (
                 metres(self.repeater_north_m.as_ref(), "repeater_north_m")?,
                 metres(self.repeater_east_m.as_ref(), "repeater_east_m")?,
             ),
-            covered_after_s: covered.map(|after| number(Some(after), "covered_after_s", 0.0, 1e6, 0.0)).transpose()?,
+            covered_after_fix_s: covered
+                .map(|after| number(Some(after), "covered_after_fix_s", 0.0, 1e6, 0.0))
+                .transpose()?,
             pps_open: self.pps_open,
         })
     }
@@ -670,7 +672,7 @@ mod raw {
         pub(super) no_sky: bool,
         pub(super) repeater_north_m: Option<Spanned<f64>>,
         pub(super) repeater_east_m: Option<Spanned<f64>>,
-        pub(super) covered_after_s: Option<Spanned<f64>>,
+        pub(super) covered_after_fix_s: Option<Spanned<f64>>,
         pub(super) pps_open: bool,
     }
 
