@@ -91,7 +91,7 @@ fn refusals_name_what_is_wrong() {
         ),
         (
             host.refusal(&CpuFloats { core: 1, pairs: list(&[[f64::NAN, 1.0]]) }),
-            "pair 0 (NaN, 1): operands are finite and b is not 0",
+            "pair 0 (NaN, 1e0): operands are finite and b is not 0",
         ),
         (host.refusal(&CpuWords { core: 0, target: 0, words: list(&[]) }), "core 0 is not in 1 to 2"),
         (
