@@ -64,12 +64,13 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
     let mut sentences = Sentences::default();
     let mut began_us = None;
     let mut fixed_us = None;
-    let mut now_us = bytes.board_time_us();
+    let mut now_us = 0;
     loop {
         tokio::select! {
             frame = bytes.next() => match frame? {
                 Some(frame) => {
                     now_us = frame.head.board_time_us;
+                    began_us.get_or_insert(now_us);
                     for epoch in sentences.push(&frame.samples) {
                         if epoch.has_fix() {
                             fixed_us.get_or_insert(now_us);
@@ -81,7 +82,10 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                     }
                 }
                 // The receiver is mute, while the board's clock goes on.
-                None => now_us = bytes.board_time_us(),
+                None => {
+                    now_us = bytes.board_time_us();
+                    began_us.get_or_insert(now_us);
+                }
             },
             frame = pulses.next() => {
                 let Some(frame) = frame? else { continue };
@@ -93,7 +97,7 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                 }
             }
         }
-        let began_us = *began_us.get_or_insert(now_us);
+        let Some(began_us) = began_us else { continue };
         let waited_s = |since: u64| now_us.saturating_sub(since) as f64 * 1e-6;
         heard.time_to_fix_s = fixed_us.map(|fixed: u64| fixed.saturating_sub(began_us) as f64 * 1e-6);
         if fixed_us.map_or(waited_s(began_us) > timeout_s, |fixed| waited_s(fixed) > window_s) {
