@@ -2,7 +2,102 @@
 //!
 //! A personality says how the world, the devices and the wire differ from those of a good module; a file that says
 //! nothing is a good module. `[expect.PLAN]` tables say for people and for tests how a plan should end; the bench
-//! carries them and never looks at them.
+//! carries them and never looks at them. All that a file may hold, with units last in the names:
+//!
+//! ```
+//! # let text = r#"
+//! description = "Everything at once."
+//!
+//! [expect.functional]                  # ignored by the bench
+//! outcome = "failed"
+//! items = ["sdram"]
+//!
+//! [module]                             # what it says about itself
+//! serial_number = "GNC-7"              # else the one that was scanned
+//! part = "GNC-POP-26"
+//! hardware = "C"
+//! firmware = "1.4.0"
+//! protocol = 1
+//!
+//! [board]                              # the slave board
+//! serial = "SIM-BOARD-1"
+//! firmware = "sim 1.0.0"
+//! clock_error_ppm = 3.0                # of its oscillator, against true time
+//!
+//! [supply]                             # at the socket
+//! voltage_v = 5.012
+//! current_a = 0.487
+//!
+//! [rails]                              # of the module; the 5 V rail is never above the supply
+//! v5_v = 4.985
+//! v3v3_v = 3.306
+//! v1v2_v = 1.203
+//!
+//! [cpu]
+//! dead_cores = [2]
+//! multiplier_bit_of_core_2 = 3         # stays at 0
+//!
+//! [timers]
+//! rate_error_ppm = 12.0                # positive: intervals too long
+//! jitter_ns = 60.0
+//! miss_every = 10                      # interrupts; 0: none is missed
+//!
+//! [sdram]                              # [internal_ram] alike
+//! stuck_data_line = { line = 7, level = 0 }
+//! stuck_address_line = { line = 14, level = 0 }
+//! shorted_address_lines = [5, 12]
+//! stuck_cells = [{ index = 40000, bit = 11, level = 0 }]
+//! coupled_cells = [{ aggressor = 700000, victim = 700001, bit = 9 }]
+//!
+//! [spi_flash]                          # [internal_flash] alike
+//! bad_bits = [{ sector = 0, word = 17, bit = 3, level = 0 }]
+//! erase_factor = 10.0                  # times as long as usual
+//!
+//! [gyro]                               # [accel] alike, in mg and g; [mag] without noise figures, in gauss
+//! bias_stability_dph = 4.5995
+//! bias_repeatability_dph = 1.2403
+//! stuck_axes = ["x"]
+//! dead_axes = ["y"]
+//! swapped_axes = ["x", "z"]
+//! noise_factor = 20.0
+//! offset_dps = [0.0, 0.0, 1.0]
+//!
+//! [gnss]
+//! no_sky = true
+//! repeater_north_m = 500.0             # the signals are those of a place so far away
+//! repeater_east_m = 0.0
+//! covered_after_fix_s = 1.0
+//! pps_open = true
+//!
+//! [ad]
+//! unwired_switches = [2]
+//!
+//! [io]
+//! shorted = [[2, 3]]
+//! open = [1]
+//! stuck = [{ line = 0, level = 1 }]
+//!
+//! [spi]
+//! flip_every_bits = 1000
+//!
+//! [sci]
+//! lose_every = 200                     # bytes, with a framing error
+//! flip_every = 300                     # bytes, unnoticed
+//!
+//! [wire]                               # between board and host
+//! silent = true
+//! answer_delay_ms = 80.0               # link time
+//! lost_to_host_per_million = 100.0     # bytes
+//! lost_to_board_per_million = 100.0
+//!
+//! [reboot]
+//! on = "sdram"                         # at a request to this device ...
+//! nth = 1                              # ... the first only; without it, each time
+//! after_ms = 20.0                      # of board time
+//! at_board_time_s = 60.0               # once, whatever runs
+//! # "#;
+//! # hw_mocks::Personality::from_toml("everything", text).unwrap();
+//! ```
 
 mod check;
 mod raw;
