@@ -242,7 +242,8 @@ impl Run<'_> {
         let Some(board) = &self.board else {
             return Err(BoardError::Gone { reason: "there is no link to the board".into() }.into());
         };
-        let bench = Bench { board, fixture: &self.order.fixture, site: self.order.site.as_ref() };
+        let bench =
+            Bench { board, fixture: &self.order.fixture, site: self.order.site.as_ref(), advance: &self.live.advance };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
         }

@@ -167,10 +167,10 @@ impl Writer {
         let (item, elapsed) = (printable(&doing.item), text::duration(self.began.elapsed().as_secs_f64()));
         let known = advance.expected_ms > 0;
         if self.terminal {
-            let done = usize::from(advance.done_permille.min(1000));
-            let filled = if known { done * BAR_WIDTH / 1000 } else { 0 };
+            let filled = usize::from(advance.done_permille.min(1000)) * BAR_WIDTH / 1000;
             let (full, empty) = ("#".repeat(filled), "-".repeat(BAR_WIDTH - filled));
-            self.write(&format!("\r\x1b[K[{full}{empty}] {item}  {elapsed}"));
+            let bar = if known { format!("[{full}{empty}] ") } else { String::new() };
+            self.write(&format!("\r\x1b[K{bar}{item}  {elapsed}"));
             self.bar_drawn = true;
         } else if Instant::now() >= self.line_due {
             self.line_due = Instant::now() + LINE_EVERY;

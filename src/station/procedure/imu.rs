@@ -59,6 +59,7 @@ async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<Vec<Imu
                 .map_err(|error| Trouble::Nonsense { what: "the IMU stream", why: error.to_string() })?;
             samples.push(sample);
         }
+        bench.captured(samples.len() as u32, wanted, rate_hz);
         if frame.head.first.saturating_add(frame.head.count.into()) >= wanted {
             break;
         }
