@@ -177,7 +177,9 @@ impl Slave {
 
     /// Sends what is due: results, samples, progress, heartbeat; ends the session of a host that fell silent.
     pub fn tick(&mut self, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
-        while let Some(output) = board.poll() {
+        while self.session.is_some()
+            && let Some(output) = board.poll()
+        {
             match output {
                 Output::Done(done) => self.finish(&done, send),
                 Output::Stream(stream, frame) => {
