@@ -10,6 +10,7 @@ pub const BENCH_FILE: &str = include_str!("bench.toml");
 pub mod bench;
 pub mod board;
 mod boards;
+mod can;
 pub mod devices;
 pub mod driver;
 mod line;
