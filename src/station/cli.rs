@@ -115,6 +115,9 @@ pub struct RunArgs {
     /// Runs the plan so many times, each with a record of its own.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub loops: u32,
+    /// Runs one item after the other, also where the plan's items could run at once.
+    #[arg(long)]
+    pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
     #[arg(long)]
     pub events: bool,

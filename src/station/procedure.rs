@@ -15,10 +15,9 @@ mod timers;
 use gnc_executive::bench::Site;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::{ParamError, Params};
-use tokio::sync::watch;
 
 use crate::board::stream::Losses;
-use crate::board::{Advance, Board, BoardError};
+use crate::board::{BoardError, Desk};
 use crate::fixture::{Fixture, FixtureError};
 use crate::runner::report::Report;
 use crate::store::StoreError;
@@ -27,25 +26,11 @@ use crate::store::StoreError;
 #[derive(Debug)]
 pub struct Bench<'a> {
     /// The slave board.
-    pub board: &'a Board,
+    pub board: &'a Desk<'a>,
     /// Whoever turns the module and flips switches.
     pub fixture: &'a Fixture,
     /// Where the bench stands, if its file says so.
     pub site: Option<&'a Site>,
-    /// How far a procedure is that asks for little and listens long.
-    pub advance: &'a watch::Sender<Advance>,
-}
-
-impl Bench<'_> {
-    /// Tells people how far a capture is.
-    fn captured(&self, samples: u32, wanted: u32, rate_hz: u16) {
-        let ms = |samples: u32| u64::from(samples) * 1000 / u64::from(rate_hz.max(1));
-        self.advance.send_replace(Advance {
-            done_permille: (u64::from(samples) * 1000 / u64::from(wanted.max(1))).min(1000) as u16,
-            elapsed_ms: u32::try_from(ms(samples)).unwrap_or(u32::MAX),
-            expected_ms: u32::try_from(ms(wanted)).unwrap_or(u32::MAX),
-        });
-    }
 }
 
 /// Why a procedure came to no end.
