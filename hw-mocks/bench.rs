@@ -134,6 +134,8 @@ pub struct Bench {
     /// Where the last HELLO came.
     session_on: Port,
     can: CanBus,
+    /// The host's CAN adapter holds frames that it could not hand on yet.
+    pub(crate) can_held: bool,
     board: SimulatedBoard,
     decoder: Decoder,
     incoming: Line,
@@ -161,6 +163,7 @@ impl Bench {
             slave: Slave::default(),
             can_slave: Slave::default(),
             session_on: Port::Serial,
+            can_held: false,
             can: CanBus::new(can_pace, options.personality.model.wire.can_lose_every),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             decoder: Decoder::default(),
@@ -317,7 +320,7 @@ impl Bench {
         let pending = self.board.has_work() || !self.sleepers.is_empty();
         let said = match self.session_on {
             Port::Serial => self.outgoing.is_empty() && self.incoming.is_empty(),
-            Port::Can => self.can.is_quiet(),
+            Port::Can => self.can.is_quiet() && !self.can_held,
         };
         pending && said && self.late.is_empty()
     }

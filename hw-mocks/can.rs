@@ -81,10 +81,6 @@ impl CanBus {
         self.endpoint.counters()
     }
 
-    pub(crate) fn restart_sequence(&mut self) {
-        self.endpoint.restart_sequence();
-    }
-
     /// Whether there is no room for samples.
     pub(crate) fn is_full(&self) -> bool {
         self.samples.len() > SAMPLES_WAIT

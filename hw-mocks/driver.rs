@@ -1,4 +1,4 @@
-//! The simulated bench on a real pseudo-terminal, served by a thread of its own.
+//! The simulated bench on real ports (a pseudo-terminal for RS-422, another one or an interface for CAN), served by a thread of its own.
 
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
@@ -16,6 +16,7 @@ use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::sys::time::TimeSpec;
 use nix::unistd::ttyname;
 
+use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
 use crate::world::{Axis, Sign};
 
@@ -125,6 +126,7 @@ impl Control {
 #[derive(Debug)]
 pub struct RunningBench {
     port: PathBuf,
+    can_port: String,
     control: Control,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
@@ -135,34 +137,41 @@ impl RunningBench {
     /// # Errors
     /// When the system has no pseudo-terminal or no thread left.
     pub fn start(options: &Options) -> io::Result<Self> {
-        let pty = openpty(None, None)?;
-        let mut settings = tcgetattr(&pty.slave)?;
-        cfmakeraw(&mut settings);
-        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings)?;
-        let port = ttyname(&pty.slave)?;
-        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL)?);
-        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
+        Self::start_with(options, None)
+    }
+
+    /// As [`RunningBench::start`], with the CAN bus on an interface of the kernel instead of an slcan adapter.
+    ///
+    /// # Errors
+    /// As [`RunningBench::start`]; or there is no such interface.
+    pub fn start_with(options: &Options, interface: Option<&str>) -> io::Result<Self> {
+        let pty = Pty::open()?;
+        let port = pty.path().to_owned();
+        let can = match interface {
+            Some(interface) => CanPort::socket(interface)?,
+            None => CanPort::slcan()?,
+        };
+        let can_port = can.name(interface);
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let driver = Driver {
-            bench: Bench::new(options),
-            master: pty.master,
-            _kept_open: pty.slave,
-            woken,
-            received,
-            started: Instant::now(),
-        };
+        let driver = Driver { bench: Bench::new(options), pty, can, woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
-        Ok(Self { port, control, thread: Some(thread) })
+        Ok(Self { port, can_port, control, thread: Some(thread) })
     }
 
     /// The pseudo-terminal that the host opens.
     #[must_use]
     pub fn port(&self) -> &Path {
         &self.port
+    }
+
+    /// The CAN adapter or interface that the host opens, as a bench file names it.
+    #[must_use]
+    pub fn can_port(&self) -> &str {
+        &self.can_port
     }
 
     /// The operator's hands.
@@ -182,11 +191,40 @@ impl Drop for RunningBench {
     }
 }
 
-struct Driver {
-    bench: Bench,
+/// A pseudo-terminal in raw mode.
+#[derive(Debug)]
+pub(crate) struct Pty {
     master: OwnedFd,
     /// Without an open slave end the master reports an error whenever the host closes its own.
     _kept_open: OwnedFd,
+    path: PathBuf,
+}
+
+impl Pty {
+    pub(crate) fn open() -> io::Result<Self> {
+        let pty = openpty(None, None)?;
+        let mut settings = tcgetattr(&pty.slave)?;
+        cfmakeraw(&mut settings);
+        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings)?;
+        let path = ttyname(&pty.slave)?;
+        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL)?);
+        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
+        Ok(Self { master: pty.master, _kept_open: pty.slave, path })
+    }
+
+    pub(crate) fn master(&self) -> &OwnedFd {
+        &self.master
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+struct Driver {
+    bench: Bench,
+    pty: Pty,
+    can: CanPort,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
     started: Instant,
@@ -200,9 +238,13 @@ impl Driver {
             }
             let now = self.started.elapsed();
             self.read(now)?;
+            self.can.read(&mut self.bench)?;
+            // What the adapter has not handed on yet was said and has not left: time must not pass by it.
+            self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);
             let full = self.write(now)?;
-            self.wait(full)?;
+            let can_full = self.can.write(&mut self.bench)?;
+            self.wait(full, can_full)?;
         }
     }
 
@@ -235,7 +277,7 @@ impl Driver {
             if room == 0 {
                 return Ok(());
             }
-            match nix::unistd::read(&self.master, &mut buffer[..room]) {
+            match nix::unistd::read(self.pty.master(), &mut buffer[..room]) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                 Ok(count) => self.bench.receive(&buffer[..count], now),
                 Err(Errno::EINTR) => {}
@@ -251,7 +293,7 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            match nix::unistd::write(&self.master, bytes) {
+            match nix::unistd::write(self.pty.master(), bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                 Ok(count) => self.bench.consume(count),
                 Err(Errno::EINTR) => {}
@@ -260,10 +302,10 @@ impl Driver {
         }
     }
 
-    fn wait(&mut self, full: bool) -> io::Result<()> {
+    fn wait(&mut self, full: bool, can_full: bool) -> io::Result<()> {
         let now = self.started.elapsed();
         let until_due = self.bench.next_due(now).saturating_sub(now);
-        let timeout = if full { until_due.clamp(Duration::from_micros(200), FULL_PORT) } else { until_due };
+        let timeout = if full || can_full { until_due.clamp(Duration::from_micros(200), FULL_PORT) } else { until_due };
         let mut wanted = PollFlags::empty();
         if self.bench.room() > 0 {
             wanted |= PollFlags::POLLIN;
@@ -271,7 +313,18 @@ impl Driver {
         if full {
             wanted |= PollFlags::POLLOUT;
         }
-        let mut fds = [PollFd::new(self.master.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        let mut can_wanted = PollFlags::empty();
+        if self.bench.can_room() > 0 {
+            can_wanted |= PollFlags::POLLIN;
+        }
+        if can_full {
+            can_wanted |= PollFlags::POLLOUT;
+        }
+        let mut fds = [
+            PollFd::new(self.pty.master().as_fd(), wanted),
+            PollFd::new(self.can.as_fd(), can_wanted),
+            PollFd::new(self.woken.as_fd(), PollFlags::POLLIN),
+        ];
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),

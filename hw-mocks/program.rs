@@ -13,7 +13,7 @@ use clap::Parser;
 use nix::sys::signal::{SigSet, Signal};
 
 use crate::bench::{Options, Speed, Truth};
-use crate::driver::{BenchGone, Control, RunningBench};
+use crate::driver::{BenchGone, RunningBench};
 use crate::personality::{Personality, boards};
 use crate::world::{Axis, Sign};
 
@@ -27,6 +27,7 @@ up AXIS           lay the module down: x+ x- y+ y- z+ z-
 turn AXIS DPS     turn steadily about x, y or z, in deg/s
 sleep T s|ms      wait for so much bench time; later commands wait too
 truth             what really is
+can               where the CAN bus is: slcan:PATH or an interface
 quit              end";
 
 /// Serves a simulated slave board with a module in its socket on a pseudo-terminal.
@@ -54,6 +55,9 @@ struct Arguments {
     /// Also put a symbolic link to the pseudo-terminal there.
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
+    /// Put the CAN bus on this interface of the kernel; without it, on an slcan adapter on a pseudo-terminal.
+    #[arg(long, value_name = "INTERFACE")]
+    can: Option<String>,
     /// List the boards that come with the program, and end.
     #[arg(long)]
     boards: bool,
@@ -87,7 +91,7 @@ enum ProgramError {
     Unknown { name: String },
     #[error(transparent)]
     Personality(#[from] crate::personality::PersonalityError),
-    #[error("cannot open a pseudo-terminal")]
+    #[error("cannot open the ports")]
     Start(#[source] io::Error),
     #[error("cannot put a link at {}", path.display())]
     Link { path: PathBuf, source: io::Error },
@@ -149,7 +153,7 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
     signals.add(Signal::SIGINT);
     signals.add(Signal::SIGTERM);
     signals.thread_block().map_err(|error| ProgramError::Signals(error.into()))?;
-    let bench = RunningBench::start(&options).map_err(ProgramError::Start)?;
+    let bench = RunningBench::start_with(&options, arguments.can.as_deref()).map_err(ProgramError::Start)?;
     let link = arguments.link.as_deref().map(|path| Link::put(path, bench.port())).transpose()?;
     say(&format!("port {}", bench.port().display()))?;
     let (events, received) = mpsc::channel();
@@ -171,7 +175,7 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
             }
         }
         while !asleep && let Some(line) = waiting.pop_front() {
-            match obey(&line, &bench.control()) {
+            match obey(&line, &bench) {
                 Ok(Answer::Text(text)) => say(&text)?,
                 Ok(Answer::Sleep(span)) => {
                     asleep = true;
@@ -194,7 +198,8 @@ enum Answer {
     Quit,
 }
 
-fn obey(line: &str, control: &Control) -> Result<Answer, String> {
+fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
+    let control = bench.control();
     let words: Vec<&str> = line.split_whitespace().collect();
     let done = |outcome: Result<(), BenchGone>| {
         outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
@@ -203,6 +208,7 @@ fn obey(line: &str, control: &Control) -> Result<Answer, String> {
         [] => Ok(Answer::Text("ok".to_owned())),
         ["quit"] => Ok(Answer::Quit),
         ["help"] => Ok(Answer::Text(format!("ok\n{HELP}"))),
+        ["can"] => Ok(Answer::Text(format!("ok {}", bench.can_port()))),
         ["truth"] => control.truth().map(|truth| Answer::Text(describe(&truth))).map_err(|error| error.to_string()),
         ["switch", number, state @ ("on" | "off")] => match number.parse() {
             Ok(number @ 1..=5_u8) => done(control.set_switch(number, *state == "on")),
