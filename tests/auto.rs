@@ -97,13 +97,13 @@ fn a_bench_without_a_board_is_errored() {
 #[test]
 fn optional_items_and_selections() {
     let place = Place::new(STATION);
-    let run = place.functional("--sim", &["--sim-speed", "max", "--only", "can,io"]);
+    let run = place.functional("--sim", &["--sim-speed", "max", "--sim-link", "can", "--only", "sci,io"]);
     assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
     let record = place.record();
     assert!(bad_items(&record).iter().all(|item| item != "io"), "{record}");
-    let can = record["items"].as_array().into_iter().flatten().find(|item| item["id"] == "can").expect("can");
-    assert_eq!(can["outcome"], "skipped");
-    assert_eq!(can["cause"]["kind"], "device_missing");
+    let sci = record["items"].as_array().into_iter().flatten().find(|item| item["id"] == "sci").expect("sci");
+    assert_eq!(sci["outcome"], "skipped");
+    assert_eq!(sci["cause"]["kind"], "device_missing");
     assert!(run.stdout.contains("SELECTION"), "{}", run.stdout);
     assert!(run.stdout.contains("SIMULATED BENCH"), "{}", run.stdout);
 }

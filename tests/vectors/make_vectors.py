@@ -517,5 +517,163 @@ sized("zero-before-full-run", counting(245) + b"\x00" + counting(20), "253 bytes
 sized("mixed-512", bytes((i * i) % 256 for i in range(512)), "many zeros among other bytes")
 sized("ff-512", b"\xff" * 512, "data that looks like codes")
 
+# -------------------------------------------------------------------------------------------------------- CAN
+more_calls = File("v1-calls-can.txt", "the request about the module's CAN controller")
+more_calls.add("CanCounters.request", REQUEST, 0x0022, [], request=0x2022, sequence=0x0222)
+more_calls.add(
+    "CanCounters.result",
+    RESULT,
+    0x0022,
+    [
+        ("status", "u16", 0),
+        ("elapsed_us", "u32", 1_000),
+        ("state", "u8", 1),
+        ("tx_errors", "u16", 136),
+        ("rx_errors", "u16", 7),
+        ("received", "u32", 216),
+        ("echoed", "u32", 215),
+    ],
+    request=0x2022,
+    sequence=0x0322,
+)
+
+CAN_HEAD = """\
+# Wire vectors of protocol version 1 on CAN.
+#
+# Worked out by make_vectors.py from docs/ICD.md, independently of the Rust code. FROZEN: do not change a byte.
+# A test that fails on one of these says that the program no longer speaks the protocol which boards in the field
+# speak. Mend the program. Where the protocol itself must change, it gets a new version number and new files.
+#
+# A vector begins with "vector:". "message" is header, payload and checksum of what an ISO-TP transfer carries. "can"
+# lines are frames in the order of the bus: > from the host, < from the board or module; id (3 digits standard, 8
+# extended), data, both hexadecimal; "-" is no data. "slcan" lines are frames with their lines (the CR left out).
+"""
+
+
+class CanFile:
+    def __init__(self, name):
+        self.name = name
+        self.text = CAN_HEAD
+        self.names = set()
+
+    def begin(self, name, why):
+        assert name not in self.names
+        self.names.add(name)
+        self.text += f"\nvector: {name}\n  why: {why}\n"
+
+    def can(self, way, ident, data):
+        assert len(data) <= 8
+        self.text += f"  can: {way} {ident} {data.hex() or '-'}\n"
+
+    def slcan(self, ident, data):
+        letter = "t" if len(ident) == 3 else "T"
+        line = letter + ident.upper() + str(len(data)) + data.hex().upper()
+        self.text += f"  slcan: {ident} {data.hex() or '-'} {line}\n"
+
+    def message(self, name, why, way, out, back, frame):
+        """A transfer to a receiver that asks for everything at once (block size 0, STmin 0)."""
+        self.begin(name, why)
+        self.text += f"  message: {frame.hex()}\n"
+        other = "<" if way == ">" else ">"
+        assert 8 <= len(frame) <= 4095  # no message of this protocol fits into a single frame
+        self.can(way, out, bytes([0x10 | len(frame) >> 8, len(frame) & 0xFF]) + frame[:6])
+        self.can(other, back, b"\x30\x00\x00")
+        for number, at in enumerate(range(6, len(frame), 7), start=1):
+            self.can(way, out, bytes([0x20 | number % 16]) + frame[at : at + 7])
+
+    close = File.close
+
+
+def frame_of(kind, message, payload, request=0, sequence=0, flags=0):
+    header = struct.pack("<BBHHH", (0 if kind == HELLO else 1) << 4 | kind, flags, request, message, sequence)
+    return header + payload + struct.pack("<I", crc32c(header + payload))
+
+
+def payload_of(fields):
+    return b"".join(pack(kind, value) for _, kind, value in fields)
+
+
+bus = CanFile("v1-can.txt")
+bus.message("hello.host", "urgent", ">", "020", "021", frame_of(HELLO, 0, payload_of(HOST_HELLO), request=1))
+bus.message("hello.board", "urgent", "<", "021", "020", frame_of(HELLO, 0, payload_of(board_hello(1)), request=1))
+bus.message("make-safe.request", "urgent", ">", "020", "021", frame_of(REQUEST, 0x0001, b"", request=0x0201))
+bus.message("identity.request", "all other requests", ">", "100", "101", frame_of(REQUEST, 0x0010, b"", request=0x0202))
+bus.message(
+    "sci-echo.result",
+    "256 bytes: the numbers of the consecutive frames pass F and go on with 0",
+    "<",
+    "101",
+    "100",
+    frame_of(
+        RESULT,
+        0x001E,
+        struct.pack("<HIHHHH", 0, 2_800, 0, 0, 0, 256) + bytes(range(256)),
+        request=0x0203,
+    ),
+)
+bus.begin("keep-alive", "raw, without data")
+bus.can(">", "010", b"")
+bus.begin("heartbeat", "boot id B0071DEA, 0x010203040506 us, state 7; the first one since the board's start")
+bus.can("<", "011", struct.pack("<BBIBB", 0, 1, 0xB007_1DEA, 7, 0))
+bus.can("<", "011", struct.pack("<BB", 1, 1) + (0x0102_0304_0506).to_bytes(6, "little"))
+bus.begin("watchdog", "raw")
+bus.can("<", "011", b"\x02")
+
+
+def sensor(number, values):
+    """Ten bits of the sample's number, then three values of 18 bits, lowest bit first, as one number of 64 bits."""
+    bits = f"{number % 1024:010b}"
+    for counts in values:
+        if counts >= 8_388_607:
+            value = 131_071
+        elif counts <= -8_388_608:
+            value = -131_072
+        else:
+            value = min(max(counts // 64, -131_071), 131_070)
+        bits = f"{value % 2**18:018b}" + bits
+    assert len(bits) == 64
+    return int(bits, 2).to_bytes(8, "little")
+
+
+def imu(number, sample):
+    for ident, values in zip(("200", "201", "202"), (sample[0:3], sample[3:6], sample[6:9]), strict=True):
+        bus.can("<", ident, sensor(number, values))
+
+
+bus.begin(
+    "imu",
+    "samples 1088 and 1089 at 1000 Hz, the first after a mark; gyro 1, -1, 0 deg/s, accel 0, -64, 160000 counts, mag at"
+    " both ends and at -1; then gyro x, y 63, 64; temperatures 23.64 and -5.00 degC; 1,088,000 us, 3 dropped",
+)
+bus.can("<", "203", struct.pack("<Ihh", 1088, 2364, -500))
+bus.can("<", "204", (1_088_000).to_bytes(6, "little") + struct.pack("<H", 3))
+imu(1088, [20_000, -20_000, 0, 0, -64, 160_000, 8_388_607, -8_388_608, -1])
+imu(1089, [63, 64, 0, 8_388_606, -8_388_607, 160_063, 1, 2, 3])
+bus.begin("gnss", "bytes 65530 to 65538 of the stream, at 0x0000000F4240 us")
+bus.can("<", "211", (1_000_000).to_bytes(6, "little") + struct.pack("<H", 65_530))
+bus.can("<", "210", struct.pack("<H", 65_530) + b"$GPGGA")
+bus.can("<", "210", struct.pack("<H", 0) + b",1\r")
+bus.begin("pps", "the first two captures of a stream: 1.23456789 s and 2.23456788 s of board time")
+bus.can("<", "212", (1_234_567_890 << 8 | 0).to_bytes(8, "little"))
+bus.can("<", "212", (2_234_567_880 << 8 | 1).to_bytes(8, "little"))
+bus.begin("echo", "test frames and what the module sends back")
+for ident, back, data in (
+    ("700", "710", b""),
+    ("70f", "71f", b"\x55\xaa\x55"),
+    ("1abc0000", "1abd0000", b"\x00"),
+    ("1abcffff", "1abdffff", bytes(range(1, 9))),
+):
+    bus.can(">", ident, data)
+    bus.can("<", back, data)
+bus.begin("slcan", "the same frames as lines")
+for ident, data in (
+    ("000", b""),
+    ("7ff", b"\x00\xff"),
+    ("101", b"\x30\x00\x00"),
+    ("00000000", b"\x5a"),
+    ("1fffffff", bytes.fromhex("0123456789abcdef")),
+):
+    bus.slcan(ident, data)
+
 if __name__ == "__main__":
-    sys.exit(0 if all([f.close() for f in (session, calls, streams, stuffing)]) else 1)
+    sys.exit(0 if all([f.close() for f in (session, calls, streams, stuffing, more_calls, bus)]) else 1)

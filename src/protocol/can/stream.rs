@@ -169,8 +169,9 @@ impl Packer {
 struct Mark {
     number: u32,
     temperatures: (i16, i16),
-    /// Not known between a mark and its clock.
-    time_us: Option<u64>,
+    /// Worked out from the mark before until its own clock comes.
+    time_us: u64,
+    clocked: bool,
     dropped: u32,
 }
 
@@ -212,17 +213,21 @@ impl Unpacker {
         match can {
             id::IMU_MARK => {
                 let [n0, n1, n2, n3, g0, g1, a0, a1] = data;
-                let dropped = self.mark.map_or(0, |mark| mark.dropped);
-                let temperatures = (i16::from_le_bytes([g0, g1]), i16::from_le_bytes([a0, a1]));
                 let number = u32::from_le_bytes([n0, n1, n2, n3]);
-                self.mark = Some(Mark { number, temperatures, time_us: None, dropped });
+                let dropped = self.mark.map_or(0, |mark| mark.dropped);
+                let time_us = self
+                    .mark
+                    .map_or(0, |mark| mark.time_us + u64::from(number.wrapping_sub(mark.number)) * self.period_us);
+                let temperatures = (i16::from_le_bytes([g0, g1]), i16::from_le_bytes([a0, a1]));
+                self.mark = Some(Mark { number, temperatures, time_us, clocked: false, dropped });
                 None
             }
             id::IMU_CLOCK => {
                 let word = u64::from_le_bytes(data);
                 // Only the clock right behind its mark tells that sample's time.
-                if let Some(mark) = self.mark.as_mut().filter(|mark| mark.time_us.is_none()) {
-                    mark.time_us = Some(word & 0xffff_ffff_ffff);
+                if let Some(mark) = self.mark.as_mut().filter(|mark| !mark.clocked) {
+                    mark.time_us = word & 0xffff_ffff_ffff;
+                    mark.clocked = true;
                     mark.dropped = extend(mark.dropped, word >> 48);
                 }
                 None
@@ -265,7 +270,7 @@ impl Unpacker {
             format: Format::Imu as u8,
             count: 1,
             first: mark.number.wrapping_add(since),
-            board_time_us: mark.time_us.unwrap_or(0) + u64::from(since) * self.period_us,
+            board_time_us: mark.time_us + u64::from(since) * self.period_us,
             dropped: mark.dropped,
         };
         frame_of(head, &sample.to_payload().ok()?)

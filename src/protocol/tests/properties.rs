@@ -292,6 +292,7 @@ fn every_message_round_trips_and_fits() {
     call::<GnssRestart>(&mut seen, &[Bytes(1)], &[]);
     call::<StreamStart>(&mut seen, &[Bytes(1 + 2 + 4 + 1)], &[Bytes(4)]);
     call::<StreamStop>(&mut seen, &[Bytes(1)], &[Bytes(8)]);
+    call::<CanCounters>(&mut seen, &[], &[Bytes(1 + 2 + 2 + 4 + 4)]);
     let all: Vec<_> = Request::IDS.iter().map(|(id, _)| *id).collect();
     assert_eq!(seen, all, "a message without a layout here");
 }

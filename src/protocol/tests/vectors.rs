@@ -59,7 +59,7 @@ fn read(file: &str) -> BTreeMap<String, Vector> {
     vectors
 }
 
-const FILES: [&str; 4] = ["v1-session.txt", "v1-calls.txt", "v1-streams.txt", "v1-stuffing.txt"];
+const FILES: [&str; 5] = ["v1-session.txt", "v1-calls.txt", "v1-calls-can.txt", "v1-streams.txt", "v1-stuffing.txt"];
 
 /// Header, checksum and stuffing of every vector, both ways.
 #[test]
@@ -175,10 +175,14 @@ fn record(index: u16, request: u16, message: u16, kind: ErrorKind) -> ErrorRecor
 #[test]
 fn every_call() {
     let mut vectors = Checklist(read("v1-calls.txt"));
+    vectors.0.extend(read("v1-calls-can.txt"));
     let named: Vec<_> = Request::IDS.iter().map(|(_, name)| format!("{name}.request")).collect();
     assert!(named.iter().all(|name| vectors.0.contains_key(name)), "a request without a vector");
 
     vectors.call(Request::MakeSafe, MakeSafe {}, 0, &());
+    let state = CanState::ErrorPassive as u8;
+    let counters = CanCountersReply { state, tx_errors: 136, rx_errors: 7, received: 216, echoed: 215 };
+    vectors.call(Request::CanCounters, CanCounters {}, 1_000, &counters);
     vectors.call(Request::Abort, Abort { request: 0x2015 }, 0, &AbortReply { was_running: 1 });
     let power = PowerReply { supply_uv: 5_012_345, supply_ua: 491_234 };
     vectors.call(Request::ModulePower, ModulePower { on: 1 }, 20_000, &power);
