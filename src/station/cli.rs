@@ -107,6 +107,9 @@ pub struct RunArgs {
     /// The link to the simulated board.
     #[arg(long, value_name = "LINK", value_enum, default_value_t = SimLink::Rs422, requires = "sim")]
     pub sim_link: SimLink,
+    /// Puts the simulated CAN bus on interfaces of the kernel: the station's, and the board's if that is another one.
+    #[arg(long, value_name = "HOST[,BOARD]", requires = "sim")]
+    pub sim_can: Option<String>,
     /// The bench file; `bench.toml` if that is there.
     #[arg(long, value_name = "FILE")]
     pub bench: Option<PathBuf>,

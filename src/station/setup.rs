@@ -156,9 +156,15 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
         ..Options::default()
     };
     let rate_baud = options.rate_baud;
-    let running = RunningBench::start(&options)
+    let interfaces = args.sim_can.as_deref().map(|names| names.split_once(',').unwrap_or((names, names)));
+    if let Some((_, board)) = interfaces {
+        // What it says of an interface that is not there is better than what the simulated board could.
+        let open = crate::link::can::check_interface(board);
+        open.map_err(|error| Refusal::new(&error, error.try_this()))?;
+    }
+    let running = RunningBench::start_with(&options, interfaces.map(|(_, board)| board))
         .map_err(|error| Refusal::new(format!("cannot start the simulated bench: {error}"), "is /dev/pts there?"))?;
-    let can = CanTarget::parse(running.can_port());
+    let can = CanTarget::parse(interfaces.map_or(running.can_port(), |(host, _)| host));
     let target = match args.sim_link {
         SimLink::Can => Target::Can(can.clone()),
         SimLink::Rs422 => Target::Serial { port: running.port().to_owned(), rate_baud },

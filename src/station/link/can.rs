@@ -120,6 +120,14 @@ impl CanOpenError {
     }
 }
 
+/// Whether there is a CAN interface of this name that is switched on.
+///
+/// # Errors
+/// [`CanOpenError`] says what is there instead.
+pub fn check_interface(interface: &str) -> Result<(), CanOpenError> {
+    socket::look_at(interface)
+}
+
 /// What the host's own controller saw of the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BusErrors {

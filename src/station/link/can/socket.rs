@@ -120,7 +120,7 @@ impl SocketBus {
 }
 
 /// Tells apart what `open` calls "no such device" all alike.
-fn look_at(interface: &str) -> Result<(), CanOpenError> {
+pub(super) fn look_at(interface: &str) -> Result<(), CanOpenError> {
     let interface = interface.to_owned();
     let probe = nix::sys::socket::socket(AddressFamily::Can, SockType::Raw, SockFlag::empty(), None);
     if matches!(probe, Err(Errno::EAFNOSUPPORT)) {
