@@ -128,11 +128,11 @@ pub struct Bench {
     /// Answers of a board that is late with them.
     late: VecDeque<(Duration, WireBytes)>,
     sleepers: Vec<Sleeper>,
+    /// Rate of the line; `None` for one without pace.
+    pace: Option<f64>,
     speed: Speed,
     wire: WireFaults,
     line_dice: Dice,
-    /// Rate of the line; `None` for one without pace.
-    pace: Option<f64>,
 }
 
 impl Bench {
@@ -154,10 +154,10 @@ impl Bench {
             outgoing: Line::new(pace),
             late: VecDeque::new(),
             sleepers: Vec::new(),
+            pace,
             speed: options.speed,
             wire: options.personality.model.wire,
             line_dice: Dice::new(options.seed, Source::Line),
-            pace,
         }
     }
 

@@ -62,6 +62,7 @@ impl SimulatedBoard {
 
     /// Ends all streams at once: what has not left yet is dropped and counted.
     pub(super) fn drop_streams(&mut self) {
+        self.run_streams();
         while let Some(mut stream) = self.streams.pop() {
             if let Some(frame) = stream.take_frame() {
                 stream.drop_frame(&frame);
@@ -86,7 +87,7 @@ impl SimulatedBoard {
         self.samples.iter().map(bytes).sum()
     }
 
-    pub(super) fn end_complete_streams(&mut self) {
+    fn end_complete_streams(&mut self) {
         while let Some(index) = self.streams.iter().position(Stream::is_complete) {
             let stream = self.streams.swap_remove(index);
             self.ended.push((stream.id, stream.stopped()));
@@ -105,7 +106,15 @@ impl SimulatedBoard {
         }
     }
 
-    pub(super) fn run_stream(&mut self, index: usize) {
+    /// Takes the samples of all streams up to now.
+    pub(super) fn run_streams(&mut self) {
+        for index in 0..self.streams.len() {
+            self.run_stream(index);
+        }
+        self.end_complete_streams();
+    }
+
+    fn run_stream(&mut self, index: usize) {
         // Taken out while it runs, since its samples come from the rest of the board.
         let mut stream = self.streams.swap_remove(index);
         match stream.id {

@@ -188,10 +188,7 @@ impl SimulatedBoard {
             self.restart();
             return;
         }
-        for index in 0..self.streams.len() {
-            self.run_stream(index);
-        }
-        self.end_complete_streams();
+        self.run_streams();
         self.run_patterns();
         while let Some(index) = self.jobs.iter().position(|job| job.ends_ns <= self.now_ns) {
             let job = self.jobs.swap_remove(index);
