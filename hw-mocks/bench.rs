@@ -12,6 +12,7 @@ use std::time::Duration;
 use gnc_protocol::frame::Frame;
 use gnc_protocol::serial::{Decoder, WireBytes, encode};
 use gnc_protocol::slave::{Board, Slave};
+use gnc_protocol::timing::BITS_PER_BYTE;
 use nalgebra::Matrix3;
 
 use crate::board::SimulatedBoard;
@@ -21,8 +22,11 @@ use crate::noise::{Dice, Source};
 use crate::personality::{Personality, WireFaults};
 use crate::world::{Axis, Influence, Sign, Site, World};
 
-/// Bytes waiting for the line beyond which the board drops samples: 0.7 s at 921600 baud.
-const SAMPLES_WAIT: usize = 64 * 1024;
+/// Samples waiting for so much time of the line, beyond which the board drops new ones.
+const SAMPLES_WAIT_S: f64 = 0.7;
+/// Samples are handed to the line while it is busy for less than this: an ACCEPT waits so long behind them, and for
+/// one frame more, of the 50 ms and one frame that a host gives it.
+const SAMPLES_AHEAD_S: f64 = 0.025;
 /// Bytes waiting beyond which whole frames are lost: nobody has listened for long.
 const FRAMES_WAIT: usize = 256 * 1024;
 /// Bytes taken from the host ahead of the line's pace.
@@ -124,6 +128,8 @@ pub struct Bench {
     /// Answers of a board that is late with them.
     late: VecDeque<(Duration, WireBytes)>,
     sleepers: Vec<Sleeper>,
+    /// Rate of the line; `None` for one without pace.
+    pace: Option<f64>,
     speed: Speed,
     wire: WireFaults,
     line_dice: Dice,
@@ -148,6 +154,7 @@ impl Bench {
             outgoing: Line::new(pace),
             late: VecDeque::new(),
             sleepers: Vec::new(),
+            pace,
             speed: options.speed,
             wire: options.personality.model.wire,
             line_dice: Dice::new(options.seed, Source::Line),
@@ -181,7 +188,7 @@ impl Bench {
     pub fn advance(&mut self, now: Duration) {
         // Time first: what a request starts, starts now and not at the last look.
         if let Speed::Times(times) = self.speed {
-            self.board.line_full = self.outgoing.len() > SAMPLES_WAIT;
+            self.board.line_full = self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S);
             self.board.advance((now.as_nanos() as f64 * times) as u64);
             self.after_time();
         }
@@ -307,6 +314,7 @@ impl Bench {
         if !self.wire.silent && !self.board.is_booting() {
             let mut frames = Vec::new();
             self.count_link();
+            self.board.line_room = self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len());
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
             self.send(frames, now);
         }
@@ -326,6 +334,12 @@ impl Bench {
             self.incoming.clear();
             self.late.clear();
         }
+    }
+
+    /// Bytes that the line carries in some time; without pace there is no end to them.
+    fn line_bytes(&self, span_s: f64) -> usize {
+        let bytes = |rate_baud: f64| (rate_baud / f64::from(BITS_PER_BYTE) * span_s) as usize;
+        self.pace.map_or(usize::MAX, bytes)
     }
 
     fn count_link(&mut self) {
