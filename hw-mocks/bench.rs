@@ -14,6 +14,7 @@ use gnc_protocol::frame::Frame;
 use gnc_protocol::message::{HostHello, MAGIC};
 use gnc_protocol::serial::{Decoder, encode};
 use gnc_protocol::slave::{Board, Slave};
+use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
 use nalgebra::Matrix3;
 
@@ -25,8 +26,11 @@ use crate::noise::{Dice, Source};
 use crate::personality::{Personality, WireFaults};
 use crate::world::{Axis, Influence, Sign, Site, World};
 
-/// Bytes waiting for the line beyond which the board drops samples: 0.7 s at 921600 baud.
-const SAMPLES_WAIT: usize = 64 * 1024;
+/// Samples waiting for so much time of the line, beyond which the board drops new ones.
+const SAMPLES_WAIT_S: f64 = 0.7;
+/// Samples are handed to the line while it is busy for less than this: an ACCEPT waits so long behind them, and for
+/// one frame more, of the 50 ms and one frame that a host gives it.
+const SAMPLES_AHEAD_S: f64 = 0.025;
 /// Bytes waiting beyond which whole frames are lost: nobody has listened for long.
 const FRAMES_WAIT: usize = 256 * 1024;
 /// Bytes taken from the host ahead of the line's pace.
@@ -143,6 +147,8 @@ pub struct Bench {
     /// Answers of a board that is late with them.
     late: VecDeque<(Duration, Port, Frame)>,
     sleepers: Vec<Sleeper>,
+    /// Rate of the line; `None` for one without pace.
+    pace: Option<f64>,
     speed: Speed,
     wire: WireFaults,
     line_dice: Dice,
@@ -171,6 +177,7 @@ impl Bench {
             outgoing: Line::new(pace),
             late: VecDeque::new(),
             sleepers: Vec::new(),
+            pace,
             speed: options.speed,
             wire: options.personality.model.wire,
             line_dice: Dice::new(options.seed, Source::Line),
@@ -221,7 +228,7 @@ impl Bench {
         // Time first: what a request starts, starts now and not at the last look.
         if let Speed::Times(times) = self.speed {
             self.board.line_full = match self.session_on {
-                Port::Serial => self.outgoing.len() > SAMPLES_WAIT,
+                Port::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
                 Port::Can => self.can.is_full(),
             };
             self.board.advance((now.as_nanos() as f64 * times) as u64);
@@ -394,6 +401,11 @@ impl Bench {
         if !self.wire.silent && !self.board.is_booting() {
             let (mut frames, mut can_frames) = (Vec::new(), Vec::new());
             self.count_link();
+            self.board.line_room = match self.session_on {
+                Port::Serial => self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len()),
+                // On the bus samples wait in a queue of their own, behind all else.
+                Port::Can => usize::MAX,
+            };
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
             self.can_slave.tick(now, &mut self.board, &mut |frame| can_frames.push(frame));
             self.send(Port::Serial, frames, now);
@@ -417,6 +429,12 @@ impl Bench {
             self.incoming.clear();
             self.late.clear();
         }
+    }
+
+    /// Bytes that the line carries in some time; without pace there is no end to them.
+    fn line_bytes(&self, span_s: f64) -> usize {
+        let bytes = |rate_baud: f64| (rate_baud / f64::from(BITS_PER_BYTE) * span_s) as usize;
+        self.pace.map_or(usize::MAX, bytes)
     }
 
     fn count_link(&mut self) {

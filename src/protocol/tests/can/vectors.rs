@@ -61,9 +61,9 @@ fn carry(frame: &Frame, from_host: bool) -> (Bus, Vec<Frame>) {
     let way = if from_host { '>' } else { '<' };
     let sender = if from_host { &mut host } else { &mut board };
     sender.send(frame, &mut |raw| bus.push((way, raw)));
-    for at in 0..bus.len() {
-        let receiver = if from_host { &mut board } else { &mut host };
-        arrived.extend(receiver.receive(&bus[at].1, Duration::ZERO).map(Result::unwrap));
+    let receiver = if from_host { &mut board } else { &mut host };
+    for (_, raw) in &bus {
+        arrived.extend(receiver.receive(raw, Duration::ZERO).map(Result::unwrap));
     }
     while !(host.is_idle() && board.is_idle()) {
         while let Some(frame) = host.poll(Duration::ZERO) {
