@@ -1,1 +1,3 @@
 //! Production test station for GNC modules.
+
+pub mod compute;
