@@ -219,8 +219,7 @@ pub fn fit_algebraic(x: &[f64], y: &[f64]) -> Result<[f64; 5], Refusal> {
 }
 
 fn extremes(x: &[f64], y: &[f64]) -> Extremes {
-    let range = |v: &[f64]| v.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-    let ((x0, x1), (y0, y1)) = (range(x), range(y));
+    let ((x0, x1), (y0, y1)) = (series::range(x), series::range(y));
     Extremes { dx: f64::midpoint(x0, x1), dy: f64::midpoint(y0, y1), ky: (x1 - x0) / (y1 - y0) }
 }
 

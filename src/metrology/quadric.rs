@@ -19,7 +19,8 @@ pub(crate) const REJECT_SIGMA: f64 = 5.0;
 /// Points that settle the scale and the first iterations.
 const SAMPLE: usize = 16_384;
 const ITERATIONS: usize = 50;
-const LANES: usize = 8;
+/// Points that are worked on together: enough for the compiler to use vectors and to keep sums in registers.
+const LANES: usize = 64;
 
 /// Columns of a record, one for each dimension.
 pub(crate) type Columns<'a, const D: usize> = [&'a [f64]; D];
@@ -133,7 +134,9 @@ pub(crate) fn fit<const D: usize, const P: usize>(
         let now = (sums.squares / (used - P as f64)).sqrt().max(1e-15);
         step = state.update(&sums, now).map_err(|()| open(&state.surface.not_positive()))?;
         iterations += 1;
-        if step < 0.02 {
+        // What Gauss-Newton leaves is the square of the step, times the curvature over one standard deviation.
+        let left = step * step * now / used.sqrt();
+        if left < 0.01 && step < 20.0 {
             break;
         }
         if iterations == 10 {
@@ -168,7 +171,7 @@ fn algebraic_in<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> Result
     // Columns: squares (each less the last one), products, coordinates, 1; right side: the last square.
     const MOST: usize = 10;
     let unknowns = D * (D + 1) / 2 - 1 + D + 1;
-    let mut sums = [[[0.0; LANES]; MOST + 1]; MOST + 1];
+    let mut sums = [[0.0; MOST + 1]; MOST + 1];
     let bound: SVector<f64, D> = frame.half * (2.0 / frame.scale);
     lanes(points, frame, |u, mut keep| {
         for l in 0..LANES {
@@ -177,33 +180,36 @@ fn algebraic_in<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> Result
             }
         }
         let mut row = [[0.0; LANES]; MOST + 1];
-        for l in 0..LANES {
-            let mut c = 0;
-            let last = u[D - 1][l] * u[D - 1][l];
-            for a in 0..D {
-                for b in a + 1..D {
+        let mut c = 0;
+        for a in 0..D {
+            for b in a + 1..D {
+                for l in 0..LANES {
                     row[c][l] = 2.0 * u[a][l] * u[b][l] * keep[l];
-                    c += 1;
                 }
-                if a + 1 < D {
-                    row[c][l] = (u[a][l] * u[a][l] - last) * keep[l];
-                    c += 1;
-                }
-                row[c][l] = u[a][l] * keep[l];
                 c += 1;
             }
-            row[c][l] = keep[l];
-            row[c + 1][l] = -(D as f64) * last * keep[l];
+            if a + 1 < D {
+                for l in 0..LANES {
+                    row[c][l] = (u[a][l] * u[a][l] - u[D - 1][l] * u[D - 1][l]) * keep[l];
+                }
+                c += 1;
+            }
+            for l in 0..LANES {
+                row[c][l] = u[a][l] * keep[l];
+            }
+            c += 1;
+        }
+        row[c] = keep;
+        for l in 0..LANES {
+            row[c + 1][l] = -(D as f64) * u[D - 1][l] * u[D - 1][l] * keep[l];
         }
         for a in 0..=unknowns {
             for b in a..=unknowns {
-                for l in 0..LANES {
-                    sums[a][b][l] += row[a][l] * row[b][l];
-                }
+                sums[a][b] += dot(&row[a], &row[b]);
             }
         }
     });
-    let total = |a: usize, b: usize| sums[a.min(b)][a.max(b)].iter().sum::<f64>();
+    let total = |a: usize, b: usize| sums[a.min(b)][a.max(b)];
     let normal = DMatrix::from_fn(unknowns, unknowns, total);
     let right = DVector::from_fn(unknowns, |r, _| total(r, unknowns));
     let failed = || NotPositive { eigenvalues: vec![0.0; D] };
@@ -237,7 +243,19 @@ fn algebraic_in<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> Result
     if surface.is_positive() { Ok(surface) } else { Err(surface.not_positive()) }
 }
 
-/// Walks over the points in lanes of eight, centred and scaled; the second argument is 1 for a point, 0 for padding.
+/// Scalar product of two lanes.
+fn dot(a: &[f64; LANES], b: &[f64; LANES]) -> f64 {
+    const WIDTH: usize = 8;
+    let mut sums = [0.0; WIDTH];
+    for (a, b) in a.as_chunks::<WIDTH>().0.iter().zip(b.as_chunks::<WIDTH>().0) {
+        for l in 0..WIDTH {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    sums.iter().sum()
+}
+
+/// Walks over the points in lanes, centred and scaled; the second argument is 1 for a point, 0 for padding.
 fn lanes<const D: usize>(points: &Columns<D>, frame: &Frame<D>, mut visit: impl FnMut(&[[f64; LANES]; D], [f64; LANES])) {
     let n = points[0].len();
     let inverse = 1.0 / frame.scale;
@@ -398,14 +416,12 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
     }
 
     fn pass(&self, points: &Columns<D>, frame: &Frame<D>, weight: Weight, sigma: f64) -> Sums<P> {
-        let mut normal = [[[0.0; LANES]; P]; P];
-        let mut gradient = [[0.0; LANES]; P];
-        let mut weights = [0.0; LANES];
-        let mut squares = [0.0; LANES];
+        let mut sums = Sums::<P> { normal: SMatrix::zeros(), gradient: SVector::zeros(), weight: 0.0, squares: 0.0 };
         let trace: f64 = self.values.sum();
         let half_variance = 0.5 * sigma * sigma;
         lanes(points, frame, |u, keep| {
             let feet = self.feet(u);
+            // Roots of the weights, so that each factor of a product carries its own.
             let mut w = [0.0; LANES];
             for l in 0..LANES {
                 let d = feet.distance[l];
@@ -413,7 +429,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
                     Weight::Within(limit) => if d.abs() < limit { 1.0 } else { 0.0 },
                     Weight::Tukey(limit) => {
                         let q = (d / limit) * (d / limit);
-                        if q < 1.0 { (1.0 - q) * (1.0 - q) } else { 0.0 }
+                        if q < 1.0 { 1.0 - q } else { 0.0 }
                     }
                 };
                 w[l] = value * keep[l];
@@ -436,35 +452,29 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
                     p += 1;
                 }
             }
+            // An outlier's numbers may be infinite, and 0 times that is no number.
+            for row in &mut jacobian {
+                for l in 0..LANES {
+                    row[l] = if w[l] > 0.0 { w[l] * row[l] } else { 0.0 };
+                }
+            }
             let mut residual = [0.0; LANES];
             for l in 0..LANES {
                 let r = feet.distance[l] - half_variance * curvature[l] / feet.slope[l];
-                // An outlier's numbers may be infinite, and 0 times that is no number.
-                residual[l] = if w[l] > 0.0 { r } else { 0.0 };
-                weights[l] += w[l];
-                squares[l] += w[l] * residual[l] * residual[l];
+                residual[l] = if w[l] > 0.0 { w[l] * r } else { 0.0 };
             }
+            sums.weight += dot(&w, &w);
+            sums.squares += dot(&residual, &residual);
             for a in 0..P {
-                let mut wj = [0.0; LANES];
-                for l in 0..LANES {
-                    wj[l] = if w[l] > 0.0 { w[l] * jacobian[a][l] } else { 0.0 };
-                    gradient[a][l] += wj[l] * residual[l];
-                }
+                sums.gradient[a] += dot(&jacobian[a], &residual);
                 for b in a..P {
-                    for l in 0..LANES {
-                        let j = if w[l] > 0.0 { jacobian[b][l] } else { 0.0 };
-                        normal[a][b][l] += wj[l] * j;
-                    }
+                    sums.normal[(a, b)] += dot(&jacobian[a], &jacobian[b]);
                 }
             }
         });
-        let sum = |lanes: &[f64; LANES]| lanes.iter().sum::<f64>();
-        Sums {
-            normal: SMatrix::from_fn(|a, b| sum(&normal[a.min(b)][a.max(b)])),
-            gradient: SVector::from_fn(|a, _| sum(&gradient[a])),
-            weight: sum(&weights),
-            squares: sum(&squares),
-        }
+        let upper = sums.normal;
+        sums.normal = SMatrix::from_fn(|a, b| upper[(a.min(b), a.max(b))]);
+        sums
     }
 
     /// One Gauss-Newton step, shortened until the form stays positive; returns its size in standard deviations.

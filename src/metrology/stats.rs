@@ -61,18 +61,34 @@ pub fn sd_interval(sd: f64, dof: f64, probability: f64) -> (f64, f64) {
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
     let Some(&first) = values.first() else { return f64::NAN };
-    // Blocks keep the rounding error at the square root of the length.
-    let sum: f64 = values.chunks(1024).map(|block| block.iter().map(|v| v - first).sum::<f64>()).sum();
-    first + sum / values.len() as f64
+    first + sum(values, |v| v - first) / values.len() as f64
 }
 
 /// Mean and sample standard deviation (n - 1); the deviation is NaN below two values.
 #[must_use]
 pub fn mean_sd(values: &[f64]) -> (f64, f64) {
     let mean = mean(values);
-    let sum: f64 = values.chunks(1024).map(|block| block.iter().map(|v| (v - mean).powi(2)).sum::<f64>()).sum();
+    let sum = sum(values, |v| (v - mean) * (v - mean));
     let sd = if values.len() < 2 { f64::NAN } else { (sum / (values.len() - 1) as f64).sqrt() };
     (mean, sd)
+}
+
+/// Sum in eight lanes over blocks of 1024: at memory speed, and with the rounding error of short sums.
+fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
+    const LANES: usize = 8;
+    values
+        .chunks(1024)
+        .map(|block| {
+            let mut lanes = [0.0; LANES];
+            let (whole, rest) = block.as_chunks::<LANES>();
+            for chunk in whole {
+                for l in 0..LANES {
+                    lanes[l] += term(chunk[l]);
+                }
+            }
+            lanes.iter().sum::<f64>() + rest.iter().map(|v| term(*v)).sum::<f64>()
+        })
+        .sum()
 }
 
 /// Standard deviation of the white part of a record, from successive differences: `sqrt(mean(diff^2) / 2)`

@@ -154,8 +154,9 @@ fn tile<const ORDER: usize>(x: &[f64], n: usize, m: usize) -> f64 {
     let d = if ORDER == 3 { &x[3 * m..3 * m + n] } else { a };
     let mut sums = [0.0; LANES];
     let whole = n - n % LANES;
-    let lanes = a.chunks_exact(LANES).zip(b.chunks_exact(LANES)).zip(c.chunks_exact(LANES)).zip(d.chunks_exact(LANES));
-    for (((a, b), c), d) in lanes {
+    let (a, b) = (a.as_chunks::<LANES>().0, b.as_chunks::<LANES>().0);
+    let (c, d) = (c.as_chunks::<LANES>().0, d.as_chunks::<LANES>().0);
+    for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
         for k in 0..LANES {
             let v = if ORDER == 2 { (c[k] - b[k]) - (b[k] - a[k]) } else { (d[k] - a[k]) - 3.0 * (c[k] - b[k]) };
             sums[k] += v * v;

@@ -62,7 +62,7 @@ impl fmt::Display for Noise {
 /// Below this many decimated phases nothing can be told.
 const LEAST: usize = 32;
 /// More decimated phases than this add nothing to a whole-numbered answer.
-const MOST: usize = 1 << 16;
+const MOST: usize = 1 << 14;
 
 /// Lag-1 autocorrelation method (Riley and Greenhall, *Power law noise identification using the lag 1 autocorrelation*,
 /// 2004): the phase, decimated by m, is differenced until it is nearly stationary; the exponent follows from how often,
