@@ -16,8 +16,6 @@ pub const TURNS: f64 = 3.0;
 pub const GAP_LIMIT_DEG: f64 = 60.0;
 /// Part of the points that may fall into one sector of 10 degrees: more is a table that stood.
 pub const CROWD_LIMIT: f64 = 0.5;
-/// Standard deviation of the noise over the minor semi-axis.
-pub const NOISE_LIMIT: f64 = 0.25;
 /// Part of the points that may be rejected as spikes.
 pub const REJECT_LIMIT: f64 = 0.05;
 
@@ -153,9 +151,6 @@ pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Ref
     }
     let fit = quadric::fit::<2, 5>(&[x, y], ("ellipse", "hyperbola"))?;
     let [cx, cy, major, minor, rotation_deg, dx, dy, ky, sin_alpha] = figures(&fit.surface);
-    if fit.sigma > NOISE_LIMIT * minor {
-        return Err(Refusal::Noisy { ratio: fit.sigma / minor, limit: NOISE_LIMIT });
-    }
     if fit.rejected as f64 > REJECT_LIMIT * n as f64 {
         return Err(Refusal::TooManyRejected { rejected: fit.rejected, total: n, limit_percent: 100.0 * REJECT_LIMIT });
     }

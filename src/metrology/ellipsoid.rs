@@ -16,8 +16,6 @@ use crate::{Refusal, quadric, series};
 pub const COVERAGE_LIMIT: f64 = 0.1;
 /// Largest standard uncertainty of the centre or a semi-axis over the smallest semi-axis.
 pub const UNCERTAINTY_LIMIT: f64 = 0.05;
-/// Standard deviation of the noise over the smallest semi-axis.
-pub const NOISE_LIMIT: f64 = 0.25;
 /// Part of the points that may be rejected as spikes.
 pub const REJECT_LIMIT: f64 = 0.05;
 
@@ -84,9 +82,6 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
     let (matrix, field) = correction(&fit.surface, given);
     let semi_axes: Vector3<f64> = fit.surface.principal().0.map(|v: f64| v.powf(-0.5));
     let smallest = semi_axes.min();
-    if fit.sigma > NOISE_LIMIT * smallest {
-        return Err(Refusal::Noisy { ratio: fit.sigma / smallest, limit: NOISE_LIMIT });
-    }
     let (coverage, one_sidedness) = coverage([x, y, z], &fit.surface.centre, &(matrix / field));
     let poor = |what, value, needed: String| Err(Refusal::Coverage { what, value, needed });
     if coverage.is_nan() || coverage < COVERAGE_LIMIT {

@@ -1,8 +1,9 @@
 //! Ellipse and ellipsoid by one method: an algebraic start, then the maximum-likelihood fit of the points' normal
 //! distances, with outliers rejected.
 //!
-//! - Start: least squares of the quadric with `trace = dimensions`. This norm does not depend on the axes, is never
-//!   zero for an ellipsoid, and forces no shape on the data: a hyperbola shows itself as a form that is not positive.
+//! - Start: least squares of the quadric whose form has unit Frobenius norm (Bookstein 1979). This norm does not depend
+//!   on the axes and is never zero, and it forces no shape on the data: a hyperbola shows itself as a form that is not
+//!   positive, where a fit that can only give ellipses would make one of anything.
 //! - Fit: Gauss-Newton on the signed distances to the surface (noise alike in all channels). A noisy point lies on
 //!   average `sigma^2 * (sum of curvatures) / 2` outside; this is taken off, so that radii are not biased.
 //! - Outliers: Tukey's weights on a sample of the points until the scale has settled, then all points within
@@ -19,6 +20,8 @@ pub(crate) const REJECT_SIGMA: f64 = 5.0;
 /// Points that settle the scale and the first iterations.
 const SAMPLE: usize = 16_384;
 const ITERATIONS: usize = 50;
+/// Standard deviation of the noise over the smallest semi-axis: beyond it distances from a surface mean nothing.
+pub(crate) const NOISE_LIMIT: f64 = 0.25;
 /// Points that are worked on together: enough for the compiler to use vectors and to keep sums in registers.
 const LANES: usize = 64;
 
@@ -105,13 +108,18 @@ pub(crate) fn fit<const D: usize, const P: usize>(
     };
     let start = algebraic_in(&few, &frame).map_err(|e| open(&e))?;
     let mut state = Iteration::<D, P>::new(start);
+    let noise = |state: &Iteration<D, P>, sigma: f64| {
+        let ratio = sigma * state.values.max().sqrt();
+        if ratio > NOISE_LIMIT { Err(Refusal::Noisy { ratio, limit: NOISE_LIMIT }) } else { Ok(()) }
+    };
+    noise(&state, state.scale(&few, &frame))?;
 
     // On the sample, robustly, until the step is small against its own uncertainty.
     let mut step = f64::INFINITY;
     for _ in 0..ITERATIONS {
         let scale = state.scale(&few, &frame);
         let sums = state.pass(&few, &frame, Weight::Tukey(REJECT_SIGMA * scale.max(1e-12)), scale);
-        step = state.update(&sums, scale).map_err(|()| open(&state.surface.not_positive()))?;
+        step = state.update(&sums, scale).map_err(|()| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS })?;
         if step < 0.01 {
             break;
         }
@@ -123,6 +131,7 @@ pub(crate) fn fit<const D: usize, const P: usize>(
 
     // On all points.
     let sigma = state.scale(&few, &frame).max(1e-12);
+    noise(&state, sigma)?;
     let mut sums;
     let mut iterations = 0;
     loop {
@@ -132,7 +141,7 @@ pub(crate) fn fit<const D: usize, const P: usize>(
             return Err(Refusal::TooManyRejected { rejected: n - used as usize, total: n, limit_percent: 50.0 });
         }
         let now = (sums.squares / (used - P as f64)).sqrt().max(1e-15);
-        step = state.update(&sums, now).map_err(|()| open(&state.surface.not_positive()))?;
+        step = state.update(&sums, now).map_err(|()| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS })?;
         iterations += 1;
         // What Gauss-Newton leaves is the square of the step, times the curvature over one standard deviation.
         let left = step * step * now / used.sqrt();
@@ -166,75 +175,70 @@ fn sample(n: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Least squares of the quadric with `trace(form) = D`, over the points inside twice the box of the record.
+/// Least squares of the quadric with unit norm of its form, over the points inside twice the box of the record.
 fn algebraic_in<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> Result<Surface<D>, NotPositive> {
-    // Columns: squares (each less the last one), products, coordinates, 1; right side: the last square.
+    // Columns: the form by rows of its upper triangle (products times sqrt 2, so that the norm is that of the columns),
+    // coordinates, 1.
     const MOST: usize = 10;
-    let unknowns = D * (D + 1) / 2 - 1 + D + 1;
-    let mut sums = [[0.0; MOST + 1]; MOST + 1];
+    let squares = D * (D + 1) / 2;
+    let unknowns = squares + D + 1;
+    let mut sums = [[0.0; MOST]; MOST];
     let bound: SVector<f64, D> = frame.half * (2.0 / frame.scale);
     lanes(points, frame, |u, mut keep| {
-        for l in 0..LANES {
-            for d in 0..D {
+        for d in 0..D {
+            for l in 0..LANES {
                 keep[l] = if u[d][l].abs() <= bound[d] { keep[l] } else { 0.0 };
             }
         }
-        let mut row = [[0.0; LANES]; MOST + 1];
+        let mut row = [[0.0; LANES]; MOST];
         let mut c = 0;
         for a in 0..D {
-            for b in a + 1..D {
+            for b in a..D {
+                let factor = if a == b { 1.0 } else { std::f64::consts::SQRT_2 };
                 for l in 0..LANES {
-                    row[c][l] = 2.0 * u[a][l] * u[b][l] * keep[l];
+                    row[c][l] = factor * u[a][l] * u[b][l] * keep[l];
                 }
                 c += 1;
             }
-            if a + 1 < D {
-                for l in 0..LANES {
-                    row[c][l] = (u[a][l] * u[a][l] - u[D - 1][l] * u[D - 1][l]) * keep[l];
-                }
-                c += 1;
-            }
+        }
+        for d in 0..D {
             for l in 0..LANES {
-                row[c][l] = u[a][l] * keep[l];
+                row[squares + d][l] = u[d][l] * keep[l];
             }
-            c += 1;
         }
-        row[c] = keep;
-        for l in 0..LANES {
-            row[c + 1][l] = -(D as f64) * u[D - 1][l] * u[D - 1][l] * keep[l];
-        }
-        for a in 0..=unknowns {
-            for b in a..=unknowns {
+        row[unknowns - 1] = keep;
+        for a in 0..unknowns {
+            for b in a..unknowns {
                 sums[a][b] += dot(&row[a], &row[b]);
             }
         }
     });
-    let total = |a: usize, b: usize| sums[a.min(b)][a.max(b)];
-    let normal = DMatrix::from_fn(unknowns, unknowns, total);
-    let right = DVector::from_fn(unknowns, |r, _| total(r, unknowns));
+    let part = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
+        DMatrix::from_fn(rows.len(), columns.len(), |r, c| {
+            let (a, b) = (rows.start + r, columns.start + c);
+            sums[a.min(b)][a.max(b)]
+        })
+    };
     let failed = || NotPositive { eigenvalues: vec![0.0; D] };
-    let solution = normal.svd(true, true).solve(&right, 1e-14).map_err(|_| failed())?;
+    // The best coordinates and constant for a form follow from it linearly; what is left is an eigenvalue problem.
+    let cross = part(squares..unknowns, 0..squares);
+    let follow = part(squares..unknowns, squares..unknowns).cholesky().ok_or_else(failed)?.solve(&cross);
+    let left = part(0..squares, 0..squares) - cross.transpose() * &follow;
+    let eigen = SymmetricEigen::new((&left + left.transpose()) * 0.5);
+    let vector: DVector<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+    let rest = -(follow * &vector);
 
     let mut form = SMatrix::<f64, D, D>::zeros();
-    let mut linear = SVector::<f64, D>::zeros();
     let mut c = 0;
-    let mut trace = 0.0;
     for a in 0..D {
-        for b in a + 1..D {
-            form[(a, b)] = solution[c];
-            form[(b, a)] = solution[c];
+        for b in a..D {
+            form[(a, b)] = if a == b { vector[c] } else { vector[c] / std::f64::consts::SQRT_2 };
+            form[(b, a)] = form[(a, b)];
             c += 1;
         }
-        if a + 1 < D {
-            form[(a, a)] = solution[c];
-            trace += solution[c];
-            c += 1;
-        }
-        linear[a] = solution[c];
-        c += 1;
     }
-    form[(D - 1, D - 1)] = D as f64 - trace;
-    let constant = solution[c];
+    let linear = SVector::<f64, D>::from_fn(|d, _| rest[d]);
+    let constant = rest[D];
     // u' F u + l' u + k = 0  ->  (u - c)' F (u - c) = c' F c - k, c = -F^-1 l / 2.
     let inverse = form.try_inverse().ok_or_else(failed)?;
     let centre = inverse * linear * -0.5;

@@ -12,13 +12,20 @@ const J_MAX: f64 = 100.0;
 pub(super) fn edf(kind: Kind, noise: Noise, m: usize, phases: usize) -> f64 {
     // Beyond the exponents for which the variance converges its chi-square does not exist; the nearest one serves.
     let alpha = if kind.order() == 3 { noise.alpha() } else { noise.alpha().max(-2) };
-    if let (Kind::Totdev, Some(&(b, c))) = (kind, TOTAL.get(usize::try_from(-alpha).unwrap_or(usize::MAX))) {
-        return b * (phases - 1) as f64 / m as f64 - c;
+    let ratio = (phases - 1) as f64 / m as f64;
+    if let (Kind::Totdev, Some(&(b, c))) = (kind, TOTAL.get(usize::try_from(-alpha).unwrap_or(usize::MAX)))
+        && ratio < TOTAL_RATIO
+    {
+        return b * ratio - c;
     }
     let overlapping = matches!(kind, Kind::Oadev | Kind::Ohdev | Kind::Mdev | Kind::Totdev);
     let modified = kind == Kind::Mdev;
     Filter { alpha, d: kind.order(), m: m as f64, modified, overlapping }.edf(phases as f64)
 }
+
+/// Above this T / tau the ends that the total variance adds no longer count: it is the overlapping Allan variance. (The
+/// formula of the table goes on to more degrees of freedom than there are samples.) The two meet within 5 % here.
+const TOTAL_RATIO: f64 = 16.0;
 
 /// `edf = b T / tau - c` of the total variance for alpha 0, -1, -2 (SP 1065, table 7).
 const TOTAL: [(f64, f64); 3] = [(1.50, 0.0), (1.17, 0.22), (0.93, 0.36)];
