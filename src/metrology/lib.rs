@@ -25,6 +25,8 @@ pub mod series;
 pub mod six_position;
 pub mod stability;
 pub mod stats;
+pub mod tilt;
+pub mod zero_bias;
 
 pub use refusal::Refusal;
 

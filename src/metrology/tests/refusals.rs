@@ -137,7 +137,7 @@ fn rotations() {
     );
     let no = |_: &mut Vec<(String, [Vec<f64>; 3])>| {};
     rotation_refused(no, |o| o.saturation = Some(7000.0), "x is saturated");
-    rotation_refused(no, |o| o.nominal = Some((2500.0, 5.0)), "sensor x: response 2.00");
+    rotation_refused(no, |o| o.nominal = Some((2500.0, 5.0)), "sensor x: response 1.99");
     rotation_refused(no, |o| o.rate_hz = f64::NAN, "rate (Hz) is NaN");
     rotation_refused(no, |o| o.turns = 0.0, "turns is 0");
 }

@@ -9,7 +9,9 @@ mod plot;
 mod report;
 mod spectrum;
 mod table;
+mod tilt;
 mod triad;
+mod zero_bias;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -55,6 +57,14 @@ enum Method {
     Psd(spectrum::Psd),
     /// Spread of the means of disjoint blocks
     Stability(spectrum::Stability),
+    /// Accelerometer offset and gain from a flip between +1 g and -1 g
+    Flip(tilt::Flip),
+    /// Accelerometer offset over temperature from three points
+    TiltTemperature(tilt::TiltTemperature),
+    /// Tilt accuracy from a budget of contributions
+    TiltBudget(tilt::TiltBudget),
+    /// Elimination of a gyroscope's bias over power cycles, before and after
+    ZeroBias(zero_bias::ZeroBias),
 }
 
 /// A result and its picture.
@@ -71,6 +81,8 @@ enum ComputeError {
     Unreadable(TableError),
     #[error("{0}")]
     Usage(String),
+    #[error("{path}:{line}:{column}: {message}")]
+    Toml { path: PathBuf, line: usize, column: usize, message: String },
     #[error("{path}: cannot be written")]
     Write { path: PathBuf, source: std::io::Error },
 }
@@ -96,6 +108,10 @@ pub fn run(args: &Args) -> ExitCode {
         Method::Allan(m) => ("allan", m.compute()),
         Method::Psd(m) => ("psd", m.compute()),
         Method::Stability(m) => ("stability", m.compute()),
+        Method::Flip(m) => ("flip", m.compute()),
+        Method::TiltTemperature(m) => ("tilt-temperature", m.compute()),
+        Method::TiltBudget(m) => ("tilt-budget", m.compute()),
+        Method::ZeroBias(m) => ("zero-bias", m.compute()),
     };
     let outcome = outcome.and_then(|outcome| {
         if let Some(path) = &args.plot {
