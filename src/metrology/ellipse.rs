@@ -167,7 +167,8 @@ pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Ref
     let radius = q[(0, 0)].sqrt();
     let extremes = extremes(x, y);
     let printed = Correction { dx: extremes.dx, dy: extremes.dy, ky: extremes.ky, sin_alpha };
-    let (residual_peak, residual_rms_as_printed) = residuals(x, y, &correction, &printed, radius, quadric::REJECT_SIGMA * fit.sigma / minor);
+    let (residual_peak, residual_rms_as_printed) =
+        residuals(x, y, &correction, &printed, radius, quadric::REJECT_SIGMA * fit.sigma / minor);
     Ok(Ellipse {
         centre: [cx, cy],
         semi_axes: [major, minor],
@@ -299,7 +300,11 @@ impl Coverage {
             return Err(Refusal::FewTurns { turns, needed: TURNS });
         }
         if self.crowd > CROWD_LIMIT {
-            return coverage("part of the points in one sector of 10 deg", self.crowd, format!("at most {CROWD_LIMIT}"));
+            return coverage(
+                "part of the points in one sector of 10 deg",
+                self.crowd,
+                format!("at most {CROWD_LIMIT}"),
+            );
         }
         Ok(())
     }

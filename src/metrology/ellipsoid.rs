@@ -58,7 +58,8 @@ pub struct Ellipsoid {
 /// Correction of a surface: the matrix and the field.
 fn correction(surface: &quadric::Surface<3>, field: Option<f64>) -> (Matrix3<f64>, f64) {
     let eigen = SymmetricEigen::new(surface.form);
-    let root = eigen.eigenvectors * Matrix3::from_diagonal(&eigen.eigenvalues.map(f64::sqrt)) * eigen.eigenvectors.transpose();
+    let root =
+        eigen.eigenvectors * Matrix3::from_diagonal(&eigen.eigenvalues.map(f64::sqrt)) * eigen.eigenvectors.transpose();
     // det(matrix) = field^3 det(root).
     let field = field.unwrap_or_else(|| eigen.eigenvalues.product().powf(-1.0 / 6.0));
     (root * field, field)
@@ -91,7 +92,21 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
         let (m, f) = correction(surface, given);
         let axes = surface.principal().0.map(|v: f64| v.powf(-0.5));
         let c = surface.centre;
-        [c[0], c[1], c[2], m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], f, axes[0], axes[1], axes[2]]
+        [
+            c[0],
+            c[1],
+            c[2],
+            m[(0, 0)],
+            m[(0, 1)],
+            m[(0, 2)],
+            m[(1, 1)],
+            m[(1, 2)],
+            m[(2, 2)],
+            f,
+            axes[0],
+            axes[1],
+            axes[2],
+        ]
     });
     let worst = [0, 1, 2, 10, 11, 12].iter().map(|&k| sd[k]).fold(0.0, f64::max) / smallest;
     if worst.is_nan() || worst > UNCERTAINTY_LIMIT {

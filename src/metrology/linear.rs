@@ -21,7 +21,11 @@ pub(crate) struct LeastSquares {
 
 /// # Errors
 /// [`Refusal::IllConditioned`] when the columns of the design are (nearly) dependent.
-pub(crate) fn least_squares(what: &'static str, design: &DMatrix<f64>, data: &DMatrix<f64>) -> Result<LeastSquares, Refusal> {
+pub(crate) fn least_squares(
+    what: &'static str,
+    design: &DMatrix<f64>,
+    data: &DMatrix<f64>,
+) -> Result<LeastSquares, Refusal> {
     let scale: Vec<f64> = design.column_iter().map(|c| c.norm()).collect();
     let refuse = |condition| Refusal::IllConditioned { what, condition, limit: CONDITION_LIMIT };
     if scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) || design.nrows() < design.ncols() {
@@ -53,13 +57,16 @@ pub(crate) fn least_squares(what: &'static str, design: &DMatrix<f64>, data: &DM
 /// Standard uncertainties of an inverted triad (delta method). For `output = M input + b` and `K = M^-1`,
 /// `dK = -K dM K` and a bias `v = -+K b` has `dv = K (dM, db) (v, 1)` up to signs: element `(i, j)` of K varies as
 /// `sum_s K_is^2 * k_j' C_s k_j` with `C_s` the covariance of sensor s in `[M_s b_s]` and `k_j` column j of K.
-pub(crate) fn inverse_sd(inverse: &Matrix3<f64>, bias: &Vector4<f64>, covariance: &[Matrix4<f64>; 3]) -> (Matrix3<f64>, Vector3<f64>) {
+pub(crate) fn inverse_sd(
+    inverse: &Matrix3<f64>,
+    bias: &Vector4<f64>,
+    covariance: &[Matrix4<f64>; 3],
+) -> (Matrix3<f64>, Vector3<f64>) {
     let spread = |i: usize, v: &Vector4<f64>| -> f64 {
         (0..3).map(|s| inverse[(i, s)].powi(2) * (v.transpose() * covariance[s] * v)[0]).sum::<f64>().sqrt()
     };
-    let matrix = Matrix3::from_fn(|i, j| {
-        spread(i, &Vector4::new(inverse[(0, j)], inverse[(1, j)], inverse[(2, j)], 0.0))
-    });
+    let matrix =
+        Matrix3::from_fn(|i, j| spread(i, &Vector4::new(inverse[(0, j)], inverse[(1, j)], inverse[(2, j)], 0.0)));
     (matrix, Vector3::from_fn(|i, _| spread(i, bias)))
 }
 

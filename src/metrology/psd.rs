@@ -33,9 +33,8 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusa
     if values.iter().all(|v| *v == values[0]) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: values[0] });
     }
-    let window: Vec<f64> = (0..segment)
-        .map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / segment as f64).cos())
-        .collect();
+    let window: Vec<f64> =
+        (0..segment).map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / segment as f64).cos()).collect();
     let power: f64 = window.iter().map(|w| w * w).sum();
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
     let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());

@@ -104,7 +104,10 @@ pub(crate) fn fit<const D: usize, const P: usize>(
     let open = |e: &NotPositive| Refusal::NotClosed {
         shape: shapes.1,
         expected: shapes.0,
-        detail: format!("eigenvalues of its form {}", e.eigenvalues.iter().map(|v| format!("{v:.3e}")).collect::<Vec<_>>().join(" ")),
+        detail: format!(
+            "eigenvalues of its form {}",
+            e.eigenvalues.iter().map(|v| format!("{v:.3e}")).collect::<Vec<_>>().join(" ")
+        ),
     };
     let start = algebraic_in(&few, &frame).map_err(|e| open(&e))?;
     let mut state = Iteration::<D, P>::new(start);
@@ -119,7 +122,11 @@ pub(crate) fn fit<const D: usize, const P: usize>(
     for _ in 0..ITERATIONS {
         let scale = state.scale(&few, &frame);
         let sums = state.pass(&few, &frame, Weight::Tukey(REJECT_SIGMA * scale.max(1e-12)), scale);
-        step = state.update(&sums, scale).map_err(|()| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS })?;
+        step = state.update(&sums, scale).map_err(|()| Refusal::Diverged {
+            what: shapes.0,
+            step,
+            iterations: ITERATIONS,
+        })?;
         if step < 0.01 {
             break;
         }
@@ -141,7 +148,11 @@ pub(crate) fn fit<const D: usize, const P: usize>(
             return Err(Refusal::TooManyRejected { rejected: n - used as usize, total: n, limit_percent: 50.0 });
         }
         let now = (sums.squares / (used - P as f64)).sqrt().max(1e-15);
-        step = state.update(&sums, now).map_err(|()| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS })?;
+        step = state.update(&sums, now).map_err(|()| Refusal::Diverged {
+            what: shapes.0,
+            step,
+            iterations: ITERATIONS,
+        })?;
         iterations += 1;
         // What Gauss-Newton leaves is the square of the step, times the curvature over one standard deviation.
         let left = step * step * now / used.sqrt();
@@ -260,7 +271,11 @@ fn dot(a: &[f64; LANES], b: &[f64; LANES]) -> f64 {
 }
 
 /// Walks over the points in lanes, centred and scaled; the second argument is 1 for a point, 0 for padding.
-fn lanes<const D: usize>(points: &Columns<D>, frame: &Frame<D>, mut visit: impl FnMut(&[[f64; LANES]; D], [f64; LANES])) {
+fn lanes<const D: usize>(
+    points: &Columns<D>,
+    frame: &Frame<D>,
+    mut visit: impl FnMut(&[[f64; LANES]; D], [f64; LANES]),
+) {
     let n = points[0].len();
     let inverse = 1.0 / frame.scale;
     let mut u = [[0.0; LANES]; D];
@@ -289,7 +304,8 @@ fn lanes<const D: usize>(points: &Columns<D>, frame: &Frame<D>, mut visit: impl 
 
 impl<const D: usize> Surface<D> {
     pub(crate) fn is_positive(&self) -> bool {
-        self.form.iter().all(|v| v.is_finite()) && Cholesky::new(DMatrix::from_fn(D, D, |r, c| self.form[(r, c)])).is_some()
+        self.form.iter().all(|v| v.is_finite())
+            && Cholesky::new(DMatrix::from_fn(D, D, |r, c| self.form[(r, c)])).is_some()
     }
 
     pub(crate) fn not_positive(&self) -> NotPositive {
@@ -382,7 +398,8 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
                 t[l] = if next > floor { next } else { floor };
             }
         }
-        let mut feet = Feet { distance: [0.0; LANES], normal: [[0.0; LANES]; D], foot: [[0.0; LANES]; D], slope: [1e-300; LANES] };
+        let mut feet =
+            Feet { distance: [0.0; LANES], normal: [[0.0; LANES]; D], foot: [[0.0; LANES]; D], slope: [1e-300; LANES] };
         for k in 0..D {
             let lambda = self.values[k];
             for l in 0..LANES {
@@ -430,7 +447,13 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
             for l in 0..LANES {
                 let d = feet.distance[l];
                 let value = match weight {
-                    Weight::Within(limit) => if d.abs() < limit { 1.0 } else { 0.0 },
+                    Weight::Within(limit) => {
+                        if d.abs() < limit {
+                            1.0
+                        } else {
+                            0.0
+                        }
+                    }
                     Weight::Tukey(limit) => {
                         let q = (d / limit) * (d / limit);
                         if q < 1.0 { 1.0 - q } else { 0.0 }
@@ -592,7 +615,10 @@ impl<const D: usize, const P: usize> Fit<D, P> {
     pub(crate) fn spread<const N: usize>(&self, figures: impl Fn(&Surface<D>) -> [f64; N]) -> [f64; N] {
         let at = |parameters: &SVector<f64, P>| {
             let local = unpack::<D, P>(parameters);
-            figures(&Surface { centre: self.frame * local.centre, form: self.frame * local.form * self.frame.transpose() })
+            figures(&Surface {
+                centre: self.frame * local.centre,
+                form: self.frame * local.form * self.frame.transpose(),
+            })
         };
         let mut jacobian = SMatrix::<f64, N, P>::zeros();
         for p in 0..P {

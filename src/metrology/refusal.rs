@@ -226,7 +226,9 @@ pub enum Refusal {
         needed_s: f64,
     },
     /// Something moved outside the rotation.
-    #[error("run {run} moves outside its rotation: {channel} deviates by {deviation:.4e} at {at_s:.2} s, limit {limit:.4e}")]
+    #[error(
+        "run {run} moves outside its rotation: {channel} deviates by {deviation:.4e} at {at_s:.2} s, limit {limit:.4e}"
+    )]
     Restless {
         /// Run.
         run: String,
@@ -354,7 +356,9 @@ impl Refusal {
             Self::NoRotation { .. } => "check the label of the run and that the table turned",
             Self::CutOff { .. } => "start the record before the table and stop it after",
             Self::Restless { .. } => "let the table rest before and after the rotation",
-            Self::Mismatch { .. } | Self::SameSense { .. } => "check that both runs turned by the same angle, once forth and once back",
+            Self::Mismatch { .. } | Self::SameSense { .. } => {
+                "check that both runs turned by the same angle, once forth and once back"
+            }
             Self::OutOfBand { .. } => "check the number of turns and the range of the sensor",
             Self::NotClosed { .. } => "record whole turns in a steady field",
             Self::FewTurns { .. } => "record more turns",

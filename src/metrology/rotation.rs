@@ -224,8 +224,7 @@ fn in_order<'a, 'b>(runs: &'b [Run<'a>]) -> Result<Vec<&'b Run<'a>>, Refusal> {
             return Err(Refusal::SplitLabel { label: run.label.clone(), first: first + 1, again: i + 1 });
         }
     }
-    let missing: Vec<&str> =
-        position::LABELS.into_iter().filter(|l| !runs.iter().any(|r| r.label == *l)).collect();
+    let missing: Vec<&str> = position::LABELS.into_iter().filter(|l| !runs.iter().any(|r| r.label == *l)).collect();
     if !missing.is_empty() {
         return Err(Refusal::Missing { labels: missing.join(" ") });
     }
@@ -265,7 +264,11 @@ impl Found {
                 let (first, last) = part.split_at(part.len() / 2);
                 (stats::mean(first) - stats::mean(last)).abs()
             };
-            let head_moves = if spread(head).max(spread(tail)) > limit { spread(head) > spread(tail) } else { before.abs() > after.abs() };
+            let head_moves = if spread(head).max(spread(tail)) > limit {
+                spread(head) > spread(tail)
+            } else {
+                before.abs() > after.abs()
+            };
             return Err(cut(if head_moves { "before" } else { "after" }, 0.0));
         }
         let moving: Vec<usize> = (0..means.len()).filter(|&k| (means[k] - level).abs() > limit).collect();
@@ -327,7 +330,8 @@ fn windows(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<Vec<Window>, 
         let centred = usize::midpoint(f.start, f.end).saturating_sub(length / 2);
         let start = centred.min(samples - length);
         let range = start..start + length;
-        let integral_lsb_s = Vector3::from_fn(|i, _| stats::mean(&run.channels[i][range.clone()]) * length as f64 / rate_hz);
+        let integral_lsb_s =
+            Vector3::from_fn(|i, _| stats::mean(&run.channels[i][range.clone()]) * length as f64 / rate_hz);
         windows.push(Window { label: run.label.clone(), start, end: range.end, peak_lsb: f.peak, integral_lsb_s });
     }
     Ok(windows)
@@ -341,7 +345,8 @@ fn rest(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<(), Refusal> {
         for i in 0..3 {
             let values = run.channels[i];
             let own_peak = found[2 * i].peak.abs().min(found[2 * i + 1].peak.abs());
-            let (before, after) = (&values[..f.start.saturating_sub(margin)], &values[(f.end + margin).min(values.len())..]);
+            let (before, after) =
+                (&values[..f.start.saturating_sub(margin)], &values[(f.end + margin).min(values.len())..]);
             let noise = stats::white_sd(before).max(stats::white_sd(after)) / (block as f64).sqrt();
             let limit = (MOVING_FRACTION * own_peak).max(MOVING_SIGMA * noise);
             let (sum, count) = [before, after].iter().fold((0.0, 0), |(s, n), part| {
@@ -353,7 +358,13 @@ fn rest(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<(), Refusal> {
                     let deviation = stats::mean(chunk) - level;
                     if deviation.abs() > limit {
                         let at_s = (offset + k * block) as f64 / rate_hz;
-                        return Err(Refusal::Restless { run: run.label.clone(), channel: AXES[i], at_s, deviation, limit });
+                        return Err(Refusal::Restless {
+                            run: run.label.clone(),
+                            channel: AXES[i],
+                            at_s,
+                            deviation,
+                            limit,
+                        });
                     }
                 }
             }
@@ -376,7 +387,9 @@ impl Noise {
             let n = run.channels[0].len();
             for part in [0..f.start, f.end..n] {
                 dof += part.len() as f64 - 1.0;
-                squares += Vector3::from_fn(|i, _| stats::white_sd(&run.channels[i][part.clone()]).powi(2) * (part.len() as f64 - 1.0));
+                squares += Vector3::from_fn(|i, _| {
+                    stats::white_sd(&run.channels[i][part.clone()]).powi(2) * (part.len() as f64 - 1.0)
+                });
             }
         }
         // Successive differences have two thirds of the degrees of freedom of a sample variance (von Neumann).
@@ -399,7 +412,8 @@ fn cancel(runs: &[&Run], found: &[Found], windows: &[Window], dt: f64) -> Result
             }
         }
         let rest = sum / count;
-        let [forth, back] = pair.map(|r| windows[r].integral_lsb_s[axis] - rest * dt * (windows[r].end - windows[r].start) as f64);
+        let [forth, back] =
+            pair.map(|r| windows[r].integral_lsb_s[axis] - rest * dt * (windows[r].end - windows[r].start) as f64);
         if forth * back > 0.0 {
             return Err(Refusal::SameSense { axis: name, forth, back });
         }

@@ -153,7 +153,8 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
         if at_extreme < REPEATS || at_extreme == values.len() {
             continue;
         }
-        let next = values.iter().map(|v| inside * v).filter(|v| *v < inside * extreme).fold(f64::NEG_INFINITY, f64::max);
+        let next =
+            values.iter().map(|v| inside * v).filter(|v| *v < inside * extreme).fold(f64::NEG_INFINITY, f64::max);
         let at_next = values.iter().filter(|v| inside * **v == next).count();
         if at_extreme > RATIO * at_next {
             return refuse(extreme, at_extreme);
@@ -176,7 +177,11 @@ pub fn range(values: &[f64]) -> (f64, f64) {
         }
     }
     let both = |(l, h): (f64, f64), v: f64| (l.min(v), h.max(v));
-    low.into_iter().chain(high).chain(rest.iter().copied()).filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), both)
+    low.into_iter()
+        .chain(high)
+        .chain(rest.iter().copied())
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), both)
 }
 
 #[cfg(test)]

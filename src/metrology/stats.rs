@@ -17,7 +17,8 @@ pub fn coverage_factor(probability: f64, dof: f64) -> f64 {
     if dof > MANY {
         // Cornish-Fisher to the second order: the third is below 1e-8 here, where the library's search is slow or endless.
         let z = normal_quantile(upper);
-        let second = if dof.is_finite() { (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * dof * dof) } else { 0.0 };
+        let second =
+            if dof.is_finite() { (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * dof * dof) } else { 0.0 };
         return z + (z.powi(3) + z) / (4.0 * dof) + second;
     }
     StudentsT::new(0.0, 1.0, dof).map_or(f64::NAN, |t| t.inverse_cdf(upper))
@@ -143,8 +144,17 @@ mod tests {
     #[test]
     fn expansions_take_over_smoothly() {
         // scipy.stats: chi2.ppf and t.ppf at 1001 degrees of freedom.
-        for (p, chi) in [(0.025, 915.2133312204413), (0.16, 956.5117667305462), (0.84, 1045.4735558850198), (0.975, 1090.574735898763)] {
-            assert!((chi_square_quantile(p, 1001.0) / chi - 1.0).abs() < 1e-9, "{p}: {}", chi_square_quantile(p, 1001.0));
+        for (p, chi) in [
+            (0.025, 915.2133312204413),
+            (0.16, 956.5117667305462),
+            (0.84, 1045.4735558850198),
+            (0.975, 1090.574735898763),
+        ] {
+            assert!(
+                (chi_square_quantile(p, 1001.0) / chi - 1.0).abs() < 1e-9,
+                "{p}: {}",
+                chi_square_quantile(p, 1001.0)
+            );
         }
         assert!((coverage_factor(0.95, 1001.0) - 1.9623367052808798).abs() < 1e-8, "{}", coverage_factor(0.95, 1001.0));
     }

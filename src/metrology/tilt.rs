@@ -82,7 +82,11 @@ pub fn temperature_curve(points: [(f64, f64); 3]) -> Result<TemperatureCurve, Re
     let closest = (ambient - cold).min(hot - ambient);
     if closest < 5.0 {
         let condition = (hot - cold) / closest;
-        return Err(Refusal::IllConditioned { what: "the curve over temperature", condition, limit: (hot - cold) / 5.0 });
+        return Err(Refusal::IllConditioned {
+            what: "the curve over temperature",
+            condition,
+            limit: (hot - cold) / 5.0,
+        });
     }
     if !(20.0..=30.0).contains(&ambient) {
         return Err(Refusal::Parameter { name: "ambient temperature (degC)", value: ambient, expected: "25 +- 5" });
@@ -92,7 +96,15 @@ pub fn temperature_curve(points: [(f64, f64); 3]) -> Result<TemperatureCurve, Re
     let a = cold_remainder / ((cold - ambient) * (cold - hot));
     let b = slope - a * (ambient + hot);
     let c = at_ambient - slope * ambient + a * ambient * hot;
-    Ok(TemperatureCurve { a, b, c, ambient_offset: at_ambient, slope, cold_remainder, temperatures_c: [cold, ambient, hot] })
+    Ok(TemperatureCurve {
+        a,
+        b,
+        c,
+        ambient_offset: at_ambient,
+        slope,
+        cold_remainder,
+        temperatures_c: [cold, ambient, hot],
+    })
 }
 
 impl TemperatureCurve {
@@ -123,7 +135,8 @@ impl TemperatureCurve {
 /// [`Refusal::Lengths`], [`Refusal::NotFinite`]; [`Refusal::TooFew`] below three points in the range.
 pub fn nonlinearity(actual: &[f64], measured: &[f64], range: f64) -> Result<f64, Refusal> {
     series::channels(&["actual", "measured"], &[actual, measured])?;
-    let used: Vec<(f64, f64)> = actual.iter().copied().zip(measured.iter().copied()).filter(|(a, _)| a.abs() <= range).collect();
+    let used: Vec<(f64, f64)> =
+        actual.iter().copied().zip(measured.iter().copied()).filter(|(a, _)| a.abs() <= range).collect();
     if used.len() < 3 {
         return Err(Refusal::TooFew { what: "nonlinearity".to_owned(), got: used.len(), needed: 3 });
     }
@@ -213,8 +226,15 @@ mod tests {
     /// Table 1 of the article; over +-30 degrees it is worse than the article says.
     #[test]
     fn the_published_budget() {
-        let lines = [("sensitivity", 30.0, 0.0), ("offset", 15.0, 0.0), ("nonlinearity", 10.0, 10.0), ("drift", 50.0, 10.0), ("noise", 24.0, 2.4)];
-        let lines = lines.map(|(name, before_mg, after_mg)| Contribution { name: name.to_owned(), before_mg, after_mg });
+        let lines = [
+            ("sensitivity", 30.0, 0.0),
+            ("offset", 15.0, 0.0),
+            ("nonlinearity", 10.0, 10.0),
+            ("drift", 50.0, 10.0),
+            ("noise", 24.0, 2.4),
+        ];
+        let lines =
+            lines.map(|(name, before_mg, after_mg)| Contribution { name: name.to_owned(), before_mg, after_mg });
         let (before, after) = budget(&lines, 30.0).unwrap();
         let rounded = |v: f64, unit: f64| (v / unit).round() * unit;
         assert_eq!((before.sum_mg, rounded(after.sum_mg, 0.1)), (129.0, rounded(22.4, 0.1)));

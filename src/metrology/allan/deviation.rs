@@ -66,7 +66,13 @@ pub(super) fn count(phases: usize, m: usize, kind: Kind) -> usize {
         Kind::Ohdev => span(3),
         Kind::Mdev => (phases + 1).saturating_sub(3 * m),
         // Reflected data reach twice the record; beyond half of it nothing new is seen.
-        Kind::Totdev => if m < phases / 2 { phases - 2 } else { 0 },
+        Kind::Totdev => {
+            if m < phases / 2 {
+                phases - 2
+            } else {
+                0
+            }
+        }
     }
 }
 

@@ -38,17 +38,37 @@ fn main() {
     let (x, y) = truth::ellipse_points(180_000, [3.0, -5.0, 100.0, 80.0, 25.0], 0.5, &mut dice);
     let mut spiked = x.clone();
     spiked.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
-    judge("ellipse, 180,000 points: algebraic", 1e3 * best(5, || drop(black_box(ellipse::fit_algebraic(&x, &y)))), 5.0, "ms");
-    judge("ellipse: whole robust fit, 0.1 % spikes", 1e3 * best(5, || drop(black_box(ellipse::fit(&spiked, &y, None).unwrap()))), 25.0, "ms");
+    judge(
+        "ellipse, 180,000 points: algebraic",
+        1e3 * best(5, || drop(black_box(ellipse::fit_algebraic(&x, &y)))),
+        5.0,
+        "ms",
+    );
+    judge(
+        "ellipse: whole robust fit, 0.1 % spikes",
+        1e3 * best(5, || drop(black_box(ellipse::fit(&spiked, &y, None).unwrap()))),
+        25.0,
+        "ms",
+    );
 
     let points: Vec<[f64; 3]> = truth::directions(180_000)
         .iter()
         .map(|u| [60.0 * u[0], 45.0 * u[1] + 5.0 * u[0], 50.0 * u[2]].map(|v| v + 0.5 * dice.normal()))
         .collect();
     let [mut x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
-    judge("ellipsoid, 180,000 points: algebraic", 1e3 * best(5, || drop(black_box(ellipsoid::fit_algebraic(&x, &y, &z)))), 5.0, "ms");
+    judge(
+        "ellipsoid, 180,000 points: algebraic",
+        1e3 * best(5, || drop(black_box(ellipsoid::fit_algebraic(&x, &y, &z)))),
+        5.0,
+        "ms",
+    );
     x.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
-    judge("ellipsoid: whole robust fit, 0.1 % spikes", 1e3 * best(5, || drop(black_box(ellipsoid::fit(&x, &y, &z, None, None).unwrap()))), 25.0, "ms");
+    judge(
+        "ellipsoid: whole robust fit, 0.1 % spikes",
+        1e3 * best(5, || drop(black_box(ellipsoid::fit(&x, &y, &z, None, None).unwrap()))),
+        25.0,
+        "ms",
+    );
     if broken > 0 {
         std::process::exit(1);
     }

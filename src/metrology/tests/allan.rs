@@ -52,9 +52,17 @@ fn offsets_and_threads_do_not_show() {
         for (a, b) in run(&offset, 2).points.iter().zip(&reference.points) {
             assert!((a.dev / b.dev - 1.0).abs() < 1e-8, "{kind:?} {a:?} {b:?}");
         }
-        let phase: Vec<f64> =
-            [0.0].into_iter().chain(plain.iter().scan(0.0, |s, v| { *s += v; Some(*s) })).map(|p| p + 1e3).collect();
-        for (a, b) in analyse(&phase, Input::Phase, 1.0, kind, &Taus::Octave, 1).unwrap().points.iter().zip(&reference.points) {
+        let phase: Vec<f64> = [0.0]
+            .into_iter()
+            .chain(plain.iter().scan(0.0, |s, v| {
+                *s += v;
+                Some(*s)
+            }))
+            .map(|p| p + 1e3)
+            .collect();
+        for (a, b) in
+            analyse(&phase, Input::Phase, 1.0, kind, &Taus::Octave, 1).unwrap().points.iter().zip(&reference.points)
+        {
             assert!((a.dev / b.dev - 1.0).abs() < 1e-9, "{kind:?} {a:?} {b:?}");
         }
     }
@@ -83,16 +91,20 @@ struct Source {
     variance: fn(f64) -> f64,
 }
 
-const WHITE: Source = Source {
-    noise: Noise::WhiteRate,
-    make: |n, dice| (0..n).map(|_| dice.normal()).collect(),
-    variance: |m| 1.0 / m,
-};
+const WHITE: Source =
+    Source { noise: Noise::WhiteRate, make: |n, dice| (0..n).map(|_| dice.normal()).collect(), variance: |m| 1.0 / m };
 
 /// Steps of variance 1: `avar(m) = (2 m^2 + 1) / (6 m)`.
 const WALK: Source = Source {
     noise: Noise::RateRandomWalk,
-    make: |n, dice| (0..n).scan(0.0, |s, _| { *s += dice.normal(); Some(*s) }).collect(),
+    make: |n, dice| {
+        (0..n)
+            .scan(0.0, |s, _| {
+                *s += dice.normal();
+                Some(*s)
+            })
+            .collect()
+    },
     variance: |m| (2.0 * m * m + 1.0) / (6.0 * m),
 };
 

@@ -58,14 +58,21 @@ fn six_positions() {
     };
     Record::refused(|r| cut(r, 3 * ROWS..4 * ROWS), "missing: y-");
     Record::refused(|r| cut(r, 10..ROWS), "position x+ has 10 rows, the median position 200");
-    Record::refused(|r| r.labels[5 * ROWS..].fill("x+"), "`x+` stands in two separated blocks, from row 1 and again from row 1001");
+    Record::refused(
+        |r| r.labels[5 * ROWS..].fill("x+"),
+        "`x+` stands in two separated blocks, from row 1 and again from row 1001",
+    );
     Record::refused(|r| r.labels[0] = "up", "unknown label `up` in row 1");
     Record::refused(
         |r| (0..2).for_each(|b| r.labels[b * ROWS..(b + 1) * ROWS].fill(["x-", "x+"][b])),
         "sensor x answers -1.00",
     );
     Record::refused(
-        |r| [(0, "y+"), (2, "x+"), (1, "y-"), (3, "x-")].iter().for_each(|(b, l)| r.labels[b * ROWS..(b + 1) * ROWS].fill(l)),
+        |r| {
+            [(0, "y+"), (2, "x+"), (1, "y-"), (3, "x-")]
+                .iter()
+                .for_each(|(b, l)| r.labels[b * ROWS..(b + 1) * ROWS].fill(l))
+        },
         "sensor x answers 1.000001e3 to axis y but",
     );
     // 14 degrees of tilt in one position.
@@ -89,7 +96,8 @@ fn positions(labels: &[&str], x: &[f64], y: &[f64], z: &[f64]) -> Vec<Position> 
 
 #[test]
 fn attitudes_that_do_not_span_space() {
-    let up: Vec<Vector3<f64>> = (0..8).map(|k| (k as f64 * 0.8).sin_cos()).map(|(s, c)| Vector3::new(c, s, 0.0)).collect();
+    let up: Vec<Vector3<f64>> =
+        (0..8).map(|k| (k as f64 * 0.8).sin_cos()).map(|(s, c)| Vector3::new(c, s, 0.0)).collect();
     let columns = [0, 1, 2].map(|i| up.iter().map(|u| u[i]).collect::<Vec<_>>());
     let channels = [0, 1, 2].map(|i| up.iter().map(|u| 9.8 * u[i]).collect::<Vec<_>>());
     let read = |u: [&[f64]; 3]| from_directions(u, [&channels[0], &channels[1], &channels[2]], &Limits::ACCELEROMETER);
@@ -101,7 +109,11 @@ fn attitudes_that_do_not_span_space() {
 }
 
 #[track_caller]
-fn rotation_refused(change: impl FnOnce(&mut Vec<(String, [Vec<f64>; 3])>), options: impl FnOnce(&mut rotation::Options), expected: &str) {
+fn rotation_refused(
+    change: impl FnOnce(&mut Vec<(String, [Vec<f64>; 3])>),
+    options: impl FnOnce(&mut rotation::Options),
+    expected: &str,
+) {
     let session = Session::example();
     let mut runs = session.runs(&mut Dice::new(2));
     let mut how = session.options(Axis::Polar);
@@ -113,7 +125,8 @@ fn rotation_refused(change: impl FnOnce(&mut Vec<(String, [Vec<f64>; 3])>), opti
 
 #[test]
 fn rotations() {
-    let refused = |change: &dyn Fn(&mut Vec<(String, [Vec<f64>; 3])>), expected| rotation_refused(change, |_| {}, expected);
+    let refused =
+        |change: &dyn Fn(&mut Vec<(String, [Vec<f64>; 3])>), expected| rotation_refused(change, |_| {}, expected);
     refused(&|r| drop(r.remove(4)), "missing: z+");
     refused(&|r| r[1].0 = "x+".to_owned(), "`x+` stands in two separated blocks");
     refused(&|r| r[3].1[0][55] = f64::INFINITY, "x: sample 55 is inf");
@@ -122,8 +135,14 @@ fn rotations() {
     refused(&|r| r[2].1.iter_mut().for_each(|c| drop(c.drain(..400))), "run y+ is cut off: 0.000 s of rest before");
     refused(&|r| r[2].1.iter_mut().for_each(|c| c.truncate(100)), "run y+: 100 samples");
     refused(&|r| r[0].1[0].fill(12.0), "run x+: no rotation found");
-    refused(&|r| r[0].1[0][900..930].iter_mut().for_each(|v| *v += 500.0), "run x+ moves outside its rotation: x deviates");
-    refused(&|r| r[0].1[2][850..880].iter_mut().for_each(|v| *v += 500.0), "run x+ moves outside its rotation: z deviates");
+    refused(
+        &|r| r[0].1[0][900..930].iter_mut().for_each(|v| *v += 500.0),
+        "run x+ moves outside its rotation: x deviates",
+    );
+    refused(
+        &|r| r[0].1[2][850..880].iter_mut().for_each(|v| *v += 500.0),
+        "run x+ moves outside its rotation: z deviates",
+    );
     // 1078 instead of 1080 degrees back.
     refused(
         &|r| r[5].1[2].iter_mut().for_each(|v| *v = 5.0 + (*v - 5.0) * 1078.0 / 1080.0),
@@ -131,10 +150,7 @@ fn rotations() {
     );
     refused(&|r| r[1].1 = r[0].1.clone(), "axis x: both runs turn the same way");
     refused(&|r| (0..2).for_each(|k| r[k].0 = ["x-", "x+"][k].to_owned()), "sensor x answers -1.99");
-    refused(
-        &|r| (0..4).for_each(|k| r[k].0 = ["y+", "y-", "x+", "x-"][k].to_owned()),
-        "no rotation found",
-    );
+    refused(&|r| (0..4).for_each(|k| r[k].0 = ["y+", "y-", "x+", "x-"][k].to_owned()), "no rotation found");
     let no = |_: &mut Vec<(String, [Vec<f64>; 3])>| {};
     rotation_refused(no, |o| o.saturation = Some(7000.0), "x is saturated");
     rotation_refused(no, |o| o.nominal = Some((2500.0, 5.0)), "sensor x: response 1.99");
@@ -180,11 +196,17 @@ fn ellipses() {
     // One branch of a hyperbola, and both.
     let branch: (Vec<f64>, Vec<f64>) = (-200..200).map(|t| f64::from(t) / 100.0).map(|t| (t.cosh(), t.sinh())).unzip();
     ellipse_refused(branch.clone(), "the points lie on a hyperbola, not on an ellipse");
-    let both: (Vec<f64>, Vec<f64>) =
-        branch.0.iter().enumerate().map(|(i, x)| if i % 2 == 0 { *x } else { -x }).zip(branch.1.iter().copied()).unzip();
+    let both: (Vec<f64>, Vec<f64>) = branch
+        .0
+        .iter()
+        .enumerate()
+        .map(|(i, x)| if i % 2 == 0 { *x } else { -x })
+        .zip(branch.1.iter().copied())
+        .unzip();
     ellipse_refused(both, "hyperbola");
     // Half a turn to and fro.
-    let half: (Vec<f64>, Vec<f64>) = (0..2000).map(|k| (f64::from(k) * 0.01).sin() * 1.5).map(|a| (100.0 * a.cos(), 100.0 * a.sin())).unzip();
+    let half: (Vec<f64>, Vec<f64>) =
+        (0..2000).map(|k| (f64::from(k) * 0.01).sin() * 1.5).map(|a| (100.0 * a.cos(), 100.0 * a.sin())).unzip();
     ellipse_refused(half, "poor coverage");
     // The table stood for three quarters of the record.
     let mut stood = good(1000, 1.0);
@@ -238,7 +260,11 @@ fn ellipsoids() {
     ellipsoid_refused(sphere(|_| true, round, 20.0), "of the radius, limit 0.25");
     let hyperboloid: Vec<[f64; 3]> = truth::directions(2000)
         .iter()
-        .map(|u| { let t = 1.5 * u[2]; let a = u[1].atan2(u[0]); [t.cosh() * a.cos(), t.cosh() * a.sin(), t.sinh()] })
+        .map(|u| {
+            let t = 1.5 * u[2];
+            let a = u[1].atan2(u[0]);
+            [t.cosh() * a.cos(), t.cosh() * a.sin(), t.sinh()]
+        })
         .collect();
     ellipsoid_refused([0, 1, 2].map(|i| hyperboloid.iter().map(|p| p[i]).collect()), "hyperboloid");
     let mut nan = sphere(|_| true, round, 0.5);

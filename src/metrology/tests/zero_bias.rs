@@ -83,12 +83,18 @@ fn two_hundred_power_cycles() {
     }
     let stored = copies.load();
     println!("{writes} writes, {cuts} cut off; stored {:?}", stored.biases());
-    println!("rms error, deg/h, at 1 s and at the end: raw {:?}, print {:?}, inverse variance {:?}", raw.rms(), print.rms(), fusion.rms());
+    println!(
+        "rms error, deg/h, at 1 s and at the end: raw {:?}, print {:?}, inverse variance {:?}",
+        raw.rms(),
+        print.rms(),
+        fusion.rms()
+    );
     assert!(writes > 50 && cuts > 20);
     assert_eq!(stored.biases().len(), Settings::default().slots);
     // The mean of the stored biases is the constant part: ten of them scatter by 10 / sqrt(10).
     assert!((stored.mean().unwrap() - constant).abs() < 4.0 * 10.0 / 10.0_f64.sqrt());
-    let ((raw_early, _), (print_early, print_late), (fusion_early, fusion_late)) = (raw.rms(), print.rms(), fusion.rms());
+    let ((raw_early, _), (print_early, print_late), (fusion_early, fusion_late)) =
+        (raw.rms(), print.rms(), fusion.rms());
     assert!(print_early < 0.3 * raw_early && fusion_early < 0.3 * raw_early);
     // A ring of 1500 samples has a white error of noise / sqrt(1500) = 4.6 deg/h; 15 % is four deviations of 200 cycles
     // and the walk.

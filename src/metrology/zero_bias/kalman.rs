@@ -40,7 +40,12 @@ impl Kalman {
         let power_on = model.repeatability.powi(2);
         let variance = stored.mean().map(|_| power_on * (1.0 + 1.0 / stored.biases().len() as f64));
         // Steady state of a scalar filter with slow walk: variance^2 = walk * sample variance.
-        Ok(Self { bias: stored.mean().unwrap_or(0.0), variance, sample_variance, walk: floor * floor / sample_variance })
+        Ok(Self {
+            bias: stored.mean().unwrap_or(0.0),
+            variance,
+            sample_variance,
+            walk: floor * floor / sample_variance,
+        })
     }
 
     /// Takes one sample and returns the rate less the bias. A sample that is not finite changes nothing.

@@ -244,7 +244,10 @@ mod tests {
         // A moving sample drops the half block; the bias of the fusion is held.
         e.step(8.0, true);
         assert_eq!(e.step(99.0, false).bias, 5.0);
-        let feed = |e: &mut Eliminator, mean: f64| { e.step(mean - 1.0, true); e.step(mean + 1.0, true) };
+        let feed = |e: &mut Eliminator, mean: f64| {
+            e.step(mean - 1.0, true);
+            e.step(mean + 1.0, true)
+        };
         assert_eq!(feed(&mut e, 1.0).bias, 1.0);
         assert_eq!(feed(&mut e, 2.0).bias, 1.5);
         // Full: 1 2 6, variance 7: the mark, nothing stored.
@@ -270,9 +273,13 @@ mod tests {
 
     #[test]
     fn settings_are_checked() {
-        let check = |s: Settings| Eliminator::new(s, Stored::default()).err().map(|e| e.to_string()).unwrap_or_default();
+        let check =
+            |s: Settings| Eliminator::new(s, Stored::default()).err().map(|e| e.to_string()).unwrap_or_default();
         assert_eq!(check(Settings::default()), "");
-        assert_eq!(check(Settings { rest: 100, ..Settings::default() }), "rest (samples) is 100, expected at least ring times block");
+        assert_eq!(
+            check(Settings { rest: 100, ..Settings::default() }),
+            "rest (samples) is 100, expected at least ring times block"
+        );
         assert_eq!(check(Settings { block: 0, ..Settings::default() }), "block (samples) is 0, expected 2 to 200");
     }
 }

@@ -53,7 +53,9 @@ mod tests {
         let mut detector = StillDetector::new(50, 1.0).unwrap();
         // A noise of known scatter: +-1 in turn.
         let noise = |i: usize| if i % 2 == 0 { 1.0 } else { -1.0 };
-        let flags: Vec<bool> = (0..300).map(|i| detector.step(7.0 + noise(i) + if (100..150).contains(&i) { (i - 100) as f64 * 0.2 } else { 0.0 })).collect();
+        let flags: Vec<bool> = (0..300)
+            .map(|i| detector.step(7.0 + noise(i) + if (100..150).contains(&i) { (i - 100) as f64 * 0.2 } else { 0.0 }))
+            .collect();
         assert!(!flags[48] && flags[49..100].iter().all(|f| *f), "still from the first full window");
         assert!(flags[125..150].iter().all(|f| !*f) && flags[200..].iter().all(|f| *f));
         assert!(!detector.step(f64::NAN) && !detector.step(7.0));

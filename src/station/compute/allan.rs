@@ -86,7 +86,9 @@ impl Allan {
             })
             .collect();
         let c = &analysis.coefficients;
-        let coefficient = |c: Option<Coefficient>| c.map_or(Value::Null, |c| json!({ "value": c.value, "low": c.low, "high": c.high }));
+        let coefficient = |c: Option<Coefficient>| {
+            c.map_or(Value::Null, |c| json!({ "value": c.value, "low": c.low, "high": c.high }))
+        };
         let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
         let mut report = Report::new("allan");
         report
@@ -102,7 +104,8 @@ impl Allan {
             .put("interval", "", "68.3 %");
         let points = || analysis.points.iter().map(|p| (p.tau_s, p.dev));
         let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
-        let mut series = vec![Series { name: "deviation, 68.3 %".to_owned(), mark: Mark::Bars(bars), points: points().collect() }];
+        let mut series =
+            vec![Series { name: "deviation, 68.3 %".to_owned(), mark: Mark::Bars(bars), points: points().collect() }];
         let slopes: [(&str, Option<Coefficient>, fn(f64, f64) -> f64); 5] = [
             ("Q, slope -1", c.q, |c, t| 3.0_f64.sqrt() * c / t),
             ("N, slope -1/2", c.n, |c, t| c / t.sqrt()),

@@ -26,7 +26,8 @@ impl Ellipse {
         let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit(x, y, self.saturation)?;
-        let correction = |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
+        let correction =
+            |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
         let mut report = Report::new("ellipse");
         report
             .put("equation", "", "y' = ky (y - dy), x' = [(x - dx) - y' sin_alpha] / sqrt(1 - sin_alpha^2)")
@@ -38,7 +39,11 @@ impl Ellipse {
             .put("residual_rms", "normal distance", e.residual_rms)
             .put("residual_peak", "radius error after correction, relative", e.residual_peak)
             .put("residual_rms_as_printed", "radius error with the print's correction", e.residual_rms_as_printed)
-            .put("extremes", "the print's figures", json!({ "dx": e.extremes.dx, "dy": e.extremes.dy, "ky": e.extremes.ky }))
+            .put(
+                "extremes",
+                "the print's figures",
+                json!({ "dx": e.extremes.dx, "dy": e.extremes.dy, "ky": e.extremes.ky }),
+            )
             .put("rejected", "points", e.rejected)
             .put("used", "points", e.used)
             .put("turns", "", json!(e.turns))
@@ -134,7 +139,10 @@ impl Ellipsoid {
             y: "|corrected| / field - 1".to_owned(),
             log: (false, false),
             square: false,
-            series: vec![Series::dots("record", corrected.iter().enumerate().map(|(i, c)| (i as f64 + 1.0, c.norm() / e.field - 1.0)))],
+            series: vec![Series::dots(
+                "record",
+                corrected.iter().enumerate().map(|(i, c)| (i as f64 + 1.0, c.norm() / e.field - 1.0)),
+            )],
         };
         Ok(Outcome { report, panels: vec![view("Seen along z", 0, 1), view("Seen along y", 0, 2), residuals] })
     }

@@ -159,7 +159,8 @@ fn draw(text: &mut String, panel: &Panel) {
         bottom - top
     );
     let middle = f64::midpoint(left, right);
-    let _ = writeln!(text, r#"<text x="{middle}" y="{}" text-anchor="middle">{}</text>"#, HEIGHT - 12.0, escaped(&panel.x));
+    let _ =
+        writeln!(text, r#"<text x="{middle}" y="{}" text-anchor="middle">{}</text>"#, HEIGHT - 12.0, escaped(&panel.x));
     let _ = writeln!(
         text,
         r#"<text transform="translate(16 {}) rotate(-90)" text-anchor="middle">{}</text>"#,
@@ -193,18 +194,26 @@ fn marks(text: &mut String, series: &Series, colour: &str, x: &Scale, y: &Scale)
     match &series.mark {
         Mark::Line => {
             let path: Vec<String> = placed.iter().map(|(a, b)| format!("{a:.1},{b:.1}")).collect();
-            let _ = writeln!(text, r#"<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{}"/>"#, path.join(" "));
+            let _ = writeln!(
+                text,
+                r#"<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{}"/>"#,
+                path.join(" ")
+            );
         }
         Mark::Dots => {
             let path: String = placed.iter().map(|(a, b)| format!("M{a:.1} {b:.1}h0")).collect();
             let width = if placed.len() > 200 { 2 } else { 5 };
-            let _ = writeln!(text, r#"<path d="{path}" stroke="{colour}" stroke-width="{width}" stroke-linecap="round"/>"#);
+            let _ =
+                writeln!(text, r#"<path d="{path}" stroke="{colour}" stroke-width="{width}" stroke-linecap="round"/>"#);
         }
         Mark::Bars(bars) => {
             for ((a, b), (low, high)) in series.points.iter().zip(bars) {
                 let (a, b, low, high) = (x.at(*a), y.at(*b), y.at(*low), y.at(*high));
                 if [a, b, low, high].iter().all(|v| v.is_finite()) {
-                    let _ = writeln!(text, r#"<path d="M{a:.1} {low:.1}V{high:.1}" stroke="{colour}"/><circle cx="{a:.1}" cy="{b:.1}" r="2.5" fill="{colour}"/>"#);
+                    let _ = writeln!(
+                        text,
+                        r#"<path d="M{a:.1} {low:.1}V{high:.1}" stroke="{colour}"/><circle cx="{a:.1}" cy="{b:.1}" r="2.5" fill="{colour}"/>"#
+                    );
                 }
             }
         }

@@ -35,7 +35,12 @@ impl Report {
     }
 
     /// Adds a list of rows with named columns.
-    pub(super) fn rows(&mut self, key: &'static str, columns: &'static [&'static str], rows: Vec<Vec<Value>>) -> &mut Self {
+    pub(super) fn rows(
+        &mut self,
+        key: &'static str,
+        columns: &'static [&'static str],
+        rows: Vec<Vec<Value>>,
+    ) -> &mut Self {
         self.entries.push(Entry { key, unit: String::new(), body: Body::Rows { columns, rows } });
         self
     }

@@ -99,7 +99,8 @@ impl Table {
                 .find(|d| text.as_bytes().contains(d))
                 .map_or(Delimiter::Blanks, Delimiter::Byte);
             let fields: Vec<(usize, &[u8])> = Fields { rest: text.as_bytes(), at: 0, delimiter, done: false }.collect();
-            let header: Vec<String> = fields.iter().map(|(_, f)| String::from_utf8_lossy(unquoted(f)).into_owned()).collect();
+            let header: Vec<String> =
+                fields.iter().map(|(_, f)| String::from_utf8_lossy(unquoted(f)).into_owned()).collect();
             if header.iter().all(|name| name.is_empty() || name.parse::<f64>().is_ok()) {
                 return Err(no_header(header_line));
             }
@@ -327,7 +328,11 @@ mod tests {
     use super::*;
 
     fn read(text: &'static str, numbers: &[&str], rate_hz: Option<f64>) -> Result<Columns, TableError> {
-        Table::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()))?.read(&Wanted { numbers, label: None, rate_hz })
+        Table::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()))?.read(&Wanted {
+            numbers,
+            label: None,
+            rate_hz,
+        })
     }
 
     #[test]

@@ -60,9 +60,15 @@ impl TiltTemperature {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let wanted = Wanted { numbers: &["temperature", "offset"], ..Wanted::default() };
         let columns = Table::open(&self.file)?.read(&wanted)?;
-        let points: Vec<(f64, f64)> = columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
+        let points: Vec<(f64, f64)> =
+            columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
         let Ok(points) = <[(f64, f64); 3]>::try_from(points.as_slice()) else {
-            return Err(Refusal::TooFew { what: "a parabola takes exactly three points".to_owned(), got: points.len(), needed: 3 }.into());
+            return Err(Refusal::TooFew {
+                what: "a parabola takes exactly three points".to_owned(),
+                got: points.len(),
+                needed: 3,
+            }
+            .into());
         };
         let c = tilt::temperature_curve(points)?;
         let [cold, _, hot] = c.temperatures_c;
@@ -82,7 +88,12 @@ impl TiltTemperature {
                 json!({ "below": c.uncertainty_factor(cold - 20.0), "above": c.uncertainty_factor(hot + 20.0) }),
             );
         let curve = (0..=100).map(|k| cold + (hot - cold) * f64::from(k) / 100.0).map(|t| (t, c.offset(t)));
-        let panel = plain("Offset over temperature", "degC", "offset", vec![Series::dots("points", points), Series::line("parabola", curve)]);
+        let panel = plain(
+            "Offset over temperature",
+            "degC",
+            "offset",
+            vec![Series::dots("points", points), Series::line("parabola", curve)],
+        );
         Ok(Outcome { report, panels: vec![panel] })
     }
 }
@@ -140,7 +151,12 @@ impl TiltBudget {
             .put("range_deg", "+-", raw.range_deg)
             .put("before", "", total(&before))
             .put("after", "", total(&after));
-        let curve = |mg: f64| (-90..=90).map(f64::from).filter(move |t| t.abs() <= raw.range_deg).map(move |t| (t, tilt::tilt_error_deg(t, mg)));
+        let curve = |mg: f64| {
+            (-90..=90)
+                .map(f64::from)
+                .filter(move |t| t.abs() <= raw.range_deg)
+                .map(move |t| (t, tilt::tilt_error_deg(t, mg)))
+        };
         let series = vec![Series::line("before", curve(before.sum_mg)), Series::line("after", curve(after.sum_mg))];
         Ok(Outcome { report, panels: vec![plain("Tilt error of the linear sum", "tilt, deg", "error, deg", series)] })
     }

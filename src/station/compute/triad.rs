@@ -72,7 +72,11 @@ impl SixPosition {
             .put("residual_rms", "m/s^2", c.residual_rms_mps2)
             .put("condition", "", c.condition)
             .put("dof", "", c.dof)
-            .put("sd", "standard uncertainty, units as above", json!({ "matrix": matrix(&c.matrix_sd), "bias": vector(&c.bias_sd_mps2) }))
+            .put(
+                "sd",
+                "standard uncertainty, units as above",
+                json!({ "matrix": matrix(&c.matrix_sd), "bias": vector(&c.bias_sd_mps2) }),
+            )
             .put("coverage_factor", "95 %, Student t", k)
             .put(
                 "expanded",
@@ -87,7 +91,14 @@ impl SixPosition {
             .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
             .put("rows", "", positions.iter().map(|p| json!(p.rows)).collect::<Vec<_>>())
             .put("residuals", "m/s^2, by position", c.residuals_mps2.iter().map(vector).collect::<Vec<_>>());
-        let panels = residual_panels("f", "m/s^2", &positions, &c.residuals_mps2, |p| c.matrix * p.mean + c.bias_mps2, |p| gravity * p.up);
+        let panels = residual_panels(
+            "f",
+            "m/s^2",
+            &positions,
+            &c.residuals_mps2,
+            |p| c.matrix * p.mean + c.bias_mps2,
+            |p| gravity * p.up,
+        );
         Ok(Outcome { report, panels })
     }
 }
@@ -138,7 +149,11 @@ impl GyroStill {
             .put("bias", "rad/s", vector(&c.bias_rps))
             .put("bias_dph", "deg/h", vector(&(c.bias_rps * dph)))
             .put("g_sensitivity", "(rad/s) per (m/s^2)", matrix(&c.g_sensitivity))
-            .put("g_sensitivity_dph_per_g", "deg/h per g", matrix(&(c.g_sensitivity * dph * earth::STANDARD_GRAVITY_MPS2)))
+            .put(
+                "g_sensitivity_dph_per_g",
+                "deg/h per g",
+                matrix(&(c.g_sensitivity * dph * earth::STANDARD_GRAVITY_MPS2)),
+            )
             .put(
                 "sd",
                 "type A, units as above",
@@ -216,8 +231,12 @@ fn residual_panels(
     measured: impl Fn(&Position) -> Vector3<f64>,
     expected: impl Fn(&Position) -> Vector3<f64>,
 ) -> Vec<Panel> {
-    let fit = |i: usize| Series::dots(AXES[i], positions.iter().map(|p| (expected(p)[i], measured(p)[i])).collect::<Vec<_>>());
-    let rest = |i: usize| Series::dots(AXES[i], residuals.iter().enumerate().map(|(n, r)| (n as f64 + 1.0, r[i])).collect::<Vec<_>>());
+    let fit = |i: usize| {
+        Series::dots(AXES[i], positions.iter().map(|p| (expected(p)[i], measured(p)[i])).collect::<Vec<_>>())
+    };
+    let rest = |i: usize| {
+        Series::dots(AXES[i], residuals.iter().enumerate().map(|(n, r)| (n as f64 + 1.0, r[i])).collect::<Vec<_>>())
+    };
     vec![
         Panel {
             title: "Fit".to_owned(),

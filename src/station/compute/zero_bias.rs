@@ -47,7 +47,8 @@ pub(super) struct ZeroBias {
 
 impl ZeroBias {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let settings = Settings { fusion: self.fusion, block: self.block, ring: self.ring, slots: self.slots, rest: self.rest };
+        let settings =
+            Settings { fusion: self.fusion, block: self.block, ring: self.ring, slots: self.slots, rest: self.rest };
         settings.check()?;
         series::positive("rate (Hz)", self.rate)?;
         let table = Table::open(&self.file)?;
@@ -56,7 +57,8 @@ impl ZeroBias {
         names.extend(has_cycle.then_some("cycle"));
         names.extend(has_still.then_some("still"));
         // Time stands still between power cycles: the rate is checked only in a record of one.
-        let columns = table.read(&Wanted { numbers: &names, label: None, rate_hz: (!has_cycle).then_some(self.rate) })?;
+        let columns =
+            table.read(&Wanted { numbers: &names, label: None, rate_hz: (!has_cycle).then_some(self.rate) })?;
         let rates = &columns.numbers[0];
         series::finite(&self.column, rates)?;
         let cycle_of = |i: usize| if has_cycle { columns.numbers[1][i] } else { 0.0 };
@@ -124,7 +126,11 @@ impl ZeroBias {
         let mut report = Report::new("zero-bias");
         report
             .put("noise", "of a sample, unit of the record", noise)
-            .rows("cycles", &["cycle", "samples", "still", "before", "after", "bias", "writes", "inverse_variance"], rows)
+            .rows(
+                "cycles",
+                &["cycle", "samples", "still", "before", "after", "bias", "writes", "inverse_variance"],
+                rows,
+            )
             .put("rms_before", "of the cycles' means at rest", json!(before))
             .put("rms_after", "after the fusion", json!(after))
             .put("rms_inverse_variance", "with --repeatability and --instability", json!(fused))

@@ -55,9 +55,22 @@ fn bad(file: &str, words: &str, code: i32, message: &str) {
 /// N = M f + b with M = diag(1000, 900, 1100) and a coupling of 9 in (x, y), b = (30, -20, 10); no noise.
 fn six(gravity: f64) -> String {
     let mut text = "# made by hand\nposition,x,y,z\n".to_owned();
-    for (label, u) in [("x+", [1, 0, 0]), ("x-", [-1, 0, 0]), ("y+", [0, 1, 0]), ("y-", [0, -1, 0]), ("z+", [0, 0, 1]), ("z-", [0, 0, -1])] {
+    for (label, u) in [
+        ("x+", [1, 0, 0]),
+        ("x-", [-1, 0, 0]),
+        ("y+", [0, 1, 0]),
+        ("y-", [0, -1, 0]),
+        ("z+", [0, 0, 1]),
+        ("z-", [0, 0, -1]),
+    ] {
         let f = u.map(|u| f64::from(u) * gravity);
-        let _ = writeln!(text, "{label},{},{},{}", 1000.0 * f[0] + 9.0 * f[1] + 30.0, 900.0 * f[1] - 20.0, 1100.0 * f[2] + 10.0);
+        let _ = writeln!(
+            text,
+            "{label},{},{},{}",
+            1000.0 * f[0] + 9.0 * f[1] + 30.0,
+            900.0 * f[1] - 20.0,
+            1100.0 * f[2] + 10.0
+        );
     }
     text
 }
@@ -70,8 +83,19 @@ fn near(value: &Value, expected: f64) {
 #[test]
 fn six_position() {
     let keys = [
-        "equation", "matrix", "bias", "sensitivity", "coupling", "residual_rms", "residuals", "condition", "dof", "sd.matrix",
-        "sd.bias", "as_printed.matrix", "as_printed.bias",
+        "equation",
+        "matrix",
+        "bias",
+        "sensitivity",
+        "coupling",
+        "residual_rms",
+        "residuals",
+        "condition",
+        "dof",
+        "sd.matrix",
+        "sd.bias",
+        "as_printed.matrix",
+        "as_printed.bias",
     ];
     let v = good(&six(9.8), "six-position r.csv --gravity 9.8", &keys);
     near(&v["matrix"][0][0], 1e-3);
@@ -83,12 +107,22 @@ fn six_position() {
     // Directions instead of labels, semicolons, and gravity of the place: 34 degrees, 400 m.
     let up = six(9.795_257_95)
         .replace("position", "ux,uy,uz")
-        .replace("x+", "1,0,0").replace("x-", "-1,0,0").replace("y+", "0,1,0").replace("y-", "0,-1,0").replace("z+", "0,0,1").replace("z-", "0,0,-1")
+        .replace("x+", "1,0,0")
+        .replace("x-", "-1,0,0")
+        .replace("y+", "0,1,0")
+        .replace("y-", "0,-1,0")
+        .replace("z+", "0,0,1")
+        .replace("z-", "0,0,-1")
         .replace(',', ";");
     let v = good(&up, "six-position r.csv --latitude 34 --height 400", &keys);
     assert!((v["matrix"][0][0].as_f64().unwrap() / 1e-3 - 1.0).abs() < 1e-6, "{}", v["gravity"]);
     bad(&six(9.8).replace("z-", "z+"), "six-position r.csv --gravity 9.8", 1, "refused: missing: z-");
-    bad(&six(9.8).replace("z-", "up"), "six-position r.csv --gravity 9.8", 2, "r.csv:8:1: `up` in column `position` is none of x+ x- y+ y- z+ z-");
+    bad(
+        &six(9.8).replace("z-", "up"),
+        "six-position r.csv --gravity 9.8",
+        2,
+        "r.csv:8:1: `up` in column `position` is none of x+ x- y+ y- z+ z-",
+    );
     bad(&six(9.8).replace("30", "3o"), "six-position r.csv --gravity 9.8", 2, "r.csv:");
     bad(&six(9.8), "six-position r.csv", 2, "--latitude");
     bad(&six(9.8), "six-position r.csv --gravity 9.8 --latitude 3", 2, "cannot be used with");
@@ -100,7 +134,11 @@ fn six_position() {
 
 #[test]
 fn gyro_still() {
-    let v = good(&six(9.8), "gyro-still r.csv --latitude 0 --gravity 9.8", &["bias", "g_sensitivity", "sd.bias", "sd.g_sensitivity"]);
+    let v = good(
+        &six(9.8),
+        "gyro-still r.csv --latitude 0 --gravity 9.8",
+        &["bias", "g_sensitivity", "sd.bias", "sd.g_sensitivity"],
+    );
     near(&v["bias"][0], 30.0);
     near(&v["g_sensitivity"][1][1], 900.0);
     // At the pole the earth's rotation along up is taken out of g-sensitivity: 7.29e-5 rad/s over 9.8 m/s^2.
@@ -116,8 +154,16 @@ fn rotations() -> String {
         for (sense, sign) in [(1.0, '+'), (-1.0, '-')] {
             for k in 0..900 {
                 let mut w = [0.0; 3];
-                w[axis] = 7.292_115e-5 + if (200..700).contains(&k) { sense * 6.0 * std::f64::consts::PI / 5.0 } else { 0.0 };
-                let _ = writeln!(text, "{}{sign}\t{}\t{}\t{}", ["x", "y", "z"][axis], 1000.0 * w[0] + 5.0, 2000.0 * w[1] + 6.0, 3000.0 * w[2] + 7.0);
+                w[axis] =
+                    7.292_115e-5 + if (200..700).contains(&k) { sense * 6.0 * std::f64::consts::PI / 5.0 } else { 0.0 };
+                let _ = writeln!(
+                    text,
+                    "{}{sign}\t{}\t{}\t{}",
+                    ["x", "y", "z"][axis],
+                    1000.0 * w[0] + 5.0,
+                    2000.0 * w[1] + 6.0,
+                    3000.0 * w[2] + 7.0
+                );
             }
         }
     }
@@ -147,11 +193,24 @@ fn ellipse_and_ellipsoid() {
         let _ = writeln!(text, "{} {}", 1.0 + 10.0 * c, -2.0 + 5.0 * s);
     }
     let keys = [
-        "centre", "semi_axes", "rotation_deg", "correction.dx", "correction.dy", "correction.ky", "correction.sin_alpha",
-        "residual_rms", "extremes.dx", "extremes.dy", "extremes.ky", "rejected", "sd",
+        "centre",
+        "semi_axes",
+        "rotation_deg",
+        "correction.dx",
+        "correction.dy",
+        "correction.ky",
+        "correction.sin_alpha",
+        "residual_rms",
+        "extremes.dx",
+        "extremes.dy",
+        "extremes.ky",
+        "rejected",
+        "sd",
     ];
     let v = good(&text, "ellipse r.csv", &keys);
-    assert!((v["semi_axes"][0].as_f64().unwrap() - 10.0).abs() < 1e-9 && v["rotation_deg"].as_f64().unwrap().abs() < 1e-6);
+    assert!(
+        (v["semi_axes"][0].as_f64().unwrap() - 10.0).abs() < 1e-9 && v["rotation_deg"].as_f64().unwrap().abs() < 1e-6
+    );
     assert!((v["correction"]["ky"].as_f64().unwrap() - 2.0).abs() < 1e-9);
     bad(&text.lines().take(150).collect::<Vec<_>>().join("\n"), "ellipse r.csv", 1, "turns, needs at least 3");
     bad(&text.replacen("11 -2", "nan -2", 1), "ellipse r.csv", 1, "x: sample 0 is NaN");
@@ -165,7 +224,9 @@ fn ellipse_and_ellipsoid() {
     }
     let keys = ["centre", "matrix", "field", "residual_relative", "coverage", "condition", "rejected", "sd"];
     let v = good(&text, "ellipsoid r.csv", &keys);
-    assert!((v["field"].as_f64().unwrap() - 20.0).abs() < 1e-6 && (v["centre"][0].as_f64().unwrap() - 5.0).abs() < 1e-6);
+    assert!(
+        (v["field"].as_f64().unwrap() - 20.0).abs() < 1e-6 && (v["centre"][0].as_f64().unwrap() - 5.0).abs() < 1e-6
+    );
     let v = good(&text, "ellipsoid r.csv --field 50", &keys);
     assert!((v["matrix"][1][1].as_f64().unwrap() - 1.25).abs() < 1e-6 && v["field"] == 50.0);
 }
@@ -179,8 +240,20 @@ fn series() {
         n = n * 16_807 % 2_147_483_647;
     }
     let keys = [
-        "points.tau_s", "points.dev", "points.n", "points.edf", "points.noise", "points.low", "points.high", "coefficients.Q",
-        "coefficients.N.value", "coefficients.N.low", "coefficients.N.high", "coefficients.B", "coefficients.K", "coefficients.R",
+        "points.tau_s",
+        "points.dev",
+        "points.n",
+        "points.edf",
+        "points.noise",
+        "points.low",
+        "points.high",
+        "coefficients.Q",
+        "coefficients.N.value",
+        "coefficients.N.low",
+        "coefficients.N.high",
+        "coefficients.B",
+        "coefficients.K",
+        "coefficients.R",
     ];
     let v = good(&text, "allan r.csv --rate 2 --column y", &keys);
     assert_eq!(v["coefficients"]["B"], Value::Null);
@@ -203,7 +276,8 @@ fn series() {
 
 #[test]
 fn tilt_and_zero_bias() {
-    let v = good("position,a\n+,1.035\n+,1.035\n-,-0.985\n-,-0.985\n", "flip r.csv", &["equation", "offset", "gain", "sd"]);
+    let v =
+        good("position,a\n+,1.035\n+,1.035\n-,-0.985\n-,-0.985\n", "flip r.csv", &["equation", "offset", "gain", "sd"]);
     near(&v["gain"], 1.01);
     bad("position,a\n+,1\n", "flip r.csv", 1, "missing: -");
     good("temperature,offset\n-40,5\n25,1\n85,3\n", "tilt-temperature r.csv", &["a", "b", "c"]);
@@ -220,7 +294,11 @@ fn tilt_and_zero_bias() {
             let _ = writeln!(text, "{cycle},{}", 100.0 + f64::from((k * 7919) % 101 - 50) * 0.1);
         }
     }
-    let v = good(&text, "zero-bias r.csv --rate 100 --repeatability 1 --instability 0.1", &["cycles.before", "cycles.after", "rms_before", "rms_after"]);
+    let v = good(
+        &text,
+        "zero-bias r.csv --rate 100 --repeatability 1 --instability 0.1",
+        &["cycles.before", "cycles.after", "rms_before", "rms_after"],
+    );
     assert!((v["rms_before"].as_f64().unwrap() - 100.0).abs() < 0.1 && v["rms_after"].as_f64().unwrap() < 0.2, "{v}");
     assert_eq!(v["cycles"].as_array().unwrap().len(), 3);
 }

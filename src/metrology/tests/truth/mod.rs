@@ -57,7 +57,8 @@ impl Tally {
     ) -> Self {
         let n = names.len();
         assert_eq!((truth.len(), bound.len()), (n, n), "{method}");
-        let mut tally = Self { method, names, truth, bound, sum: vec![0.0; n], squares: vec![0.0; n], covered: vec![0; n], trials };
+        let mut tally =
+            Self { method, names, truth, bound, sum: vec![0.0; n], squares: vec![0.0; n], covered: vec![0; n], trials };
         let mut dice = Dice::new(seed);
         for _ in 0..trials {
             let estimates = trial(&mut dice);
@@ -76,7 +77,8 @@ impl Tally {
     /// coverage, pooled coverage; and the lines of a table.
     pub fn verdict(&self) -> Verdict {
         let n = self.trials as f64;
-        let mut verdict = Verdict { bias: 0.0, rms: (f64::MAX, 0.0), coverage: (f64::MAX, 0.0), pooled: 0.0, lines: String::new() };
+        let mut verdict =
+            Verdict { bias: 0.0, rms: (f64::MAX, 0.0), coverage: (f64::MAX, 0.0), pooled: 0.0, lines: String::new() };
         for p in 0..self.names.len() {
             let rms = (self.squares[p] / n).sqrt();
             let bias = self.sum[p] / n / (rms / n.sqrt());
@@ -102,7 +104,10 @@ impl Tally {
         let mut failures = Vec::new();
         let mut check = |what: &str, low: f64, high: f64, bound: (f64, f64)| {
             if low.is_nan() || high.is_nan() || low < bound.0 || high > bound.1 {
-                failures.push(format!("{}: {what} {low:.4} .. {high:.4}, bound {:.4} .. {:.4}", self.method, bound.0, bound.1));
+                failures.push(format!(
+                    "{}: {what} {low:.4} .. {high:.4}, bound {:.4} .. {:.4}",
+                    self.method, bound.0, bound.1
+                ));
             }
         };
         check("bias in standard errors", 0.0, v.bias, (0.0, 3.9));
@@ -166,7 +171,13 @@ fn names(matrix: &str, vector: &str) -> Vec<String> {
     m.chain((0..3).map(|k| format!("{vector}[{k}]"))).collect()
 }
 
-fn estimates(matrix: &Matrix3<f64>, matrix_sd: &Matrix3<f64>, vector: &Vector3<f64>, vector_sd: &Vector3<f64>, factor: f64) -> Vec<Estimate> {
+fn estimates(
+    matrix: &Matrix3<f64>,
+    matrix_sd: &Matrix3<f64>,
+    vector: &Vector3<f64>,
+    vector_sd: &Vector3<f64>,
+    factor: f64,
+) -> Vec<Estimate> {
     let m = (0..9).map(|k| Estimate { value: matrix[(k / 3, k % 3)], sd: matrix_sd[(k / 3, k % 3)], factor });
     m.chain((0..3).map(|k| Estimate { value: vector[k], sd: vector_sd[k], factor })).collect()
 }
@@ -189,11 +200,13 @@ pub fn twelve_attitudes(trials: usize, seed: u64) -> Tally {
     let edges = [(0, 1), (0, 2), (1, 2)];
     let up: Vec<Vector3<f64>> = edges
         .into_iter()
-        .flat_map(|(a, b)| [(h, h), (h, -h), (-h, h), (-h, -h)].map(|(p, q)| {
-            let mut u = Vector3::zeros();
-            (u[a], u[b]) = (p, q);
-            u
-        }))
+        .flat_map(|(a, b)| {
+            [(h, h), (h, -h), (-h, h), (-h, -h)].map(|(p, q)| {
+                let mut u = Vector3::zeros();
+                (u[a], u[b]) = (p, q);
+                u
+            })
+        })
         .collect();
     let columns = [0, 1, 2].map(|i| up.iter().map(|u| u[i]).collect::<Vec<f64>>());
     accelerometer("twelve attitudes", &up, trials, seed, move |outputs| {
@@ -221,7 +234,11 @@ fn accelerometer(
     let sigma = response.diagonal() * noise;
     let model = |p: &[f64]| -> Vec<f64> {
         let inverse = matrix_of(p).try_inverse().unwrap();
-        up.iter().flat_map(|u| (inverse * (gravity * u - Vector3::new(p[9], p[10], p[11]))).iter().copied().collect::<Vec<_>>()).collect()
+        up.iter()
+            .flat_map(|u| {
+                (inverse * (gravity * u - Vector3::new(p[9], p[10], p[11]))).iter().copied().collect::<Vec<_>>()
+            })
+            .collect()
     };
     let sigmas: Vec<f64> = (0..3 * up.len()).map(|r| sigma[r % 3]).collect();
     let bound = bound(&truth, &sigmas, model);
@@ -258,7 +275,9 @@ pub fn gyro_still(trials: usize, seed: u64) -> Tally {
         let b = Vector3::new(p[9], p[10], p[11]);
         up.iter()
             .zip(&north)
-            .flat_map(|(u, n)| (matrix_of(p) * (gravity * u) + b + vertical * u + horizontal * n).iter().copied().collect::<Vec<_>>())
+            .flat_map(|(u, n)| {
+                (matrix_of(p) * (gravity * u) + b + vertical * u + horizontal * n).iter().copied().collect::<Vec<_>>()
+            })
             .collect()
     };
     let bound = bound(&truth, &vec![noise; 18], model);
@@ -360,7 +379,8 @@ pub fn rotation(trials: usize, seed: u64) -> Tally {
 pub fn rotation_vertical(trials: usize, seed: u64) -> Tally {
     let latitude_deg: f64 = 34.0;
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
-    let session = Session { earth_rps: (earth::EARTH_RATE_RPS * sin, earth::EARTH_RATE_RPS * cos), ..Session::example() };
+    let session =
+        Session { earth_rps: (earth::EARTH_RATE_RPS * sin, earth::EARTH_RATE_RPS * cos), ..Session::example() };
     rotations("rotation, vertical", &session, rotation::Axis::Vertical { latitude_deg }, trials, seed)
 }
 
@@ -414,7 +434,12 @@ fn rotations(method: &'static str, session: &Session, axis: rotation::Axis, tria
 }
 
 /// Points of an ellipse at even angles, with noise.
-pub fn ellipse_points(n: usize, [cx, cy, a, b, rotation_deg]: [f64; 5], noise: f64, dice: &mut Dice) -> (Vec<f64>, Vec<f64>) {
+pub fn ellipse_points(
+    n: usize,
+    [cx, cy, a, b, rotation_deg]: [f64; 5],
+    noise: f64,
+    dice: &mut Dice,
+) -> (Vec<f64>, Vec<f64>) {
     let (sin, cos) = rotation_deg.to_radians().sin_cos();
     (0..n)
         .map(|k| {
@@ -451,11 +476,14 @@ pub fn ellipse(trials: usize, seed: u64) -> Tally {
         let normal = [u * cos - v * sin, u * sin + v * cos];
         let length = normal[0].hypot(normal[1]);
         let d = derivatives(&shape, &point);
-        rows.push((0..5).map(|p| (normal[0] * d[(0, p)] + normal[1] * d[(1, p)]) / length / noise).collect::<Vec<f64>>());
+        rows.push(
+            (0..5).map(|p| (normal[0] * d[(0, p)] + normal[1] * d[(1, p)]) / length / noise).collect::<Vec<f64>>(),
+        );
     }
     let weighted = DMatrix::from_fn(n, 5, |r, c| rows[r][c]);
     let jacobian = derivatives(&shape, &figures);
-    let bound = (&jacobian * covariance(&weighted) * jacobian.transpose()).diagonal().iter().map(|v| v.sqrt()).collect();
+    let bound =
+        (&jacobian * covariance(&weighted) * jacobian.transpose()).diagonal().iter().map(|v| v.sqrt()).collect();
     let names = ["cx", "cy", "major", "minor", "rotation", "ky", "sin_alpha"].map(str::to_owned).to_vec();
     Tally::run("ellipse", trials, seed, names, figures(&shape), bound, |dice| {
         let (x, y) = ellipse_points(n, shape, noise, dice);
@@ -514,7 +542,8 @@ pub fn ellipsoid(trials: usize, seed: u64) -> Tally {
         .collect();
     let weighted = DMatrix::from_fn(n, 9, |r, c| rows[r][c]);
     let jacobian = derivatives(&shape, &figures);
-    let bound = (&jacobian * covariance(&weighted) * jacobian.transpose()).diagonal().iter().map(|v| v.sqrt()).collect();
+    let bound =
+        (&jacobian * covariance(&weighted) * jacobian.transpose()).diagonal().iter().map(|v| v.sqrt()).collect();
     let names = ["cx", "cy", "cz", "m00", "m01", "m02", "m11", "m12", "m22", "field"].map(str::to_owned).to_vec();
     let clean: Vec<Vector3<f64>> = u.iter().map(|u| w * u + Vector3::new(shape[6], shape[7], shape[8])).collect();
     Tally::run("ellipsoid", trials, seed, names, figures(&shape), bound, |dice| {
