@@ -270,7 +270,7 @@ impl Coverage {
             lowest = lowest.min(quarter);
             highest = highest.max(quarter);
             // The jitter keeps the sample from running in step with the turns.
-            if (i + i / stride % stride) % stride == 0 {
+            if (i + i / stride % stride).is_multiple_of(stride) {
                 let sector = ((v.atan2(u) / std::f64::consts::TAU + 0.5) * SECTORS as f64) as usize;
                 sectors[sector.min(SECTORS - 1)] += 1;
             }

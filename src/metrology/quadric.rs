@@ -11,6 +11,11 @@
 //!
 //! All in coordinates centred and scaled by the record itself.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes of several arrays are walked together, so that they become vectors"
+)]
+
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector, SymmetricEigen};
 
 use crate::{Refusal, stats};

@@ -30,7 +30,7 @@ const TOTAL_RATIO: f64 = 16.0;
 /// `edf = b T / tau - c` of the total variance for alpha 0, -1, -2 (SP 1065, table 7).
 const TOTAL: [(f64, f64); 3] = [(1.50, 0.0), (1.17, 0.22), (0.93, 0.36)];
 
-/// Expected total variance over the Allan variance, `1 - a tau / T` (SP 1065, section 5.2.11).
+/// Expected total variance over the Allan variance, `1 - a tau / T` (SP 1065).
 pub(super) fn total_bias(kind: Kind, noise: Option<Noise>, m: usize, phases: usize) -> f64 {
     let a = match (kind, noise) {
         (Kind::Totdev, Some(Noise::FlickerRate)) => 1.0 / (3.0 * std::f64::consts::LN_2),

@@ -6,7 +6,7 @@ use gnc_metrology::Refusal;
 use gnc_metrology::allan::{Input, Kind, Noise, Taus, analyse};
 use truth::Dice;
 
-/// The 1000-point set of NBS Monograph 140 / NIST SP 1065, table 31: a Lehmer generator.
+/// The 1000-point test suite of NIST SP 1065 (NBS14): a Lehmer generator.
 fn nbs14() -> Vec<f64> {
     let mut n: u64 = 1_234_567_890;
     (0..1000)

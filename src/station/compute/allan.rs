@@ -56,6 +56,9 @@ pub(super) struct Allan {
     phase: bool,
 }
 
+/// Deviation of one term, from its coefficient and the averaging time.
+type Curve = fn(f64, f64) -> f64;
+
 fn taus(text: &str) -> Result<Taus, String> {
     match text {
         "octave" => Ok(Taus::Octave),
@@ -106,7 +109,7 @@ impl Allan {
         let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
         let mut series =
             vec![Series { name: "deviation, 68.3 %".to_owned(), mark: Mark::Bars(bars), points: points().collect() }];
-        let slopes: [(&str, Option<Coefficient>, fn(f64, f64) -> f64); 5] = [
+        let slopes: [(&str, Option<Coefficient>, Curve); 5] = [
             ("Q, slope -1", c.q, |c, t| 3.0_f64.sqrt() * c / t),
             ("N, slope -1/2", c.n, |c, t| c / t.sqrt()),
             ("B, flat", c.b, |c, _| 0.664_282 * c),

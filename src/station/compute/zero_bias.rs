@@ -83,17 +83,17 @@ impl ZeroBias {
             let mut detector = StillDetector::new(settings.block.max(10), noise)?;
             let (mut before, mut after, mut by_kalman) = (Vec::new(), Vec::new(), Vec::new());
             let mut writes = 0;
-            for i in start..end {
-                let detected = detector.step(rates[i]);
+            for (i, &rate) in rates.iter().enumerate().take(end).skip(start) {
+                let detected = detector.step(rate);
                 let still = if has_still { columns.numbers[1 + usize::from(has_cycle)][i] == 0.0 } else { detected };
-                let out = eliminator.step(rates[i], still);
+                let out = eliminator.step(rate, still);
                 if let Some(new) = out.store {
                     stored = new;
                     writes += 1;
                 }
-                let fused = kalman.as_mut().map(|k| k.step(rates[i], still));
+                let fused = kalman.as_mut().map(|k| k.step(rate, still));
                 if still {
-                    before.push(rates[i]);
+                    before.push(rate);
                     if i - start >= settings.fusion {
                         after.push(out.rate);
                         by_kalman.extend(fused);
