@@ -1,5 +1,13 @@
 //! Allan deviations against published values and against simulated noise.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test may end with a panic and says what it saw"
+)]
+
 mod truth;
 
 use gnc_metrology::Refusal;

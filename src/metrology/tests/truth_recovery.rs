@@ -1,5 +1,13 @@
 //! A short seeded run of the simulated calibrations; `cargo bench -p gnc-metrology --bench truth` makes the long one.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test may end with a panic and says what it saw"
+)]
+
 mod truth;
 
 const SEED: u64 = 20_261_122;

@@ -1,5 +1,13 @@
 //! Bias elimination over 200 simulated power cycles against the truth, with power lost in the midst of writes.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test may end with a panic and says what it saw"
+)]
+
 mod truth;
 
 use gnc_metrology::zero_bias::{Copies, Eliminator, Kalman, Model, Settings, Stored};

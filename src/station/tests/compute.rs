@@ -1,5 +1,13 @@
 //! `gnc-station compute` as a program: keys, exit codes, messages.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test may end with a panic and says what it saw"
+)]
+
 use std::fmt::Write as _;
 use std::process::{Command, Output};
 

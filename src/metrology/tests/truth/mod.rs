@@ -4,6 +4,13 @@
 //! numerical derivatives of the models, not from the covariances that the methods report.
 
 #![allow(unreachable_pub, dead_code, reason = "shared by a test and a benchmark")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::needless_range_loop,
+    reason = "a simulation may end with a panic"
+)]
 
 use gnc_metrology::position::{LABELS, Limits, from_directions, from_labels, up_of};
 use gnc_metrology::{earth, ellipse, ellipsoid, gyro_still, rotation, six_position, stats};
