@@ -4,7 +4,6 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 #[path = "../tests/truth/mod.rs"]
-#[allow(dead_code)]
 mod truth;
 
 use std::hint::black_box;
@@ -40,13 +39,13 @@ fn main() {
     spiked.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
     judge(
         "ellipse, 180,000 points: algebraic",
-        1e3 * best(5, || drop(black_box(ellipse::fit_algebraic(&x, &y)))),
+        1e3 * best(5, || _ = black_box(ellipse::fit_algebraic(&x, &y))),
         5.0,
         "ms",
     );
     judge(
         "ellipse: whole robust fit, 0.1 % spikes",
-        1e3 * best(5, || drop(black_box(ellipse::fit(&spiked, &y, None).unwrap()))),
+        1e3 * best(5, || _ = black_box(ellipse::fit(&spiked, &y, None).unwrap())),
         25.0,
         "ms",
     );
@@ -58,14 +57,14 @@ fn main() {
     let [mut x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
     judge(
         "ellipsoid, 180,000 points: algebraic",
-        1e3 * best(5, || drop(black_box(ellipsoid::fit_algebraic(&x, &y, &z)))),
+        1e3 * best(5, || _ = black_box(ellipsoid::fit_algebraic(&x, &y, &z))),
         5.0,
         "ms",
     );
     x.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
     judge(
         "ellipsoid: whole robust fit, 0.1 % spikes",
-        1e3 * best(5, || drop(black_box(ellipsoid::fit(&x, &y, &z, None, None).unwrap()))),
+        1e3 * best(5, || _ = black_box(ellipsoid::fit(&x, &y, &z, None, None).unwrap())),
         25.0,
         "ms",
     );

@@ -287,7 +287,7 @@ pub fn gyro_still(trials: usize, seed: u64) -> Tally {
             })
             .collect()
     };
-    let bound = bound(&truth, &vec![noise; 18], model);
+    let bound = bound(&truth, &[noise; 18], model);
     let clean = model(&truth);
     Tally::run("gyro-still", trials, seed, names("g_sens", "bias"), truth, bound, |dice| {
         let noisy: Vec<f64> = clean.iter().map(|v| v + noise * dice.normal()).collect();
