@@ -16,6 +16,9 @@ use gnc_metrology::{Refusal, ellipse, ellipsoid, six_position};
 use nalgebra::Vector3;
 use truth::{Dice, Session, borrowed};
 
+/// Labelled runs of a rotation session.
+type Runs = Vec<(String, [Vec<f64>; 3])>;
+
 const G: f64 = 9.8;
 /// Rows of a position.
 const ROWS: usize = 200;
@@ -79,7 +82,7 @@ fn six_positions() {
         |r| {
             [(0, "y+"), (2, "x+"), (1, "y-"), (3, "x-")]
                 .iter()
-                .for_each(|(b, l)| r.labels[b * ROWS..(b + 1) * ROWS].fill(l))
+                .for_each(|(b, l)| r.labels[b * ROWS..(b + 1) * ROWS].fill(l));
         },
         "sensor x answers 1.000001e3 to axis y but",
     );
@@ -105,7 +108,7 @@ fn positions(labels: &[&str], x: &[f64], y: &[f64], z: &[f64]) -> Vec<Position> 
 #[test]
 fn attitudes_that_do_not_span_space() {
     let up: Vec<Vector3<f64>> =
-        (0..8).map(|k| (k as f64 * 0.8).sin_cos()).map(|(s, c)| Vector3::new(c, s, 0.0)).collect();
+        (0..8).map(|k| (f64::from(k) * 0.8).sin_cos()).map(|(s, c)| Vector3::new(c, s, 0.0)).collect();
     let columns = [0, 1, 2].map(|i| up.iter().map(|u| u[i]).collect::<Vec<_>>());
     let channels = [0, 1, 2].map(|i| up.iter().map(|u| 9.8 * u[i]).collect::<Vec<_>>());
     let read = |u: [&[f64]; 3]| from_directions(u, [&channels[0], &channels[1], &channels[2]], &Limits::ACCELEROMETER);
@@ -117,11 +120,7 @@ fn attitudes_that_do_not_span_space() {
 }
 
 #[track_caller]
-fn rotation_refused(
-    change: impl FnOnce(&mut Vec<(String, [Vec<f64>; 3])>),
-    options: impl FnOnce(&mut rotation::Options),
-    expected: &str,
-) {
+fn rotation_refused(change: impl FnOnce(&mut Runs), options: impl FnOnce(&mut rotation::Options), expected: &str) {
     let session = Session::example();
     let mut runs = session.runs(&mut Dice::new(2));
     let mut how = session.options(Axis::Polar);
@@ -133,8 +132,7 @@ fn rotation_refused(
 
 #[test]
 fn rotations() {
-    let refused =
-        |change: &dyn Fn(&mut Vec<(String, [Vec<f64>; 3])>), expected| rotation_refused(change, |_| {}, expected);
+    let refused = |change: &dyn Fn(&mut Runs), expected| rotation_refused(change, |_| {}, expected);
     refused(&|r| drop(r.remove(4)), "missing: z+");
     refused(&|r| r[1].0 = "x+".to_owned(), "`x+` stands in two separated blocks");
     refused(&|r| r[3].1[0][55] = f64::INFINITY, "x: sample 55 is inf");
@@ -159,7 +157,7 @@ fn rotations() {
     refused(&|r| r[1].1 = r[0].1.clone(), "axis x: both runs turn the same way");
     refused(&|r| (0..2).for_each(|k| r[k].0 = ["x-", "x+"][k].to_owned()), "sensor x answers -1.99");
     refused(&|r| (0..4).for_each(|k| r[k].0 = ["y+", "y-", "x+", "x-"][k].to_owned()), "no rotation found");
-    let no = |_: &mut Vec<(String, [Vec<f64>; 3])>| {};
+    let no = |_: &mut Runs| {};
     rotation_refused(no, |o| o.saturation = Some(7000.0), "x is saturated");
     rotation_refused(no, |o| o.nominal = Some((2500.0, 5.0)), "sensor x: response 1.99");
     rotation_refused(no, |o| o.rate_hz = f64::NAN, "rate (Hz) is NaN");
@@ -181,8 +179,8 @@ fn unequal_scale_factors_are_normal() {
 }
 
 #[track_caller]
-fn ellipse_refused(points: (Vec<f64>, Vec<f64>), expected: &str) {
-    let refusal = ellipse::fit(&points.0, &points.1, None).expect_err("a refusal").to_string();
+fn ellipse_refused((x, y): (Vec<f64>, Vec<f64>), expected: &str) {
+    let refusal = ellipse::fit(&x, &y, None).expect_err("a refusal").to_string();
     assert!(refusal.contains(expected), "`{refusal}` does not contain `{expected}`");
 }
 
