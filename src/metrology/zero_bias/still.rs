@@ -52,7 +52,7 @@ mod tests {
     fn noise_is_still_and_motion_is_not() {
         let mut detector = StillDetector::new(50, 1.0).unwrap();
         // A noise of known scatter: +-1 in turn.
-        let noise = |i: usize| if i % 2 == 0 { 1.0 } else { -1.0 };
+        let noise = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let flags: Vec<bool> = (0..300)
             .map(|i| detector.step(7.0 + noise(i) + if (100..150).contains(&i) { (i - 100) as f64 * 0.2 } else { 0.0 }))
             .collect();
