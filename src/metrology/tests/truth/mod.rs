@@ -462,7 +462,8 @@ pub fn ellipse_points(
 pub fn ellipse(trials: usize, seed: u64) -> Tally {
     let n = 1000;
     let shape: [f64; 5] = [3.0, -5.0, 100.0, 80.0, 25.0];
-    let noise = 1.0;
+    // Enough for an uncorrected bias of the radius (noise^2 / 2 R) to stand out of the short run too.
+    let noise = 2.0;
     let figures = |p: &[f64]| -> Vec<f64> {
         let (sin, cos) = p[4].to_radians().sin_cos();
         let (xx, yy) = ((p[2] * cos).powi(2) + (p[3] * sin).powi(2), (p[2] * sin).powi(2) + (p[3] * cos).powi(2));
@@ -525,7 +526,7 @@ pub fn directions(n: usize) -> Vec<Vector3<f64>> {
 /// Ellipsoid: centre, symmetric matrix of determinant 1 and field.
 pub fn ellipsoid(trials: usize, seed: u64) -> Tally {
     let n = 1000;
-    let noise = 0.5;
+    let noise = 1.0;
     let symmetric = |p: &[f64]| Matrix3::new(p[0], p[1], p[2], p[1], p[3], p[4], p[2], p[4], p[5]);
     // Points are c + W u, so the matrix is W^-1 det(W)^(1/3) and the field det(W)^(1/3).
     let shape: [f64; 9] = [60.0, 5.0, 2.5, 45.0, -5.0, 50.0, 10.0, 20.0, -30.0];
