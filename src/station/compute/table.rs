@@ -147,35 +147,42 @@ impl Table {
         if let Some(column) = self.header.iter().position(is_time) {
             uses.push((column, Use::Time));
         }
-        uses.sort_by_key(|(column, _)| *column);
         let mut columns = Columns { numbers: vec![Vec::new(); wanted.numbers.len()], labels: Vec::new() };
         let mut clock = Clock::new(wanted.rate_hz);
         let expected = self.header.len();
         let mut rows = 0;
+        let mut bounds: Vec<(usize, usize)> = Vec::with_capacity(expected);
         while let Some((number, line)) = self.lines.next_line(&self.path)? {
             let line = line.trim_ascii_end();
             if line.is_empty() || line[0] == b'#' || line.trim_ascii_start().is_empty() {
                 continue;
             }
-            let mut fields = Fields { rest: line, at: 0, delimiter: self.delimiter, done: false };
-            let count = match self.delimiter {
-                Delimiter::Byte(d) => 1 + line.iter().map(|b| usize::from(*b == d)).sum::<usize>(),
-                Delimiter::Blanks => Fields { rest: line, at: 0, delimiter: self.delimiter, done: false }.count(),
-            };
-            if count != expected {
-                let path = self.path.clone();
-                let column = Fields { rest: line, at: 0, delimiter: self.delimiter, done: false }
-                    .nth(expected)
-                    .map_or(line.len() + 1, |(at, _)| at + 1);
-                return Err(TableError::Fields { path, line: number, column, got: count, expected });
+            // Where the fields lie, all of them, so that a row too short or too long is seen.
+            bounds.clear();
+            match self.delimiter {
+                Delimiter::Byte(d) => {
+                    let mut start = 0;
+                    for end in memchr::memchr_iter(d, line) {
+                        bounds.push((start, end));
+                        start = end + 1;
+                    }
+                    bounds.push((start, line.len()));
+                }
+                Delimiter::Blanks => {
+                    let fields = Fields { rest: line, at: 0, delimiter: self.delimiter, done: false };
+                    bounds.extend(fields.map(|(at, field)| (at, at + field.len())));
+                }
             }
-            let mut skip = 0;
+            if bounds.len() != expected {
+                let column = bounds.get(expected).map_or(line.len(), |b| b.0) + 1;
+                let path = self.path.clone();
+                return Err(TableError::Fields { path, line: number, column, got: bounds.len(), expected });
+            }
             let mut time = None;
             let mut new_block = rows == 0;
             for &(column, usage) in &uses {
-                // Two uses of one column would ask for it twice; the header's names are unique, so this cannot be.
-                let Some((at, field)) = fields.nth(column - skip) else { break };
-                skip = column + 1;
+                let (at, end) = bounds[column];
+                let field = &line[at..end];
                 let bad_number = || TableError::Number {
                     path: self.path.clone(),
                     line: number,
