@@ -15,6 +15,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::bytes::BytesMut;
 
+use super::stream::Newest;
 use super::{Advance, BoardError, Pulse};
 use crate::link::serial::SerialLink;
 
@@ -75,6 +76,8 @@ pub struct LinkReport {
     pub sent: u32,
     /// Of those, requests sent again.
     pub resent: u32,
+    /// Stream frames that came twice, or behind later ones, and were dropped.
+    pub stale: u32,
 }
 
 #[derive(Debug)]
@@ -110,10 +113,13 @@ pub(super) struct Conversation {
     greeting: Option<Greeting>,
     /// Nonce and boot id of the open session.
     session: Option<(u32, u32)>,
+    /// Boot id of the last session.
+    last_boot_id: Option<u32>,
     /// The board said that it knows of no session, and was asked why.
     in_doubt: bool,
     pending: Vec<Pending>,
     streams: Vec<(StreamId, StreamSender)>,
+    newest: Newest,
     /// Frames for a listener who is behind; the line is not read meanwhile.
     held: VecDeque<(StreamId, Box<StreamFrame>)>,
     sequence: u16,
@@ -132,9 +138,11 @@ impl Conversation {
             pulse,
             greeting: None,
             session: None,
+            last_boot_id: None,
             in_doubt: false,
             pending: Vec::new(),
             streams: Vec::new(),
+            newest: Newest::default(),
             held: VecDeque::new(),
             sequence: 0,
             keep_alive_due: now,
@@ -296,8 +304,12 @@ impl Conversation {
 
     fn receive(&mut self, frame: &Frame) {
         let now = Instant::now();
-        self.heard = now;
         let Header { kind, request, message, .. } = frame.header;
+        // Our own words come back: an echo on the line. They are no sign of a living board.
+        if kind == Kind::Request || kind == Kind::Event && message == event::KEEP_ALIVE {
+            return;
+        }
+        self.heard = now;
         match kind {
             Kind::Hello => self.hello(&frame.payload),
             Kind::Accept => self.accepted(request, &frame.payload, now),
@@ -306,7 +318,6 @@ impl Conversation {
             Kind::Nak => self.refused(request, message, &frame.payload),
             Kind::Stream => self.streamed(&frame.payload),
             Kind::Event => self.event(message, &frame.payload),
-            // Our own words come back: an echo on the line. Nobody waits for them.
             Kind::Request => {}
         }
     }
@@ -335,6 +346,10 @@ impl Conversation {
             let _ = greeting.answer.send(Err(error));
             return;
         }
+        if self.last_boot_id.replace(hello.boot_id) != Some(hello.boot_id) {
+            // Its clock began anew.
+            self.newest = Newest::default();
+        }
         self.session = Some((hello.nonce, hello.boot_id));
         self.in_doubt = false;
         self.link.frames.decoder_mut().restart_sequence();
@@ -345,6 +360,8 @@ impl Conversation {
     fn accepted(&mut self, request: u16, payload: &[u8], now: Instant) {
         let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
+        // It runs: what was lost before no longer counts.
+        pending.asked = 1;
         if let Ok(accept) = Accept::from_payload(payload) {
             pending.expected_ms = accept.expected_ms;
             pending.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
@@ -388,6 +405,10 @@ impl Conversation {
         let Ok(nak) = Nak::from_payload(payload) else { return };
         let code = NakCode::from_number(nak.code);
         if let (Some(NakCode::NoSession), Some((nonce, _))) = (code, self.session) {
+            // About a request of an earlier session it says nothing of this one.
+            if !self.pending.iter().any(|pending| pending.request == request) {
+                return;
+            }
             // The answer tells whether it restarted.
             self.in_doubt = true;
             return self.say_hello(nonce);
@@ -424,6 +445,7 @@ impl Conversation {
 
     fn restarted(&mut self, before: u32, after: u32) {
         self.session = None;
+        self.newest = Newest::default();
         let during = self.pending.iter().map(|pending| pending.what).collect::<Vec<_>>().join(", ");
         let during = if during.is_empty() { "no request".to_owned() } else { during };
         for pending in self.pending.drain(..) {
@@ -436,6 +458,10 @@ impl Conversation {
     fn streamed(&mut self, payload: &[u8]) {
         let Ok(frame) = StreamFrame::from_payload(payload) else { return };
         let Some(id) = StreamId::from_number(frame.head.stream) else { return };
+        if !self.newest.admit(id, &frame.head) {
+            self.report.stale += 1;
+            return;
+        }
         let Some(sender) = self.sender_of(id) else { return };
         match sender.try_send(Ok(Box::new(frame))) {
             Ok(()) => {}
