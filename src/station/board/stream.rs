@@ -95,6 +95,12 @@ impl Stream {
         self.id
     }
 
+    /// What is missing up to the last frame.
+    #[must_use]
+    pub fn losses(&self) -> Losses {
+        self.losses
+    }
+
     /// The board's clock, as far as it is known.
     #[must_use]
     pub fn board_time_us(&self) -> u64 {
@@ -201,7 +207,7 @@ mod tests {
         for part in [frame(0, 10, 0), frame(15, 10, 5), frame(35, 10, 5)] {
             stream.account(&part);
         }
-        assert_eq!(stream.losses, Losses { received: 30, on_board: 5, on_line: 10 });
+        assert_eq!(stream.losses(), Losses { received: 30, on_board: 5, on_line: 10 });
     }
     /// Doubled and overtaken frames are no more data, those of a stream's next run are.
     #[test]
