@@ -5,12 +5,11 @@
 //! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
 //! everything said before has left through the port.
 
-use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 use gnc_protocol::frame::Frame;
-use gnc_protocol::serial::{Decoder, WireBytes, encode};
+use gnc_protocol::serial::{Decoder, encode};
 use gnc_protocol::slave::{Board, Slave};
 use gnc_protocol::timing::BITS_PER_BYTE;
 use nalgebra::Matrix3;
@@ -19,7 +18,8 @@ use crate::board::SimulatedBoard;
 use crate::devices::inertial::SensorModels;
 use crate::line::Line;
 use crate::noise::{Dice, Source};
-use crate::personality::{Personality, WireFaults};
+use crate::personality::Personality;
+use crate::wire_faults::FaultyWire;
 use crate::world::{Axis, Influence, Sign, Site, World};
 
 /// Samples waiting for so much time of the line, beyond which the board drops new ones.
@@ -31,6 +31,10 @@ const SAMPLES_AHEAD_S: f64 = 0.025;
 const FRAMES_WAIT: usize = 256 * 1024;
 /// Bytes taken from the host ahead of the line's pace.
 const INPUT_WAIT: usize = 4096;
+
+/// At maximum speed bench time stands for so long after a loss on the line: the host's wait before it asks again is
+/// link time, and minutes of the board's would pass in it.
+const REPAIR: Duration = Duration::from_millis(125);
 
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,14 +129,15 @@ pub struct Bench {
     decoder: Decoder,
     incoming: Line,
     outgoing: Line,
-    /// Answers of a board that is late with them.
-    late: VecDeque<(Duration, WireBytes)>,
+    /// What happens to bytes before they reach `incoming`, and behind the board before `outgoing`.
+    wire_to_board: FaultyWire,
+    wire_to_host: FaultyWire,
+    /// Link time that a loss on the line takes to be noticed, during which bench time stands at maximum speed.
+    repaired_at: Duration,
     sleepers: Vec<Sleeper>,
     /// Rate of the line; `None` for one without pace.
     pace: Option<f64>,
     speed: Speed,
-    wire: WireFaults,
-    line_dice: Dice,
 }
 
 impl Bench {
@@ -146,32 +151,34 @@ impl Bench {
             Speed::Times(times) => Some(f64::from(options.rate_baud) * times.max(1.0)),
             Speed::Max => None,
         };
+        let wire = options.personality.model.wire;
         Self {
             slave: Slave::default(),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             decoder: Decoder::default(),
             incoming: Line::new(pace),
             outgoing: Line::new(pace),
-            late: VecDeque::new(),
+            wire_to_board: FaultyWire::new(wire.to_board, Dice::new(options.seed, Source::LineToBoard)),
+            wire_to_host: FaultyWire::new(wire.to_host, Dice::new(options.seed, Source::Line)),
+            repaired_at: Duration::ZERO,
             sleepers: Vec::new(),
             pace,
             speed: options.speed,
-            wire: options.personality.model.wire,
-            line_dice: Dice::new(options.seed, Source::Line),
         }
     }
 
     /// How many bytes [`Bench::receive`] takes now; what is more stays in the host's port.
     #[must_use]
     pub fn room(&self) -> usize {
-        INPUT_WAIT.saturating_sub(self.incoming.len())
+        INPUT_WAIT.saturating_sub(self.incoming.len() + self.wire_to_board.len())
     }
 
     /// Bytes from the host.
     pub fn receive(&mut self, bytes: &[u8], now: Duration) {
-        let share = self.wire.lost_to_board_per_million;
-        let kept = lose(bytes, share, &mut self.line_dice);
-        self.incoming.push(kept, now);
+        self.wire_to_board.push(bytes, now);
+        let echo = self.wire_to_board.take_echo();
+        self.outgoing.push(echo, now);
+        self.carry(now);
     }
 
     /// Bytes for the host that are through the line by `now`.
@@ -186,6 +193,7 @@ impl Bench {
 
     /// Lets link time pass up to `now`.
     pub fn advance(&mut self, now: Duration) {
+        self.carry(now);
         // Time first: what a request starts, starts now and not at the last look.
         if let Speed::Times(times) = self.speed {
             self.board.line_full = self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S);
@@ -194,7 +202,7 @@ impl Bench {
         }
         self.hear(now);
         if self.speed == Speed::Max
-            && self.can_step()
+            && self.can_step(now)
             && let Some(next_ns) = self.next_ns()
         {
             self.board.advance(next_ns);
@@ -209,13 +217,15 @@ impl Bench {
     pub fn next_due(&self, now: Duration) -> Duration {
         let events = match self.speed {
             Speed::Times(times) => self.next_ns().map(|ns| Duration::from_nanos((ns as f64 / times).ceil() as u64)),
-            Speed::Max => (self.can_step() && self.next_ns().is_some()).then_some(now),
+            Speed::Max => (self.can_step(now) && self.next_ns().is_some()).then_some(now),
         };
-        let talk = (!self.wire.silent && !self.board.is_booting()).then(|| self.slave.next_due());
-        let late = self.late.front().map(|(due, _)| *due);
+        let talk = (!self.board.is_booting()).then(|| self.slave.next_due());
+        let wires = [self.wire_to_board.next_due(), self.wire_to_host.next_due()];
+        let repaired = (self.repaired_at > now).then_some(self.repaired_at);
         let idle = now + Duration::from_secs(1);
-        [events, talk, late, self.incoming.next_due(), self.outgoing.next_due()]
+        [events, talk, repaired, self.incoming.next_due(), self.outgoing.next_due()]
             .into_iter()
+            .chain(wires)
             .flatten()
             .fold(idle, Duration::min)
     }
@@ -278,9 +288,24 @@ impl Bench {
     }
 
     /// At maximum speed: whether time may move.
-    fn can_step(&self) -> bool {
+    fn can_step(&self, now: Duration) -> bool {
         let pending = self.board.has_work() || !self.sleepers.is_empty();
-        pending && self.outgoing.is_empty() && self.late.is_empty() && self.incoming.is_empty()
+        let lines_empty = self.outgoing.is_empty() && self.incoming.is_empty();
+        let wires_empty = self.wire_to_host.is_empty() && self.wire_to_board.is_empty();
+        pending && lines_empty && wires_empty && now >= self.repaired_at
+    }
+
+    /// What the faults of the wire let through goes on; what they spoil is noted.
+    fn carry(&mut self, now: Duration) {
+        let to_board = self.wire_to_board.ready(now);
+        self.incoming.push(to_board, now);
+        let to_host = self.wire_to_host.ready(now);
+        if self.outgoing.len() + to_host.len() <= FRAMES_WAIT {
+            self.outgoing.push(to_host, now);
+        }
+        if self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed() {
+            self.repaired_at = now + REPAIR;
+        }
     }
 
     /// The next event in bench time.
@@ -293,7 +318,7 @@ impl Bench {
     fn hear(&mut self, now: Duration) {
         let bytes = self.incoming.ready(now).to_vec();
         self.incoming.consume(bytes.len());
-        if self.wire.silent || self.board.is_booting() {
+        if self.board.is_booting() {
             return;
         }
         let mut rest = bytes.as_slice();
@@ -311,18 +336,14 @@ impl Bench {
 
     /// What became due goes to the host.
     fn speak(&mut self, now: Duration) {
-        if !self.wire.silent && !self.board.is_booting() {
+        if !self.board.is_booting() {
             let mut frames = Vec::new();
             self.count_link();
             self.board.line_room = self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len());
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
             self.send(frames, now);
         }
-        while self.late.front().is_some_and(|(due, _)| *due <= now) {
-            if let Some((_, bytes)) = self.late.pop_front() {
-                self.transmit(&bytes, now);
-            }
-        }
+        self.carry(now);
     }
 
     fn after_time(&mut self) {
@@ -332,7 +353,6 @@ impl Bench {
             self.decoder = Decoder::default();
             self.outgoing.clear();
             self.incoming.clear();
-            self.late.clear();
         }
     }
 
@@ -352,22 +372,11 @@ impl Bench {
 
     fn send(&mut self, frames: Vec<Frame>, now: Duration) {
         for frame in frames {
-            let bytes = encode(&frame);
-            if self.wire.answer_delay_ms > 0.0 {
-                let due = now + Duration::from_secs_f64(self.wire.answer_delay_ms * 1e-3);
-                self.late.push_back((due, bytes));
-            } else {
-                self.transmit(&bytes, now);
-            }
+            self.wire_to_host.push(&encode(&frame), now);
         }
-    }
-
-    fn transmit(&mut self, bytes: &[u8], now: Duration) {
-        if self.outgoing.len() + bytes.len() <= FRAMES_WAIT {
-            let share = self.wire.lost_to_host_per_million;
-            let kept = lose(bytes, share, &mut self.line_dice);
-            self.outgoing.push(kept, now);
-        }
+        let echo = self.wire_to_host.take_echo();
+        self.incoming.push(echo, now);
+        self.carry(now);
     }
 
     fn wake_sleepers(&mut self) {
@@ -381,12 +390,4 @@ impl Bench {
             }
         });
     }
-}
-
-/// The bytes that get through a line that loses some.
-fn lose(bytes: &[u8], lost_per_million: f64, dice: &mut Dice) -> Vec<u8> {
-    if lost_per_million <= 0.0 {
-        return bytes.to_vec();
-    }
-    bytes.iter().copied().filter(|_| dice.between(0.0, 1e6) >= lost_per_million).collect()
 }
