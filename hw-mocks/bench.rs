@@ -5,7 +5,6 @@
 //! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
 //! everything said before has left through the port.
 
-use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
@@ -23,7 +22,8 @@ use crate::can::{CanBus, Heard};
 use crate::devices::inertial::SensorModels;
 use crate::line::Line;
 use crate::noise::{Dice, Source};
-use crate::personality::{Personality, WireFaults};
+use crate::personality::Personality;
+use crate::wire_faults::FaultyWire;
 use crate::world::{Axis, Influence, Sign, Site, World};
 
 /// Samples waiting for so much time of the line, beyond which the board drops new ones.
@@ -35,6 +35,10 @@ const SAMPLES_AHEAD_S: f64 = 0.025;
 const FRAMES_WAIT: usize = 256 * 1024;
 /// Bytes taken from the host ahead of the line's pace.
 const INPUT_WAIT: usize = 4096;
+
+/// At maximum speed bench time stands for so long after a loss on the line: the host's wait before it asks again is
+/// link time, and minutes of the board's would pass in it.
+const REPAIR: Duration = Duration::from_millis(125);
 
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,14 +148,15 @@ pub struct Bench {
     decoder: Decoder,
     incoming: Line,
     outgoing: Line,
-    /// Answers of a board that is late with them.
-    late: VecDeque<(Duration, Port, Frame)>,
+    /// What happens to bytes before they reach `incoming`, and behind the board before `outgoing`.
+    wire_to_board: FaultyWire,
+    wire_to_host: FaultyWire,
+    /// Link time that a loss on the line takes to be noticed, during which bench time stands at maximum speed.
+    repaired_at: Duration,
     sleepers: Vec<Sleeper>,
     /// Rate of the line; `None` for one without pace.
     pace: Option<f64>,
     speed: Speed,
-    wire: WireFaults,
-    line_dice: Dice,
 }
 
 impl Bench {
@@ -165,36 +170,38 @@ impl Bench {
             Speed::Times(times) => (Some(f64::from(options.rate_baud) * times.max(1.0)), Some(times)),
             Speed::Max => (None, None),
         };
+        let wire = options.personality.model.wire;
         Self {
             slave: Slave::default(),
             can_slave: Slave::default(),
             session_on: Port::Serial,
             can_held: false,
-            can: CanBus::new(can_pace, options.personality.model.wire.can_lose_every),
+            can: CanBus::new(can_pace, wire.can_lose_every),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             decoder: Decoder::default(),
             incoming: Line::new(pace),
             outgoing: Line::new(pace),
-            late: VecDeque::new(),
+            wire_to_board: FaultyWire::new(wire.to_board, Dice::new(options.seed, Source::LineToBoard)),
+            wire_to_host: FaultyWire::new(wire.to_host, Dice::new(options.seed, Source::Line)),
+            repaired_at: Duration::ZERO,
             sleepers: Vec::new(),
             pace,
             speed: options.speed,
-            wire: options.personality.model.wire,
-            line_dice: Dice::new(options.seed, Source::Line),
         }
     }
 
     /// How many bytes [`Bench::receive`] takes now; what is more stays in the host's port.
     #[must_use]
     pub fn room(&self) -> usize {
-        INPUT_WAIT.saturating_sub(self.incoming.len())
+        INPUT_WAIT.saturating_sub(self.incoming.len() + self.wire_to_board.len())
     }
 
     /// Bytes from the host.
     pub fn receive(&mut self, bytes: &[u8], now: Duration) {
-        let share = self.wire.lost_to_board_per_million;
-        let kept = lose(bytes, share, &mut self.line_dice);
-        self.incoming.push(kept, now);
+        self.wire_to_board.push(bytes, now);
+        let echo = self.wire_to_board.take_echo();
+        self.outgoing.push(echo, now);
+        self.carry(now);
     }
 
     /// Bytes for the host that are through the line by `now`.
@@ -225,6 +232,7 @@ impl Bench {
 
     /// Lets link time pass up to `now`.
     pub fn advance(&mut self, now: Duration) {
+        self.carry(now);
         // Time first: what a request starts, starts now and not at the last look.
         if let Speed::Times(times) = self.speed {
             self.board.line_full = match self.session_on {
@@ -237,7 +245,7 @@ impl Bench {
         self.hear(now);
         self.run_bus(now);
         if self.speed == Speed::Max
-            && self.can_step()
+            && self.can_step(now)
             && let Some(next_ns) = self.next_ns()
         {
             self.board.advance(next_ns);
@@ -253,14 +261,15 @@ impl Bench {
     pub fn next_due(&self, now: Duration) -> Duration {
         let events = match self.speed {
             Speed::Times(times) => self.next_ns().map(|ns| Duration::from_nanos((ns as f64 / times).ceil() as u64)),
-            Speed::Max => (self.can_step() && self.next_ns().is_some()).then_some(now),
+            Speed::Max => (self.can_step(now) && self.next_ns().is_some()).then_some(now),
         };
-        let talk = (!self.wire.silent && !self.board.is_booting())
-            .then(|| self.slave.next_due().min(self.can_slave.next_due()));
-        let late = self.late.front().map(|(due, ..)| *due);
+        let talk = (!self.board.is_booting()).then(|| self.slave.next_due().min(self.can_slave.next_due()));
+        let wires = [self.wire_to_board.next_due(), self.wire_to_host.next_due()];
+        let repaired = (self.repaired_at > now).then_some(self.repaired_at);
         let idle = now + Duration::from_secs(1);
-        [events, talk, late, self.incoming.next_due(), self.outgoing.next_due(), self.can.next_due()]
+        [events, talk, repaired, self.incoming.next_due(), self.outgoing.next_due(), self.can.next_due()]
             .into_iter()
+            .chain(wires)
             .flatten()
             .fold(idle, Duration::min)
     }
@@ -323,13 +332,29 @@ impl Bench {
     }
 
     /// At maximum speed: whether time may move.
-    fn can_step(&self) -> bool {
+    fn can_step(&self, now: Duration) -> bool {
         let pending = self.board.has_work() || !self.sleepers.is_empty();
         let said = match self.session_on {
-            Port::Serial => self.outgoing.is_empty() && self.incoming.is_empty(),
+            Port::Serial => {
+                let lines_empty = self.outgoing.is_empty() && self.incoming.is_empty();
+                lines_empty && self.wire_to_host.is_empty() && self.wire_to_board.is_empty()
+            }
             Port::Can => self.can.is_quiet() && !self.can_held,
         };
-        pending && said && self.late.is_empty()
+        pending && said && now >= self.repaired_at
+    }
+
+    /// What the faults of the wire let through goes on; what they spoil is noted.
+    fn carry(&mut self, now: Duration) {
+        let to_board = self.wire_to_board.ready(now);
+        self.incoming.push(to_board, now);
+        let to_host = self.wire_to_host.ready(now);
+        if self.outgoing.len() + to_host.len() <= FRAMES_WAIT {
+            self.outgoing.push(to_host, now);
+        }
+        if self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed() {
+            self.repaired_at = now + REPAIR;
+        }
     }
 
     /// The next event in bench time.
@@ -342,7 +367,7 @@ impl Bench {
     fn hear(&mut self, now: Duration) {
         let bytes = self.incoming.ready(now).to_vec();
         self.incoming.consume(bytes.len());
-        if self.wire.silent || self.board.is_booting() {
+        if self.board.is_booting() {
             return;
         }
         let mut rest = bytes.as_slice();
@@ -362,7 +387,7 @@ impl Bench {
             if self.board.is_powered() {
                 self.board.module.can.echo(&frame).for_each(|echo| self.can.echo(echo));
             }
-            if self.wire.silent || self.board.is_booting() {
+            if self.board.is_booting() {
                 continue;
             }
             if let Some(Ok(frame)) = self.can.understand(&frame, now) {
@@ -398,7 +423,7 @@ impl Bench {
 
     /// What became due goes to the host.
     fn speak(&mut self, now: Duration) {
-        if !self.wire.silent && !self.board.is_booting() {
+        if !self.board.is_booting() {
             let (mut frames, mut can_frames) = (Vec::new(), Vec::new());
             self.count_link();
             self.board.line_room = match self.session_on {
@@ -411,11 +436,7 @@ impl Bench {
             self.send(Port::Serial, frames, now);
             self.send(Port::Can, can_frames, now);
         }
-        while self.late.front().is_some_and(|(due, ..)| *due <= now) {
-            if let Some((_, port, frame)) = self.late.pop_front() {
-                self.transmit(port, &frame, now);
-            }
-        }
+        self.carry(now);
     }
 
     fn after_time(&mut self) {
@@ -427,7 +448,6 @@ impl Bench {
             self.decoder = Decoder::default();
             self.outgoing.clear();
             self.incoming.clear();
-            self.late.clear();
         }
     }
 
@@ -450,25 +470,14 @@ impl Bench {
 
     fn send(&mut self, port: Port, frames: Vec<Frame>, now: Duration) {
         for frame in frames {
-            if self.wire.answer_delay_ms > 0.0 {
-                let due = now + Duration::from_secs_f64(self.wire.answer_delay_ms * 1e-3);
-                self.late.push_back((due, port, frame));
-            } else {
-                self.transmit(port, &frame, now);
+            match port {
+                Port::Serial => self.wire_to_host.push(&encode(&frame), now),
+                Port::Can => self.can.send(&frame),
             }
         }
-    }
-
-    fn transmit(&mut self, port: Port, frame: &Frame, now: Duration) {
-        if port == Port::Can {
-            return self.can.send(frame);
-        }
-        let bytes = encode(frame);
-        if self.outgoing.len() + bytes.len() <= FRAMES_WAIT {
-            let share = self.wire.lost_to_host_per_million;
-            let kept = lose(&bytes, share, &mut self.line_dice);
-            self.outgoing.push(kept, now);
-        }
+        let echo = self.wire_to_host.take_echo();
+        self.incoming.push(echo, now);
+        self.carry(now);
     }
 
     fn wake_sleepers(&mut self) {
@@ -482,12 +491,4 @@ impl Bench {
             }
         });
     }
-}
-
-/// The bytes that get through a line that loses some.
-fn lose(bytes: &[u8], lost_per_million: f64, dice: &mut Dice) -> Vec<u8> {
-    if lost_per_million <= 0.0 {
-        return bytes.to_vec();
-    }
-    bytes.iter().copied().filter(|_| dice.between(0.0, 1e6) >= lost_per_million).collect()
 }

@@ -22,6 +22,7 @@ pub mod program;
 pub mod records;
 mod requests;
 mod streams;
+mod wire_faults;
 pub mod world;
 
 pub use bench::{Bench, Options, Speed, Truth};

@@ -35,12 +35,14 @@ pub enum Source {
     Temperature = 11,
     /// Content of memories at power-on.
     Content = 12,
-    /// Bytes lost on the line.
+    /// What happens to bytes on their way to the host.
     Line = 13,
     /// 1PPS edges.
     Pps = 14,
     /// Duration of erases and writes of the internal flash.
     InternalFlash = 15,
+    /// What happens to bytes on their way to the board.
+    LineToBoard = 16,
 }
 
 /// One stream of chance.

@@ -250,7 +250,7 @@ fn parse_signed_axis(text: &str) -> Result<(Axis, Sign), String> {
 fn describe(truth: &Truth) -> String {
     let vector = |vector: &nalgebra::Vector3<f64>| format!("{:.6} {:.6} {:.6}", vector.x, vector.y, vector.z);
     format!(
-        "ok\nboard_time_us {}\nutc_s {:.3}\npowered {}\nrestarts {}\nhas_fix {}\nswitches {:?}\nforce {}\nrate_dps \
+        "ok\nboard_time_us {}\nutc_s {:.3}\npowered {}\nrestarts {}\nhas_fix {}\nswitches {:?}\nspi_flash_erases {}\nforce {}\nrate_dps \
          {}\nfield_gauss {}\ntemperature_c {:.2}",
         truth.board_time_us,
         truth.utc_s,
@@ -258,6 +258,7 @@ fn describe(truth: &Truth) -> String {
         truth.restarts,
         truth.has_fix,
         truth.switches,
+        truth.spi_flash_erases,
         vector(&truth.influence.force),
         vector(&truth.influence.rate_rps.map(f64::to_degrees)),
         vector(&truth.influence.field_gauss),

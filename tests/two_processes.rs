@@ -2,7 +2,7 @@
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use gnc_tests::{Place, bad_items, functional_plan};
@@ -43,6 +43,17 @@ impl Board {
         let mut line = String::new();
         self.stdout.read_line(&mut line).expect("its answer");
         assert_eq!(line.trim(), "ok", "{command}");
+    }
+
+    /// A figure of what really is.
+    fn truth(&mut self, name: &str) -> u64 {
+        self.command("truth");
+        for line in self.stdout.by_ref().lines() {
+            if let Some(figure) = line.expect("a figure").strip_prefix(name) {
+                return figure.trim().parse().expect("a number");
+            }
+        }
+        unreachable!("the truth without {name}");
     }
 
     fn bench_file(&self) -> String {
@@ -127,4 +138,31 @@ fn a_port_that_vanishes_is_the_bench_s_fault() {
     assert_eq!(outcome("io"), Some("not_run".into()));
     let error = record["items"][4]["attempts"][0]["error"]["text"].as_str().expect("an error").to_owned();
     assert!(error.contains("the port is gone"), "{error}");
+}
+
+/// A result that the line lost is asked for before the board forgets it: each attempt erases once, however many other
+/// requests end meanwhile.
+#[test]
+fn a_flash_is_not_erased_again_because_an_answer_was_lost() {
+    let folder = Place::new(STATION);
+    let lossy = "description = \"A tenth of the answers is lost.\"\n[wire.to_host]\nlost_frames_per_million = 1e5\n";
+    let lossy = folder.write("lossy.toml", lossy).display().to_string();
+    let check = &|seed: u32| {
+        let seed = seed.to_string();
+        let mut board = Board::start(&[&lossy, "--serial-number", "SIM-0001", "--speed", "max", "--seed", &seed]);
+        let place = Place::new(STATION);
+        place.write("bench.toml", &board.bench_file());
+        let outcome = place.run(args("identity,cpu,spi-flash,io"));
+        let record = place.record();
+        let items = record["items"].as_array().expect("items");
+        let flash = items.iter().find(|item| item["id"] == "spi-flash").expect("spi-flash");
+        let attempts = flash["attempts"].as_array().expect("attempts").len() as u64;
+        let erases = board.truth("spi_flash_erases");
+        assert!(erases <= attempts, "seed {seed}: {erases} erases in {attempts} attempts\n{}", outcome.stdout);
+    };
+    std::thread::scope(|scope| {
+        for seed in 1..=8 {
+            scope.spawn(move || check(seed));
+        }
+    });
 }

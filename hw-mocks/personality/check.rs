@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::Vector3;
 use toml::Spanned;
 
-use super::{Model, RebootTrigger, WireFaults, raw};
+use super::{Model, RebootTrigger, raw};
 use crate::devices::ad::Rails;
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
@@ -17,6 +17,7 @@ use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
+use crate::wire_faults::{WireFaults, WireRates};
 use crate::world::Axis;
 
 /// Names of devices that a trigger may wait for.
@@ -327,13 +328,31 @@ impl raw::Io {
 
 impl raw::Wire {
     fn check(&self) -> Result<WireFaults, Mistake> {
-        let share = |value: Option<&Spanned<f64>>, name| number(value, name, 0.0, 1e6, 0.0);
         Ok(WireFaults {
-            silent: self.silent,
-            answer_delay_ms: number(self.answer_delay_ms.as_ref(), "answer_delay_ms", 0.0, 60_000.0, 0.0)?,
-            lost_to_host_per_million: share(self.lost_to_host_per_million.as_ref(), "lost_to_host_per_million")?,
-            lost_to_board_per_million: share(self.lost_to_board_per_million.as_ref(), "lost_to_board_per_million")?,
+            to_host: self.to_host.as_ref().unwrap_or(&self.both).check()?,
+            to_board: self.to_board.as_ref().unwrap_or(&self.both).check()?,
             can_lose_every: count(self.can_lose_every.as_ref(), "can_lose_every")?,
+        })
+    }
+}
+
+impl raw::Direction {
+    fn check(&self) -> Result<WireRates, Mistake> {
+        let share = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 1e6, 0.0);
+        let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);
+        Ok(WireRates {
+            lost_bytes: share(&self.lost_bytes_per_million, "lost_bytes_per_million")?,
+            flipped_bits: share(&self.flipped_bits_per_million, "flipped_bits_per_million")?,
+            lost_frames: share(&self.lost_frames_per_million, "lost_frames_per_million")?,
+            cut_frames: share(&self.cut_frames_per_million, "cut_frames_per_million")?,
+            doubled_frames: share(&self.doubled_frames_per_million, "doubled_frames_per_million")?,
+            overtaken_frames: share(&self.overtaken_frames_per_million, "overtaken_frames_per_million")?,
+            delayed_frames: share(&self.delayed_frames_per_million, "delayed_frames_per_million")?,
+            delay_ms: span(&self.delay_ms, "delay_ms")?,
+            stalled_frames: share(&self.stalled_frames_per_million, "stalled_frames_per_million")?,
+            stall_ms: span(&self.stall_ms, "stall_ms")?,
+            babbled_frames: share(&self.babbled_frames_per_million, "babbled_frames_per_million")?,
+            echoed_frames: share(&self.echoed_frames_per_million, "echoed_frames_per_million")?,
         })
     }
 }

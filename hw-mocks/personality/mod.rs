@@ -90,12 +90,25 @@
 //! tx_error_every = 4                   # test frames: sent again, and counted
 //! bus_off_after = 100                  # test frames
 //!
-//! [wire]                               # between board and host
-//! silent = true
-//! answer_delay_ms = 80.0               # link time
-//! lost_to_host_per_million = 100.0     # bytes
-//! lost_to_board_per_million = 100.0
+//! [wire]
 //! can_lose_every = 50                  # CAN frames towards the host
+//!
+//! [wire.both]                          # each way between host and board; chance comes from the seed
+//! lost_bytes_per_million = 100.0
+//! flipped_bits_per_million = 10.0
+//! lost_frames_per_million = 1000.0
+//! cut_frames_per_million = 1000.0      # the rest of the frame is lost
+//! doubled_frames_per_million = 1000.0
+//! overtaken_frames_per_million = 1000.0 # by one to three frames sent later
+//! delayed_frames_per_million = 1000.0
+//! delay_ms = 80.0                      # link time; what is sent later waits too
+//! stalled_frames_per_million = 1000.0  # the line stands still in the middle of one
+//! stall_ms = 300.0
+//! babbled_frames_per_million = 1000.0  # garbage before them
+//! echoed_frames_per_million = 1000.0   # they come back to their sender too
+//!
+//! [wire.to_host]                       # [wire.to_board] alike: stands for all of [wire.both] in this direction
+//! lost_frames_per_million = 1e6
 //!
 //! [reboot]
 //! on = "sdram"                         # at a request to this device ...
@@ -127,6 +140,7 @@ use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::SupplyModel;
+use crate::wire_faults::WireFaults;
 
 /// A personality, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -172,17 +186,6 @@ pub(crate) struct RebootTrigger {
     pub(crate) nth: Option<u32>,
     pub(crate) after_ms: f64,
     pub(crate) at_board_time_s: Option<f64>,
-}
-
-/// Faults of the line between board and host.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct WireFaults {
-    pub(crate) silent: bool,
-    pub(crate) answer_delay_ms: f64,
-    pub(crate) lost_to_host_per_million: f64,
-    pub(crate) lost_to_board_per_million: f64,
-    /// Every so many CAN frames towards the host one is lost; 0: none.
-    pub(crate) can_lose_every: u32,
 }
 
 /// Everything about board and module that a personality may set.

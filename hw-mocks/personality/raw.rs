@@ -198,11 +198,27 @@ pub(super) struct Can {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Wire {
-    pub(super) silent: bool,
-    pub(super) answer_delay_ms: Option<Spanned<f64>>,
-    pub(super) lost_to_host_per_million: Option<Spanned<f64>>,
-    pub(super) lost_to_board_per_million: Option<Spanned<f64>>,
+    pub(super) both: Direction,
+    pub(super) to_host: Option<Direction>,
+    pub(super) to_board: Option<Direction>,
     pub(super) can_lose_every: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Direction {
+    pub(super) lost_bytes_per_million: Option<Spanned<f64>>,
+    pub(super) flipped_bits_per_million: Option<Spanned<f64>>,
+    pub(super) lost_frames_per_million: Option<Spanned<f64>>,
+    pub(super) cut_frames_per_million: Option<Spanned<f64>>,
+    pub(super) doubled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) overtaken_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delayed_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delay_ms: Option<Spanned<f64>>,
+    pub(super) stalled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) stall_ms: Option<Spanned<f64>>,
+    pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) echoed_frames_per_million: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -31,6 +31,8 @@ pub struct Cli {
 enum Command {
     /// Lists the serial ports that are there.
     Ports,
+    /// Computes calibrations, deviations and spectra from a record.
+    Compute(crate::compute::Args),
     /// Looks at plans without running them.
     Plan {
         #[command(subcommand)]
@@ -170,6 +172,7 @@ pub fn main() -> ExitCode {
         }
     };
     match cli.command {
+        Some(Command::Compute(args)) => crate::compute::run(&args),
         Some(Command::Ports) => crate::ports::run(),
         Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {
             crate::check::run(&plans, bench.as_deref(), sim)

@@ -414,6 +414,11 @@ impl Run<'_> {
             }
             Ok(Ok(boot_id)) => {
                 if boot_id != before {
+                    if culprit.is_none() {
+                        // Also where the line hid it: whose request it was will not be known, unless it happens again.
+                        self.unexplained_restart.set(true);
+                        self.one_by_one.set(true);
+                    }
                     let (item, boot_id) = (culprit.clone(), format!("{boot_id:08x}"));
                     self.journal.emit(EventKind::BoardRebooted { item, boot_id }).await?;
                 }
@@ -513,10 +518,11 @@ impl Run<'_> {
         }
         let received = report.received;
         let damaged = received.bad_checksum + received.malformed;
-        if damaged + received.missing + report.resent > 0 {
+        if damaged + received.missing + report.resent + report.stale > 0 {
             let text = format!(
-                "the line was not clean: {} frames received, {damaged} damaged, {} missing, {} requests sent again",
-                received.frames, received.missing, report.resent
+                "the line was not clean: {} frames received, {damaged} damaged, {} missing, {} late or twice; {} \
+                 requests sent again",
+                received.frames, received.missing, report.stale, report.resent
             );
             self.note(Level::Warning, text, None).await?;
         }

@@ -234,8 +234,7 @@ fn an_imu_stream_fits_at_1_khz_and_not_twice_over() {
 fn the_session_belongs_to_the_link_of_its_hello() {
     let mut host = CanHost::powered("good", Speed::Max);
     let hello = HostHello { magic: MAGIC, lowest: 1, highest: 1, nonce: 2 };
-    let header =
-        Header { version: 0, kind: Kind::Hello, flags: Flags::default(), request: 0, message: 0, sequence: 0 };
+    let header = Header { version: 0, kind: Kind::Hello, flags: Flags::default(), request: 0, message: 0, sequence: 0 };
     let bytes = gnc_protocol::serial::encode(&Frame { header, payload: hello.to_payload().unwrap() });
     host.bench.receive(&bytes, host.now);
     host.turn();

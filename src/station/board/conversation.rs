@@ -3,8 +3,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use gnc_protocol::message::{Accept, BoardHello, Heartbeat, HostHello, MAGIC, Nak, Progress, ResultHead, event};
+use gnc_protocol::message::{
+    Abort, Accept, BoardHello, Call as _, Heartbeat, HostHello, MAGIC, MakeSafe, Nak, Progress, ResultHead, event,
+};
 use gnc_protocol::serial::LineCounters;
+use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use gnc_protocol::stream::{StreamFrame, StreamId};
 use gnc_protocol::timing;
 use gnc_protocol::wire::{Reader, Text, Wire};
@@ -12,6 +15,7 @@ use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERS
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
+use super::stream::Newest;
 use super::{Advance, BoardError, Pulse};
 use crate::link::Link;
 
@@ -23,6 +27,10 @@ const HELLO_TRIES: u32 = 8;
 const HELLO_EVERY: Duration = Duration::from_millis(250);
 /// Three heartbeats missed.
 const SILENT_AFTER: Duration = Duration::from_millis(3500);
+/// Requests that may end while another one is unresolved before the board is asked about that one, and nothing new is
+/// begun until it has answered. Those that are in flight then may end too, and all of them must fit into the board's
+/// memory of results, or a request whose result was lost would be done a second time.
+const ENDED_SINCE: u32 = (KEPT_RESULTS - MAX_RUNNING) as u32;
 
 type AnswerSender = oneshot::Sender<Result<Answer, BoardError>>;
 type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
@@ -70,6 +78,8 @@ pub struct LinkReport {
     pub sent: u32,
     /// Of those, requests sent again.
     pub resent: u32,
+    /// Stream frames that came twice, or behind later ones, and were dropped.
+    pub stale: u32,
 }
 
 #[derive(Debug)]
@@ -84,6 +94,22 @@ struct Pending {
     since: Instant,
     due: Instant,
     expected_ms: u32,
+    /// Requests that ended since this one was last known to run.
+    ended_since: u32,
+    /// It is asked about only because of those.
+    inquiry: bool,
+}
+
+impl Pending {
+    /// It may have ended so long ago that the board soon forgets its result.
+    fn is_in_doubt(&self) -> bool {
+        self.asked > 0 && self.ended_since >= ENDED_SINCE && !self.answer.is_closed()
+    }
+
+    /// Not begun, and it may wait until nothing is in doubt; what makes safe never waits.
+    fn can_be_held_back(&self) -> bool {
+        self.asked == 0 && self.message != MakeSafe::ID && self.message != Abort::ID
+    }
 }
 
 #[derive(Debug)]
@@ -104,10 +130,13 @@ pub(super) struct Conversation {
     greeting: Option<Greeting>,
     /// Nonce and boot id of the open session.
     session: Option<(u32, u32)>,
+    /// Boot id of the last session.
+    last_boot_id: Option<u32>,
     /// The board said that it knows of no session, and was asked why.
     in_doubt: bool,
     pending: Vec<Pending>,
     streams: Vec<(StreamId, StreamSender)>,
+    newest: Newest,
     /// Frames for a listener who is behind; the line is not read meanwhile.
     held: VecDeque<(StreamId, Box<StreamFrame>)>,
     sequence: u16,
@@ -125,9 +154,11 @@ impl Conversation {
             pulse,
             greeting: None,
             session: None,
+            last_boot_id: None,
             in_doubt: false,
             pending: Vec::new(),
             streams: Vec::new(),
+            newest: Newest::default(),
             held: VecDeque::new(),
             sequence: 0,
             keep_alive_due: now,
@@ -168,7 +199,9 @@ impl Conversation {
     }
 
     fn next_due(&self) -> Instant {
-        let requests = self.pending.iter().map(|pending| pending.due).min();
+        let held_back = self.pending.iter().any(Pending::is_in_doubt);
+        let sendable = self.pending.iter().filter(|pending| !(held_back && pending.can_be_held_back()));
+        let requests = sendable.map(|pending| pending.due).min();
         let greeting = self.greeting.as_ref().map(|greeting| greeting.due);
         let silent = self.session.map(|_| self.heard + SILENT_AFTER);
         [requests, greeting, silent].into_iter().flatten().fold(self.keep_alive_due, Instant::min)
@@ -197,6 +230,8 @@ impl Conversation {
                     since: now,
                     due: now,
                     expected_ms: 0,
+                    ended_since: 0,
+                    inquiry: false,
                 });
             }
             Command::Listen { stream, sender } => {
@@ -248,6 +283,7 @@ impl Conversation {
 
     /// Sends what nobody answered again, under the same id: the board replays a result that was lost.
     fn ask_again(&mut self, now: Instant) {
+        let held_back = self.pending.iter().any(Pending::is_in_doubt);
         let mut index = 0;
         while index < self.pending.len() {
             let pending = &mut self.pending[index];
@@ -255,7 +291,7 @@ impl Conversation {
                 self.pending.swap_remove(index);
                 continue;
             }
-            if now < pending.due {
+            if now < pending.due || held_back && pending.can_be_held_back() {
                 index += 1;
                 continue;
             }
@@ -267,12 +303,14 @@ impl Conversation {
                 continue;
             }
             let flags = if pending.asked == 0 { Flags::default() } else { Flags::RESENT };
+            // To be asked how it stands is no sign of a loss, the first time.
+            let lost = pending.asked > 1 || pending.asked == 1 && !std::mem::take(&mut pending.inquiry);
             pending.asked += 1;
             // The answer may have to wait behind a full frame of a stream.
             let wire = self.link.exchange_time(pending.payload.len());
             pending.due = now + (timing::ACCEPT_WITHIN + wire + HOST_SLACK) * pending.asked;
             let (request, message, payload) = (pending.request, pending.message, pending.payload.clone());
-            self.report.resent += u32::from(flags == Flags::RESENT);
+            self.report.resent += u32::from(lost);
             self.send(Kind::Request, flags, request, message, &payload);
             index += 1;
         }
@@ -280,8 +318,12 @@ impl Conversation {
 
     fn receive(&mut self, frame: &Frame) {
         let now = Instant::now();
-        self.heard = now;
         let Header { kind, request, message, .. } = frame.header;
+        // Our own words come back: an echo on the line. They are no sign of a living board.
+        if kind == Kind::Request || kind == Kind::Event && message == event::KEEP_ALIVE {
+            return;
+        }
+        self.heard = now;
         match kind {
             Kind::Hello => self.hello(&frame.payload),
             Kind::Accept => self.accepted(request, &frame.payload, now),
@@ -290,7 +332,6 @@ impl Conversation {
             Kind::Nak => self.refused(request, message, &frame.payload),
             Kind::Stream => self.streamed(&frame.payload),
             Kind::Event => self.event(message, &frame.payload),
-            // Our own words come back: an echo on the line. Nobody waits for them.
             Kind::Request => {}
         }
     }
@@ -319,6 +360,10 @@ impl Conversation {
             let _ = greeting.answer.send(Err(error));
             return;
         }
+        if self.last_boot_id.replace(hello.boot_id) != Some(hello.boot_id) {
+            // Its clock began anew.
+            self.newest = Newest::default();
+        }
         self.session = Some((hello.nonce, hello.boot_id));
         self.in_doubt = false;
         self.link.restart_sequence();
@@ -329,6 +374,9 @@ impl Conversation {
     fn accepted(&mut self, request: u16, payload: &[u8], now: Instant) {
         let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
+        // It runs: what was lost before no longer counts.
+        pending.asked = 1;
+        pending.ended_since = 0;
         if let Ok(accept) = Accept::from_payload(payload) {
             pending.expected_ms = accept.expected_ms;
             pending.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
@@ -340,6 +388,7 @@ impl Conversation {
         pending.due = now + timing::PROGRESS_LOST_AFTER;
         // A sign of life: what was lost before it no longer counts.
         pending.asked = 1;
+        pending.ended_since = 0;
         if let Ok(Progress { done_permille, elapsed_ms }) = Progress::from_payload(payload) {
             let expected_ms = pending.expected_ms;
             pending.advance.send_replace(Advance { done_permille, elapsed_ms, expected_ms });
@@ -372,6 +421,10 @@ impl Conversation {
         let Ok(nak) = Nak::from_payload(payload) else { return };
         let code = NakCode::from_number(nak.code);
         if let (Some(NakCode::NoSession), Some((nonce, _))) = (code, self.session) {
+            // About a request of an earlier session it says nothing of this one.
+            if !self.pending.iter().any(|pending| pending.request == request) {
+                return;
+            }
             // The answer tells whether it restarted.
             self.in_doubt = true;
             return self.say_hello(nonce);
@@ -408,6 +461,7 @@ impl Conversation {
 
     fn restarted(&mut self, before: u32, after: u32) {
         self.session = None;
+        self.newest = Newest::default();
         let during = self.pending.iter().map(|pending| pending.what).collect::<Vec<_>>().join(", ");
         let during = if during.is_empty() { "no request".to_owned() } else { during };
         for pending in self.pending.drain(..) {
@@ -420,6 +474,10 @@ impl Conversation {
     fn streamed(&mut self, payload: &[u8]) {
         let Ok(frame) = StreamFrame::from_payload(payload) else { return };
         let Some(id) = StreamId::from_number(frame.head.stream) else { return };
+        if !self.newest.admit(id, &frame.head) {
+            self.report.stale += 1;
+            return;
+        }
         let Some(sender) = self.sender_of(id) else { return };
         match sender.try_send(Ok(Box::new(frame))) {
             Ok(()) => {}
@@ -442,9 +500,20 @@ impl Conversation {
         self.streams.iter().find(|(other, _)| *other == id).map(|(_, sender)| sender.clone())
     }
 
+    /// The request that an answer ends; for the others it is one more that ended since.
     fn take(&mut self, request: u16, message: u16) -> Option<Pending> {
         let matches = |pending: &Pending| pending.request == request && pending.message == message;
-        self.pending.iter().position(matches).map(|index| self.pending.swap_remove(index))
+        let index = self.pending.iter().position(matches)?;
+        let taken = self.pending.swap_remove(index);
+        let now = Instant::now();
+        for other in self.pending.iter_mut().filter(|other| other.asked > 0) {
+            other.ended_since += 1;
+            if other.ended_since == ENDED_SINCE {
+                other.inquiry = other.asked == 1;
+                other.due = now;
+            }
+        }
+        Some(taken)
     }
 
     fn fail_all(&mut self, error: &BoardError) {

@@ -3,13 +3,13 @@
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
 
-use gnc_protocol::message::{Abort, Call, StreamStop, StreamStopReply};
+use gnc_protocol::message::{Abort, Call, StreamStop};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::conversation::{Answer, Command};
-use super::stream::Stream;
+use super::stream::{Closed, Stream};
 use super::{Advance, Board, BoardError, gone};
 use crate::link::can::Tap;
 
@@ -77,16 +77,16 @@ impl<'a> Desk<'a> {
         Ok(Stream::new(stream, frames, self.board.pulse()))
     }
 
-    /// Ends a stream and listens no longer.
+    /// Ends a stream and says where its samples are, those included that came while it was being ended.
     ///
     /// # Errors
     /// [`BoardError`].
-    pub async fn stop_stream(&self, stream: Stream) -> Result<StreamStopReply, BoardError> {
+    pub async fn stop_stream(&self, stream: Stream) -> Result<Closed, BoardError> {
         let id = stream.id();
-        drop(stream);
-        let reply = self.call(&StreamStop { stream: id as u8 }).await?;
+        let stop = StreamStop { stream: id as u8 };
+        let closed = stream.close(self.call(&stop)).await?;
         self.streams.borrow_mut().retain(|open| *open != id);
-        Ok(reply)
+        Ok(closed)
     }
 
     /// Tells people how far a capture is.

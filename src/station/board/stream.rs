@@ -1,13 +1,20 @@
 //! Listening to a stream of the board.
 
-use gnc_protocol::stream::{StreamFrame, StreamId};
+use std::time::Duration;
+
+use gnc_protocol::message::StreamStopReply;
+use gnc_protocol::stream::{StreamFrame, StreamHead, StreamId};
 use tokio::sync::{mpsc, watch};
+use tokio::time::Instant;
 
 use super::{BoardError, Pulse};
 
 /// The board's clock may be this far ahead of the last sample before a stream counts as stopped: twice the time
 /// between two heartbeats.
 const BEHIND_US: u64 = 2_000_000;
+/// Heartbeats over so much link time with a board clock that stands: nothing goes on there any more, as at the end of
+/// a stream whose last frame was lost on a simulated bench at full speed.
+const STANDS_FOR: Duration = Duration::from_millis(1500);
 
 /// Frames of one stream, in the order they came.
 #[derive(Debug)]
@@ -16,6 +23,8 @@ pub struct Stream {
     frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
     pulse: watch::Receiver<Pulse>,
     seen_us: u64,
+    /// The last heartbeat's board time, and since when it is that.
+    beat_us: Option<(u64, Instant)>,
     losses: Losses,
 }
 
@@ -30,11 +39,44 @@ pub struct Losses {
     pub on_line: u32,
 }
 
+/// The account of a stream that was stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Closed {
+    /// Samples (bytes) that the board produced.
+    pub produced: u32,
+    /// Where they are.
+    pub losses: Losses,
+}
+
 impl Losses {
     /// Whether any sample is missing.
     #[must_use]
     pub fn any(&self) -> bool {
         self.on_board + self.on_line > 0
+    }
+}
+
+/// The newest frame of each stream in this start of the board: board time and first sample.
+#[derive(Debug, Default)]
+pub(super) struct Newest(Vec<(StreamId, (u64, u32))>);
+
+impl Newest {
+    /// Whether a frame is newer than all before it. One that came already, or that later ones overtook, is no more
+    /// data: its samples are counted, as received or as lost. Board time goes on from one run of a stream to the
+    /// next, and `first` within one.
+    pub(super) fn admit(&mut self, stream: StreamId, head: &StreamHead) -> bool {
+        let key = (head.board_time_us, head.first);
+        match self.0.iter_mut().find(|(other, _)| *other == stream) {
+            Some((_, newest)) if key <= *newest => false,
+            Some((_, newest)) => {
+                *newest = key;
+                true
+            }
+            None => {
+                self.0.push((stream, key));
+                true
+            }
+        }
     }
 }
 
@@ -44,7 +86,7 @@ impl Stream {
         frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
         pulse: watch::Receiver<Pulse>,
     ) -> Self {
-        Self { id, frames, pulse, seen_us: 0, losses: Losses::default() }
+        Self { id, frames, pulse, seen_us: 0, beat_us: None, losses: Losses::default() }
     }
 
     /// Which stream.
@@ -65,8 +107,8 @@ impl Stream {
         self.pulse.borrow().board_time_us.max(self.seen_us)
     }
 
-    /// The next frame. `None`: the board's clock went on for two seconds without one. Frames and heartbeats come
-    /// down the same line in order, so whatever was sent before a heartbeat has come, or is lost.
+    /// The next frame. `None`: the board's clock went on for two seconds without one, or stands. Frames and heartbeats
+    /// come down the same line in order, so whatever was sent before a heartbeat has come, or is lost.
     ///
     /// # Errors
     /// The reason for which the conversation ended, if it did.
@@ -87,13 +129,52 @@ impl Stream {
                         return Err(super::gone());
                     }
                     let now_us = self.pulse.borrow_and_update().board_time_us;
-                    if now_us > self.seen_us + BEHIND_US && self.frames.is_empty() {
+                    let stands = self.stands(now_us);
+                    if (stands || now_us > self.seen_us + BEHIND_US) && self.frames.is_empty() {
                         self.seen_us = now_us;
                         return Ok(None);
                     }
                 }
             }
         }
+    }
+
+    /// Whether heartbeats have told the same board time for long.
+    fn stands(&mut self, now_us: u64) -> bool {
+        match self.beat_us {
+            Some((before_us, since)) if before_us == now_us => since.elapsed() >= STANDS_FOR,
+            _ => {
+                self.beat_us = Some((now_us, Instant::now()));
+                false
+            }
+        }
+    }
+
+    /// Waits for the figures of the board's end of the stream, counts what still comes meanwhile, and closes the
+    /// account: what the board produced and what is neither here nor dropped there was lost on the line.
+    pub(super) async fn close(
+        mut self,
+        stopped: impl Future<Output = Result<StreamStopReply, BoardError>>,
+    ) -> Result<Closed, BoardError> {
+        tokio::pin!(stopped);
+        let board = loop {
+            tokio::select! {
+                // Frames left the board before the answer and come before it.
+                biased;
+                frame = self.frames.recv() => match frame {
+                    Some(frame) => self.account(&*frame?),
+                    None => break stopped.await?,
+                },
+                board = &mut stopped => break board?,
+            }
+        };
+        while let Ok(frame) = self.frames.try_recv() {
+            self.account(&*frame?);
+        }
+        self.losses.on_board = board.dropped;
+        let Losses { received, on_board, .. } = self.losses;
+        self.losses.on_line = board.produced.saturating_sub(received.saturating_add(on_board));
+        Ok(Closed { produced: board.produced, losses: self.losses })
     }
 
     fn account(&mut self, frame: &StreamFrame) {
@@ -111,7 +192,6 @@ impl Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gnc_protocol::stream::StreamHead;
 
     fn frame(first: u32, count: u16, dropped: u32) -> StreamFrame {
         let head = StreamHead { first, count, dropped, ..StreamHead::default() };
@@ -128,5 +208,32 @@ mod tests {
             stream.account(&part);
         }
         assert_eq!(stream.losses(), Losses { received: 30, on_board: 5, on_line: 10 });
+    }
+    /// Doubled and overtaken frames are no more data, those of a stream's next run are.
+    #[test]
+    fn only_what_is_new_is_admitted() {
+        let mut newest = Newest::default();
+        let mut admit = |stream, board_time_us, first| {
+            newest.admit(stream, &StreamHead { board_time_us, first, ..StreamHead::default() })
+        };
+        assert!(admit(StreamId::Gnss, 100, 0));
+        assert!(!admit(StreamId::Gnss, 100, 0), "twice");
+        assert!(admit(StreamId::Gnss, 100, 492), "one epoch in two frames");
+        assert!(admit(StreamId::Pps, 50, 0), "another stream");
+        assert!(admit(StreamId::Gnss, 300, 1400));
+        assert!(!admit(StreamId::Gnss, 200, 900), "overtaken");
+        assert!(admit(StreamId::Gnss, 900, 0), "the next run");
+    }
+
+    /// Frames 0-9 come, 10-19 are lost while the stream is being ended: only the board's figures tell.
+    #[tokio::test]
+    async fn the_last_frame_is_missed_too() {
+        let (sender, frames) = mpsc::channel(1);
+        let (_beat, pulse) = watch::channel(Pulse::default());
+        let stream = Stream::new(StreamId::Imu, frames, pulse);
+        sender.try_send(Ok(Box::new(frame(0, 10, 0)))).ok();
+        let closed = stream.close(async { Ok(StreamStopReply { produced: 20, dropped: 0 }) }).await;
+        let losses = Losses { received: 10, on_board: 0, on_line: 10 };
+        assert_eq!(closed, Ok(Closed { produced: 20, losses }));
     }
 }

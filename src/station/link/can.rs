@@ -300,3 +300,103 @@ impl CanLink {
         self.bus.close().await;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gnc_protocol::message::{Identity, SciEcho};
+    use gnc_protocol::wire::Wire as _;
+    use gnc_protocol::{Call as _, Flags, Header, Kind, PROTOCOL_VERSION};
+
+    fn request(message: u16) -> Frame {
+        let data = (0..=255).collect();
+        let payload = if message == SciEcho::ID {
+            SciEcho { rate_baud: 115_200, data }.to_payload().expect("it fits")
+        } else {
+            gnc_protocol::Payload::new()
+        };
+        let (kind, flags) = (Kind::Request, Flags::default());
+        Frame { header: Header { version: PROTOCOL_VERSION, kind, flags, request: 1, message, sequence: 0 }, payload }
+    }
+
+    /// A board that sends every request back as if it were its own.
+    async fn mirror(mut end: MemoryEnd, echo: bool) {
+        let mut board = Endpoint::new(Role::Board);
+        while let Some(frame) = end.from_host.recv().await {
+            if let Some(back) = gnc_protocol::can::id::echo_of(frame.id()).filter(|_| echo) {
+                let back = CanFrame::new(back, frame.data()).expect("a frame");
+                let _ = end.to_host.send(back).await;
+            }
+            if let Some(Ok(heard)) = board.receive(&frame, Duration::ZERO) {
+                board.send(&heard, &mut |_| {});
+            }
+            while let Some(frame) = board.poll(Duration::ZERO) {
+                let _ = end.to_host.send(frame).await;
+            }
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn messages_and_test_frames_share_the_bus() {
+        let (mut link, end) = CanLink::in_memory();
+        let tap = link.tap().expect("the first tap");
+        assert!(link.tap().is_none(), "there is one tap");
+        let board = tokio::spawn(mirror(end, true));
+        link.send(&request(SciEcho::ID));
+        link.send(&request(Identity::ID));
+        let test = CanFrame::new(gnc_protocol::can::CanId::Standard(0x705), &[1, 2]).expect("a frame");
+        let talk = async {
+            tap.send(test).await.expect("the bus");
+            tap.receive().await.expect("the bus")
+        };
+        let messages = async {
+            let mut heard = Vec::new();
+            while heard.len() < 2 {
+                heard.push(link.next(true).await.expect("the bus").expect("a good frame"));
+            }
+            // The test frame may still be on its way.
+            let _ = tokio::time::timeout(Duration::from_millis(100), link.next(true)).await;
+            heard
+        };
+        let (back, heard) = tokio::join!(talk, messages);
+        assert_eq!(back.id(), gnc_protocol::can::CanId::Standard(0x715));
+        assert_eq!(heard[0].payload, request(SciEcho::ID).payload);
+        assert_eq!(heard[1].header.message, Identity::ID);
+        assert_eq!(tap.errors(), Some(BusErrors::default()));
+        board.abort();
+    }
+
+    /// Dropped half way again and again, as a task does that waits for several things, it loses nothing.
+    #[tokio::test(start_paused = true)]
+    async fn nothing_is_lost_when_a_wait_is_dropped() {
+        let (mut link, end) = CanLink::in_memory();
+        let board = tokio::spawn(mirror(end, false));
+        link.send(&request(SciEcho::ID));
+        for _ in 0..10_000 {
+            tokio::select! {
+                biased;
+                heard = link.next(true) => {
+                    assert_eq!(heard.expect("the bus").expect("a good frame").payload, request(SciEcho::ID).payload);
+                    board.abort();
+                    return;
+                }
+                () = tokio::task::yield_now() => {}
+            }
+        }
+        panic!("the answer did not come");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_bus_that_is_gone_is_an_error() {
+        let (mut link, end) = CanLink::in_memory();
+        drop(end);
+        assert!(link.next(true).await.is_err());
+    }
+
+    #[test]
+    fn names_of_buses() {
+        assert_eq!(CanTarget::parse("can0"), CanTarget::Interface("can0".to_owned()));
+        assert_eq!(CanTarget::parse("slcan:/dev/ttyACM0"), CanTarget::Slcan("/dev/ttyACM0".into()));
+        assert_eq!(CanTarget::parse("slcan:/dev/ttyACM0").to_string(), "slcan:/dev/ttyACM0");
+    }
+}

@@ -9,6 +9,7 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURAT
 use gnc_protocol::wire::{Reader, Wire as _};
 
 use super::{Bench, Report, Trouble};
+use crate::board::stream::Closed;
 use crate::statistics::{mean, standard_deviation};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -67,9 +68,8 @@ async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<Vec<Imu
         }
     }
     bench.board.spent(Duration::from_secs_f64(f64::from(wanted) / f64::from(rate_hz.max(1))));
-    let losses = stream.losses();
-    let end = bench.board.stop_stream(stream).await?;
-    if samples.len() as u32 == wanted && !losses.any() && end.dropped == 0 {
+    let Closed { losses, .. } = bench.board.stop_stream(stream).await?;
+    if samples.len() as u32 == wanted && !losses.any() {
         return Ok(samples);
     }
     Err(Trouble::SamplesLost { wanted, losses })
