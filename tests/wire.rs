@@ -4,7 +4,7 @@
 //! A run that disappoints is named with its board file and seed; `--sim=FILE --seed N` repeats it, as far as wall time
 //! lets it: which frames the dice hit depends on how many there are. `GNC_WIRE_SEEDS=20` runs as many seeds of each.
 
-#![expect(clippy::expect_used, clippy::print_stderr, reason = "what cannot be set up fails the test that needs it")]
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
