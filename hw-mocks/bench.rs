@@ -11,6 +11,7 @@ use std::time::Duration;
 use gnc_protocol::frame::Frame;
 use gnc_protocol::serial::{Decoder, encode};
 use gnc_protocol::slave::{Board, Slave};
+use gnc_protocol::timing::BITS_PER_BYTE;
 use nalgebra::Matrix3;
 
 use crate::board::SimulatedBoard;
@@ -21,8 +22,11 @@ use crate::personality::Personality;
 use crate::wire_faults::FaultyWire;
 use crate::world::{Axis, Influence, Sign, Site, World};
 
-/// Bytes waiting for the line beyond which the board drops samples: 0.7 s at 921600 baud.
-const SAMPLES_WAIT: usize = 64 * 1024;
+/// Samples waiting for so much time of the line, beyond which the board drops new ones.
+const SAMPLES_WAIT_S: f64 = 0.7;
+/// Samples are handed to the line while it is busy for less than this: an ACCEPT waits so long behind them, and for
+/// one frame more, of the 50 ms and one frame that a host gives it.
+const SAMPLES_AHEAD_S: f64 = 0.025;
 /// Bytes waiting beyond which whole frames are lost: nobody has listened for long.
 const FRAMES_WAIT: usize = 256 * 1024;
 /// Bytes taken from the host ahead of the line's pace.
@@ -131,6 +135,8 @@ pub struct Bench {
     /// Link time that a loss on the line takes to be noticed, during which bench time stands at maximum speed.
     repaired_at: Duration,
     sleepers: Vec<Sleeper>,
+    /// Rate of the line; `None` for one without pace.
+    pace: Option<f64>,
     speed: Speed,
 }
 
@@ -156,6 +162,7 @@ impl Bench {
             wire_to_host: FaultyWire::new(wire.to_host, Dice::new(options.seed, Source::Line)),
             repaired_at: Duration::ZERO,
             sleepers: Vec::new(),
+            pace,
             speed: options.speed,
         }
     }
@@ -189,7 +196,7 @@ impl Bench {
         self.carry(now);
         // Time first: what a request starts, starts now and not at the last look.
         if let Speed::Times(times) = self.speed {
-            self.board.line_full = self.outgoing.len() > SAMPLES_WAIT;
+            self.board.line_full = self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S);
             self.board.advance((now.as_nanos() as f64 * times) as u64);
             self.after_time();
         }
@@ -332,6 +339,7 @@ impl Bench {
         if !self.board.is_booting() {
             let mut frames = Vec::new();
             self.count_link();
+            self.board.line_room = self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len());
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
             self.send(frames, now);
         }
@@ -346,6 +354,12 @@ impl Bench {
             self.outgoing.clear();
             self.incoming.clear();
         }
+    }
+
+    /// Bytes that the line carries in some time; without pace there is no end to them.
+    fn line_bytes(&self, span_s: f64) -> usize {
+        let bytes = |rate_baud: f64| (rate_baud / f64::from(BITS_PER_BYTE) * span_s) as usize;
+        self.pace.map_or(usize::MAX, bytes)
     }
 
     fn count_link(&mut self) {

@@ -1,7 +1,10 @@
 //! Streams: samples taken by the board's clock and packed into frames.
 
 use gnc_protocol::message::{StreamStart, StreamStopReply};
-use gnc_protocol::stream::{Format, ImuSample, MAX_SAMPLE_BYTES, PpsCapture, StreamFrame, StreamHead, StreamId};
+use gnc_protocol::serial::on_wire;
+use gnc_protocol::stream::{
+    Format, ImuSample, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId,
+};
 use gnc_protocol::wire::Wire;
 
 use crate::requests::samples_per_frame;
@@ -131,6 +134,11 @@ impl Stream {
     pub(crate) fn drop_frame(&mut self, frame: &StreamFrame) {
         self.dropped = self.dropped.wrapping_add(u32::from(frame.head.count));
     }
+}
+
+/// Bytes of a frame on the line, at most.
+pub(crate) fn stream_bytes(frame: &StreamFrame) -> usize {
+    on_wire(STREAM_HEAD + frame.samples.len())
 }
 
 /// How the samples of a stream are laid out.

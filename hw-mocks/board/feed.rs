@@ -10,7 +10,7 @@ use super::finish::body;
 use super::{CAPTURE_NS, SimulatedBoard};
 use crate::devices::gnss::{EPOCHS_HZ, LATENCY_S};
 use crate::requests::{self, samples_per_frame};
-use crate::streams::{Stream, format_of};
+use crate::streams::{Stream, format_of, stream_bytes};
 
 impl SimulatedBoard {
     pub(super) fn start_stream(&mut self, start: &StreamStart) -> Result<Payload, Fault> {
@@ -38,18 +38,56 @@ impl SimulatedBoard {
 
     pub(super) fn stop_stream(&mut self, number: u8) -> Result<Payload, Fault> {
         if let Some(index) = self.streams.iter().position(|stream| stream.id as u8 == number) {
-            let mut stream = self.streams.swap_remove(index);
-            if let Some(frame) = stream.take_frame() {
-                self.send(&mut stream, frame);
-            }
-            self.ended.retain(|(ended, _)| *ended != stream.id);
-            self.ended.push((stream.id, stream.stopped()));
+            self.close_stream(index);
         }
         let ended = self.ended.iter().find(|(id, _)| *id as u8 == number);
         body(&ended.map_or_else(StreamStopReply::default, |(_, reply)| reply.clone()))
     }
 
-    pub(super) fn end_complete_streams(&mut self) {
+    /// Ends a stream; the samples that wait for a full frame go ahead.
+    fn close_stream(&mut self, index: usize) {
+        let mut stream = self.streams.swap_remove(index);
+        if let Some(frame) = stream.take_frame() {
+            self.send(&mut stream, frame);
+        }
+        self.ended.push((stream.id, stream.stopped()));
+    }
+
+    /// The module goes off in good order: no sample is lost.
+    pub(super) fn close_streams(&mut self) {
+        while !self.streams.is_empty() {
+            self.close_stream(0);
+        }
+    }
+
+    /// Ends all streams at once: what has not left yet is dropped and counted.
+    pub(super) fn drop_streams(&mut self) {
+        self.run_streams();
+        while let Some(mut stream) = self.streams.pop() {
+            if let Some(frame) = stream.take_frame() {
+                stream.drop_frame(&frame);
+            }
+            self.ended.push((stream.id, stream.stopped()));
+        }
+        for output in std::mem::take(&mut self.samples) {
+            if let Output::Stream(stream, frame) = output
+                && let Some((_, reply)) = self.ended.iter_mut().find(|(id, _)| *id == stream)
+            {
+                reply.dropped = reply.dropped.wrapping_add(u32::from(frame.head.count));
+            }
+        }
+    }
+
+    /// Bytes of samples that wait for the line.
+    pub(crate) fn samples_waiting(&self) -> usize {
+        let bytes = |output: &Output| match output {
+            Output::Stream(_, frame) => stream_bytes(frame),
+            Output::Done(_) => 0,
+        };
+        self.samples.iter().map(bytes).sum()
+    }
+
+    fn end_complete_streams(&mut self) {
         while let Some(index) = self.streams.iter().position(Stream::is_complete) {
             let stream = self.streams.swap_remove(index);
             self.ended.push((stream.id, stream.stopped()));
@@ -68,7 +106,15 @@ impl SimulatedBoard {
         }
     }
 
-    pub(super) fn run_stream(&mut self, index: usize) {
+    /// Takes the samples of all streams up to now.
+    pub(super) fn run_streams(&mut self) {
+        for index in 0..self.streams.len() {
+            self.run_stream(index);
+        }
+        self.end_complete_streams();
+    }
+
+    fn run_stream(&mut self, index: usize) {
         // Taken out while it runs, since its samples come from the rest of the board.
         let mut stream = self.streams.swap_remove(index);
         match stream.id {
@@ -123,7 +169,7 @@ impl SimulatedBoard {
         if self.line_full {
             stream.drop_frame(&frame);
         } else {
-            self.outputs.push_back(Output::Stream(stream.id, frame));
+            self.samples.push_back(Output::Stream(stream.id, frame));
         }
     }
 }

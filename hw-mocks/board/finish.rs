@@ -1,13 +1,14 @@
 //! What comes out of a request when its time has passed.
 
-use gnc_protocol::Payload;
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::{
     AdReadReply, CpuFloatsReply, CpuIntegersReply, CpuWordsReply, DurationReply, ErrorKind, Flash, FlashIdReply,
-    GnssStart, IoTestReply, MismatchReply, Request, SpiDirection, SpiTransferReply,
+    GnssStart, IoTestReply, MismatchReply, ModulePower, Request, SpiDirection, SpiTransferReply, StreamStart,
+    StreamStop,
 };
 use gnc_protocol::slave::{Done, Fault, Output};
 use gnc_protocol::wire::{Wire, text};
+use gnc_protocol::{Call, Payload};
 
 use super::{Job, SUPPLY_UV, SimulatedBoard};
 use crate::devices::flash::FlashMemory;
@@ -36,7 +37,12 @@ impl SimulatedBoard {
         };
         let Some(request) = request else { return };
         let elapsed_us = u32::try_from((self.now_ns - started_ns) / 1000).unwrap_or(u32::MAX);
-        self.outputs.push_back(Output::Done(Done { request, elapsed_us, outcome }));
+        let done = Output::Done(Done { request, elapsed_us, outcome });
+        // What begins or ends streams keeps its place among their samples.
+        match message {
+            StreamStart::ID | StreamStop::ID | ModulePower::ID => self.samples.push_back(done),
+            _ => self.outputs.push_back(done),
+        }
     }
 
     fn carry_out(&mut self, what: Request, finder: Finder) -> Result<Payload, Fault> {
@@ -46,6 +52,9 @@ impl SimulatedBoard {
             Request::ErrorRecords(request) => body(&self.log.from(request.from)),
             Request::LinkCounters(_) => body(&self.link_counters),
             Request::ModulePower(power) => {
+                if power.on == 0 {
+                    self.close_streams();
+                }
                 self.set_power(power.on == 1);
                 let reply = self.module.supply(self.powered);
                 if self.powered && !SUPPLY_UV.contains(&reply.supply_uv) {

@@ -19,7 +19,7 @@ use crate::noise::{Dice, Source};
 use crate::personality::{Personality, RebootTrigger};
 use crate::records::ErrorLog;
 use crate::requests::{self, MS, Task, Work, check, check_load, device, needs_power, prepare, uses};
-use crate::streams::Stream;
+use crate::streams::{Stream, stream_bytes};
 use crate::world::World;
 
 /// Resolution of the board's capture timer.
@@ -52,8 +52,10 @@ pub struct SimulatedBoard {
     pub module: Module,
     /// Counters of the link, kept up to date by whoever owns the link.
     pub link_counters: LinkCountersReply,
-    /// Whether the line has no room for samples: they are dropped and counted.
+    /// Whether too many samples wait for the line: new ones are dropped and counted.
     pub line_full: bool,
+    /// Bytes of samples that the line takes now; whoever owns the link sets it anew before each look at the outputs.
+    pub line_room: usize,
     now_ns: u64,
     booted_ns: u64,
     boot_id: u32,
@@ -66,6 +68,8 @@ pub struct SimulatedBoard {
     ended: Vec<(StreamId, StreamStopReply)>,
     log: ErrorLog,
     outputs: VecDeque<Output>,
+    /// Samples, and the results that must keep their place among them; everything else goes ahead of these.
+    samples: VecDeque<Output>,
     reboot: Option<RebootTrigger>,
     triggers_seen: u32,
     reboot_at_ns: Option<u64>,
@@ -87,6 +91,7 @@ impl SimulatedBoard {
             world,
             link_counters: LinkCountersReply::default(),
             line_full: false,
+            line_room: usize::MAX,
             now_ns: 0,
             booted_ns: 0,
             boot_id: boot_dice.word(),
@@ -99,6 +104,7 @@ impl SimulatedBoard {
             ended: Vec::new(),
             log: ErrorLog::default(),
             outputs: VecDeque::new(),
+            samples: VecDeque::new(),
             reboot_at_ns: model.reboot.as_ref().and_then(at_time),
             reboot: model.reboot.clone(),
             triggers_seen: 0,
@@ -182,10 +188,7 @@ impl SimulatedBoard {
             self.restart();
             return;
         }
-        for index in 0..self.streams.len() {
-            self.run_stream(index);
-        }
-        self.end_complete_streams();
+        self.run_streams();
         self.run_patterns();
         while let Some(index) = self.jobs.iter().position(|job| job.ends_ns <= self.now_ns) {
             let job = self.jobs.swap_remove(index);
@@ -200,6 +203,7 @@ impl SimulatedBoard {
         self.streams.clear();
         self.ended.clear();
         self.outputs.clear();
+        self.samples.clear();
         self.log = ErrorLog::default();
         self.set_power(false);
         self.boot_id = self.boot_dice.word();
@@ -217,9 +221,17 @@ impl SimulatedBoard {
         self.world.set_powered(on, now_s);
         if on {
             self.module.power_on(now_s);
-        } else {
-            self.streams.clear();
         }
+    }
+
+    /// A request that is done but for the samples that leave before its result.
+    fn waiting_behind_samples(&self, request: u16) -> Progress {
+        let elapsed_us = |output: &Output| match output {
+            Output::Done(done) if done.request == request => Some(done.elapsed_us),
+            _ => None,
+        };
+        let elapsed_ms = self.samples.iter().find_map(elapsed_us).map(|elapsed_us| elapsed_us / 1000);
+        elapsed_ms.map_or_else(Progress::default, |elapsed_ms| Progress { done_permille: 999, elapsed_ms })
     }
 
     fn board_us(&self, bench_ns: u64) -> u64 {
@@ -298,11 +310,23 @@ impl Board for SimulatedBoard {
     }
 
     fn poll(&mut self) -> Option<Output> {
-        self.outputs.pop_front()
+        if let Some(output) = self.outputs.pop_front() {
+            return Some(output);
+        }
+        if self.line_room == 0 {
+            return None;
+        }
+        let output = self.samples.pop_front()?;
+        if let Output::Stream(_, frame) = &output {
+            self.line_room = self.line_room.saturating_sub(stream_bytes(frame));
+        }
+        Some(output)
     }
 
     fn progress(&self, request: u16) -> Progress {
-        let Some(job) = self.jobs.iter().find(|job| job.request == Some(request)) else { return Progress::default() };
+        let Some(job) = self.jobs.iter().find(|job| job.request == Some(request)) else {
+            return self.waiting_behind_samples(request);
+        };
         let passed_ns = self.now_ns - job.started_ns;
         // A job that takes longer than expected stays just short of done.
         let done_permille = (passed_ns * 1000 / job.expected_ns.max(1)).min(999) as u16;
@@ -328,7 +352,7 @@ impl Board for SimulatedBoard {
             }
         }
         self.outputs.clear();
-        self.streams.clear();
+        self.drop_streams();
         self.set_power(false);
     }
 

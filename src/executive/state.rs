@@ -223,6 +223,11 @@ impl RunState {
         self.rows.get(self.index(name)?)
     }
 
+    /// The position of an item in [`RunState::rows`].
+    pub fn position(&self, name: &str) -> Option<usize> {
+        self.index(name)
+    }
+
     /// The slave board that answered last.
     pub fn board(&self) -> Option<&Board> {
         self.board.as_ref()

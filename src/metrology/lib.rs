@@ -1,1 +1,34 @@
-//! Calibration, Allan variance, ellipse correction, statistics and uncertainty.
+//! Calibration, ellipse correction, Allan variance, spectra, statistics and uncertainty: the mathematics of the
+//! station, usable by itself. Slices in, a result or a typed [`Refusal`] out; no files, no clock, no screen.
+//!
+//! # Conventions
+//! - `N` is the raw output of a triad (LSB, or whatever unit the record has), `f` the specific force in m/s^2 with +g on
+//!   the axis that points up at rest, `w` the angular rate relative to inertial space in rad/s, right-handed.
+//! - Measurement: `N = M f + b`, `N = S w + b + G f`. Compensation: `f = Ka N + nabla`, `w = Kg N - epsilon`, so
+//!   `Ka = M^-1`, `nabla = -Ka b`, `Kg = S^-1`, `epsilon = Kg b`.
+//! - Rows of a matrix are sensors, columns are axes of the fixture.
+//! - A `sd` is a standard uncertainty; with the degrees of freedom beside it, [`stats::coverage_factor`] gives the
+//!   factor of a 95 % interval.
+
+pub mod allan;
+pub mod earth;
+pub mod ellipse;
+pub mod ellipsoid;
+pub mod gyro_still;
+mod linear;
+pub mod position;
+pub mod psd;
+mod quadric;
+mod refusal;
+pub mod rotation;
+pub mod series;
+pub mod six_position;
+pub mod stability;
+pub mod stats;
+pub mod tilt;
+pub mod zero_bias;
+
+pub use refusal::Refusal;
+
+/// Names of the three axes of a triad, in order.
+pub const AXES: [&str; 3] = ["x", "y", "z"];

@@ -129,15 +129,28 @@ impl Decoder {
         match &outcome {
             Ok(frame) => self.count(frame),
             Err(FrameError::Checksum { .. }) => self.counters.bad_checksum = self.counters.bad_checksum.wrapping_add(1),
+            Err(FrameError::UnknownKind { .. }) => {
+                self.counters.malformed = self.counters.malformed.wrapping_add(1);
+                // Its checksum is good: it arrived, and is not missing as well.
+                let [_, _, _, _, _, _, low, high, ..] = self.unstuffed;
+                self.follow(u16::from_le_bytes([low, high]));
+            }
             Err(_) => self.counters.malformed = self.counters.malformed.wrapping_add(1),
         }
         Some(outcome)
     }
 
     fn count(&mut self, frame: &Frame) {
-        let sequence = frame.header.sequence;
         // With a HELLO the other end may have started afresh; what is missing before one says nothing.
-        if let Some(expected) = self.expected_sequence.filter(|_| frame.header.kind != Kind::Hello) {
+        if frame.header.kind == Kind::Hello {
+            self.expected_sequence = None;
+        }
+        self.follow(frame.header.sequence);
+        self.counters.frames = self.counters.frames.wrapping_add(1);
+    }
+
+    fn follow(&mut self, sequence: u16) {
+        if let Some(expected) = self.expected_sequence {
             let missing = sequence.wrapping_sub(expected);
             // A step back is a frame out of order or a restart, not 65,000 losses.
             if missing < 0x8000 {
@@ -145,7 +158,6 @@ impl Decoder {
             }
         }
         self.expected_sequence = Some(sequence.wrapping_add(1));
-        self.counters.frames = self.counters.frames.wrapping_add(1);
     }
 }
 
@@ -198,6 +210,23 @@ mod tests {
         check(&[1, 1], Ok(&[0]));
         check(&[2, 5], Ok(&[5]));
         check(&[2, 5, 1], Ok(&[5, 0]));
+    }
+
+    /// It arrived and is no frame, so that it counts as malformed and not as missing too.
+    #[test]
+    fn a_frame_of_unknown_kind_is_counted_once() {
+        let mut decoder = Decoder::default();
+        for (kind, sequence) in [(0x16, 7), (0x19, 8), (0x16, 9), (0x19, 11), (0x16, 12)] {
+            let mut bytes = [kind, 0, 0, 0, 2, 0, sequence, 0, 0, 0, 0, 0];
+            let crc = crate::frame::checksum(&bytes[..HEADER]);
+            bytes[HEADER..].copy_from_slice(&crc.to_le_bytes());
+            let mut wire = [0; 16];
+            cobs::encode(&bytes, &mut wire);
+            let mut rest = wire.as_slice();
+            while decoder.next(&mut rest).is_some() {}
+        }
+        let expected = LineCounters { frames: 3, bad_checksum: 0, malformed: 2, missing: 1 };
+        assert_eq!(decoder.counters(), expected);
     }
 
     #[test]

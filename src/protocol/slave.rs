@@ -162,13 +162,17 @@ impl Slave {
 
     /// Takes a frame from the host and sends what answers it at once.
     pub fn receive(&mut self, frame: &Frame, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
+        let in_force = frame.header.version == PROTOCOL_VERSION;
         match frame.header.kind {
             Kind::Hello => self.hello(frame, now, board, send),
             Kind::Request => {
-                self.heard = now;
+                // A refused one is a sign of life too; one of another version only gets its NAK.
+                if in_force {
+                    self.heard = now;
+                }
                 self.request(frame, now, board, send);
             }
-            Kind::Event if frame.header.message == event::KEEP_ALIVE => self.heard = now,
+            Kind::Event if in_force && frame.header.message == event::KEEP_ALIVE => self.heard = now,
             // Only a board sends these: an echo on the line, or another board. Its own heartbeat coming back must
             // not pass for a living host.
             Kind::Event | Kind::Accept | Kind::Progress | Kind::Result | Kind::Stream | Kind::Nak => {}

@@ -4,6 +4,7 @@ mod auto;
 pub mod board;
 mod check;
 pub mod cli;
+pub mod compute;
 mod files;
 pub mod fixture;
 pub mod link;

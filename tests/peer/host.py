@@ -57,14 +57,14 @@ class Host:
     def __init__(self, port):
         self.fd = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.fd, termios.TCSANOW)              # what has come already is not thrown away
-        self.seq, self.rid = random.randrange(65536), random.randrange(1, 60000)
+        self.seq, self.rid, self.sent = random.randrange(65536), random.randrange(1, 60000), 0
         self.raw, self.log, self.rubbish = bytearray(), [], 0
         self.next_alive = math.inf                      # when the next keep-alive is due; never: silence
         self.end = time.monotonic() + 60                # the whole run takes no longer
 
     def send(self, kind, rid=0, mid=0, payload=b'', **more):
         os.write(self.fd, wire(kind, rid, mid, self.seq, payload, **more))
-        self.seq = (self.seq + 1) & 0xFFFF
+        self.seq, self.sent = (self.seq + 1) & 0xFFFF, self.sent + 1
 
     def pump(self, until):
         """Reads once, waiting until `until` at the latest; keeps the session alive."""
@@ -175,6 +175,10 @@ def sessions(host):
     check('HELLO for versions 2..9 only: chosen 0', none.chosen == 0, f'board speaks {none.lowest}..{none.highest}')
     check('... and opens no session', host.nak(IDENTITY) == 1)
     host.nonce = random.getrandbits(32)
+    host.hello(host.nonce)
+    check('... and ends an open one, also under its nonce', host.nak(IDENTITY) == 6 and
+          host.hello(host.nonce, 2, 9).chosen == 0 and host.nak(IDENTITY) == 1)
+    check('HELLO for versions 2..1: an empty range, chosen 0', host.hello(host.nonce, 2, 1).chosen == 0)
     host.board = host.hello(host.nonce)
     host.next_alive = 0
     check('HELLO', host.board.chosen == 1, '{7}, firmware {8}, boot id {5:#010x}'.format(*host.board))
@@ -210,6 +214,8 @@ def cpu(host):
         got = host.body(FLOATS, bytes([core]) + listing('dd', real))
         check(f'core {core}: {len(real)} pairs of floats, bit by bit',
               got == listing('4d', [(a + b, a - b, a * b, a / b) for a, b in real]))
+    check('division by -0.0: NAK 4', host.nak(FLOATS, b'\1' + listing('dd', [(1.0, -0.0)])) == 4)
+    check('no pairs, no results', host.body(INTEGERS, b'\1\0\0') == host.body(FLOATS, b'\1\0\0') == b'\0\0')
 
 def again(host):
     pair, since = b'\1' + listing('ii', [(41, 1)]), len(host.log)
@@ -218,6 +224,8 @@ def again(host):
     came = [f.kind for f in host.listen(0.15, since)]
     check('same id after the RESULT: replayed, same payload, no ACCEPT', came == [ACCEPT, RESULT, RESULT] and
           (fresh.flags, replay.flags) == (0, REPLAYED) and replay.payload == fresh.payload)
+    other = host.ask(INTEGERS, b'another payload', rid=fresh.rid)
+    check('... whatever payload it comes with', (other.flags, other.payload) == (REPLAYED, fresh.payload))
     came = [(f.kind, f.flags) for f in host.twice(INTEGERS, pair)]
     check('same id twice in one breath, CpuIntegers: carried out once',     # the first may have ended already, or not
           came in ([(ACCEPT, 0), (RESULT, 0), (RESULT, REPLAYED)], [(ACCEPT, 0), (ACCEPT, 0), (RESULT, 0)]), came)
@@ -249,14 +257,41 @@ def stream(host):
     norms = [math.hypot(*s[3:6]) / 160_000 for s in samples]
     check('specific force of about 1 g', all(0.9 < g < 1.1 for g in norms), f'{min(norms):.4f}..{max(norms):.4f} g')
 
+def account(host):
+    for mid, payload, name in ((POWER, b'\0', 'power off'), (MAKE_SAFE, b'', 'MAKE_SAFE')):
+        host.body(POWER, b'\1')
+        since = len(host.log)
+        host.body(STREAM_START, struct.pack('<BHIB', 1, 1000, 0, 12))
+        host.listen(0.3, since)
+        last = host.ask(mid, payload)
+        end = len(host.log)
+        produced, dropped = struct.unpack('<II', host.body(STREAM_STOP, b'\1'))
+        host.listen(0.1, since)
+        streamed = [n for n, f in enumerate(host.log) if n >= since and f.kind == STREAM]
+        received = sum(struct.unpack('<H', host.log[n].payload[2:4])[0] for n in streamed)
+        check(f'stream ended by {name}: produced = received + dropped, nothing comes behind the RESULT',
+              (last.kind, last.payload[:2]) == (RESULT, b'\0\0') and received >= 100 and produced == received + dropped
+              and streamed[-1] < host.log.index(last) < end, f'{produced} = {received} + {dropped}')
+        check('... and the samples of the unfinished frame ' + ('left before it' if mid == POWER else 'are dropped'),
+              dropped == 0 if mid == POWER else dropped < 12)
+    host.body(POWER, b'\1')
+
 def rubbish(host):
-    before, since = struct.unpack('<5I', host.body(COUNTERS)), len(host.log)
+    sent, since = host.sent, len(host.log)
+    before = struct.unpack('<5I', host.body(COUNTERS))
+    accept = next(f for f in host.log[since:] if f.kind == ACCEPT)
+    check('LinkCounters counts its own REQUEST and ACCEPT, not its RESULT',
+          before[0] == sent + 1 and before[4] - accept.seq in (1, 2), f'{before[0]} and {before[4]}')   # 2: a heartbeat
+    since = len(host.log)
     host.send(REQUEST, host.rid + 1, IDENTITY, spoil=0x00010000)
     check('a frame with a broken CRC is ignored', host.listen(0.2, since) == [])
     check('... and the next good one answered', host.body(IDENTITY))
     os.write(host.fd, b'\x09\x12\x34\0')                # a run that is cut short
     more = [b - a for a, b in zip(before, struct.unpack('<5I', host.body(COUNTERS)))]
     check('the board counts 1 wrong checksum, 1 malformed, 1 missing', more[1:4] == [1, 1, 1])
+    host.send(9)                                        # no such kind; all else is good
+    more = [b - a for a, b in zip(before, struct.unpack('<5I', host.body(COUNTERS)))]
+    check('a frame of unknown kind is 1 malformed more and not missing', more[1:4] == [1, 2, 1])
     check('unknown message: NAK 2', host.nak(0x7777) == 2)
     check('REQUEST of version 2: NAK 2', host.nak(IDENTITY, version=2) == 2)
     check('payload too long: NAK 3', host.nak(IDENTITY, b'\0') == 3)
@@ -271,11 +306,19 @@ def safe(host):
     check('... whose state is now: session, power', beats[-1][3] & 7 == 3)
     check('MAKE_SAFE', host.body(MAKE_SAFE) == b'')
     check('... and the module is off, the session open', host.nak(IDENTITY) == 6)
+    host.next_alive = math.inf                          # silence, but for what follows
     host.send(EVENT, 0, KEEP_ALIVE)
-    host.next_alive, last = math.inf, time.monotonic()  # silence from here on
+    host.listen(0.6, len(host.log))
+    host.send(EVENT, 0, KEEP_ALIVE, b'what a later firmware may put here')
+    last = time.monotonic()
+    host.listen(0.6, len(host.log))
+    host.send(EVENT, 0, KEEP_ALIVE, version=2)          # feeds nothing; neither do these
+    host.send(REQUEST, host.rid + 1, IDENTITY, version=2)
+    host.send(EVENT, 0, HEARTBEAT, bytes(13))
     event = host.event(WATCHDOG, 4)
     after = event.at - last if event else math.inf
-    check('watchdog 1750 ms after the last keep-alive', 1.7 < after < 2.25 and not event.payload, f'{after:.3f} s')
+    check('watchdog 1750 ms after the last keep-alive of version 1, with a payload or without',
+          1.7 < after < 2.25 and not event.payload, f'{after:.3f} s')
     check('... then heartbeat with state 0', host.event(HEARTBEAT, 1.5) and host.beats()[-1][3] == 0)
     check('... and REQUEST: NAK 1', host.nak(IDENTITY) == 1)
     gaps = sum((b.seq - a.seq) % 65536 != 1 for a, b in zip(host.log, host.log[1:]))
@@ -290,24 +333,28 @@ def port_of(board):
         line += more
     return line.split(b'\n')[0].decode().removeprefix('port ')
 
+def stop(board):
+    board.terminate()
+    try:
+        board.wait(5)
+    except subprocess.TimeoutExpired:
+        board.kill()
+        board.wait()
+
 def main():
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    board = subprocess.Popen([sys.argv[1], '--until-eof'], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    step = port_of
+    board, step = None, port_of
     try:
+        board = subprocess.Popen([sys.argv[1], '--until-eof'], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         host = Host(port_of(board))
-        for step in (sessions, identity, cpu, again, stream, rubbish, safe):
+        for step in (sessions, identity, cpu, again, stream, account, rubbish, safe):
             step(host)
     except Exception as e:                              # what cannot go on ends the run, as one failed check
         check(step.__name__, False, f'{type(e).__name__}: {e}')
     finally:
-        board.terminate()
-        try:
-            board.wait(5)
-        except subprocess.TimeoutExpired:
-            board.kill()
-            board.wait()
+        if board:
+            stop(board)
     print(f'{results.count(True)} passed, {results.count(False)} failed')
     return not all(results)
 

@@ -6,7 +6,7 @@ use gnc_protocol::error::{FaultCode, NakCode};
 use gnc_protocol::frame::{Kind, Payload};
 use gnc_protocol::message::{
     Abort, AdRead, CpuFloats, CpuIntegers, CpuWords, ErrorKind, ErrorRecords, FlashErase, Heartbeat, Identity, IoTest,
-    LinkCounters, MakeSafe, ModulePower, RamTest, SciEcho, SpiTransfer, StreamStart, TimerMeasure, event,
+    LinkCounters, MakeSafe, ModulePower, RamTest, SciEcho, SpiTransfer, StreamStart, StreamStop, TimerMeasure, event,
 };
 use gnc_protocol::wire::{List, Wire};
 use hw_mocks::{Options, Speed};
@@ -309,4 +309,51 @@ fn a_silent_board_says_nothing_and_a_late_one_says_it_late() {
     late.post(&ModulePower { on: 1 });
     late.run_until(|frame| frame.header.kind == Kind::Accept);
     assert!(late.now - started >= Duration::from_millis(80));
+}
+
+/// produced = received + dropped, whatever ended the stream.
+#[test]
+fn the_account_of_a_stream_closes_after_power_off_and_make_safe() {
+    for by_power in [true, false] {
+        let mut host = Host::powered("good");
+        host.ask(&StreamStart { stream: 1, rate_hz: 1000, count: 0, samples_per_frame: 12 });
+        host.ask(&TimerMeasure { timer: 0, period_us: 1000, count: 100 });
+        if by_power {
+            host.ask(&ModulePower { on: 0 });
+        } else {
+            host.ask(&MakeSafe {});
+        }
+        let stopped = host.ask(&StreamStop { stream: 1 });
+        let received: u32 = host.streamed(1).iter().map(|frame| u32::from(frame.head.count)).sum();
+        assert!(received >= 96, "{received}");
+        assert_eq!(stopped.produced, received + stopped.dropped, "{stopped:?}");
+        assert!(if by_power { stopped.dropped == 0 } else { (1..12).contains(&stopped.dropped) }, "{stopped:?}");
+    }
+}
+
+#[test]
+fn answers_go_ahead_of_samples_that_wait() {
+    for rate_baud in [115_200, 921_600] {
+        let mut host = Host::with(&Options { rate_baud, ..options("good", Speed::Times(1.0)) });
+        host.ask(&ModulePower { on: 1 });
+        let rate_hz = if rate_baud == 115_200 { 200 } else { 1000 };
+        host.ask(&StreamStart { stream: 1, rate_hz, count: 0, samples_per_frame: 10 });
+        // Nobody takes what comes.
+        for _ in 0..8 {
+            host.send(Kind::Event, 0, event::KEEP_ALIVE, Payload::new());
+            for _ in 0..25 {
+                host.now += Duration::from_millis(10);
+                host.bench.advance(host.now);
+            }
+        }
+        let before = host.frames.len();
+        let counters = host.post(&LinkCounters {});
+        host.run_until(|frame| frame.header.kind == Kind::Accept && frame.header.request == counters);
+        let ahead = host.frames[before..].iter().take_while(|frame| frame.header.kind != Kind::Accept).count();
+        assert!(ahead <= 8, "{ahead} frames came first at {rate_baud} baud");
+        let stopped = host.ask(&StreamStop { stream: 1 });
+        let received: u32 = host.streamed(1).iter().map(|frame| u32::from(frame.head.count)).sum();
+        assert_eq!(stopped.produced, received + stopped.dropped, "{stopped:?}");
+        assert!(stopped.dropped > 0, "{stopped:?}");
+    }
 }

@@ -402,6 +402,34 @@ fn its_own_echo_does_not_feed_the_watchdog() {
     assert!(!bench.slave.has_session());
 }
 
+#[test]
+fn frames_of_another_version_do_not_feed_the_watchdog() {
+    for version in [0, 2, 15] {
+        let mut bench = Bench::in_session();
+        bench.now = Duration::from_millis(1000);
+        assert_eq!(bench.receive_version(version, Kind::Event, 0, event::KEEP_ALIVE, &[]), []);
+        let refused = bench.receive_version(version, Kind::Request, 1, Identity::ID, &[]);
+        assert_eq!(nak_code(&refused), NakCode::UnknownMessage);
+        bench.now = timing::WATCHDOG;
+        bench.tick();
+        assert!(!bench.slave.has_session(), "version {version}");
+    }
+}
+
+/// Within a version a keep-alive may grow; a HELLO is one by its kind, whatever else its header says.
+#[test]
+fn what_may_change_in_a_sign_of_life_still_feeds_the_watchdog() {
+    let hello = HostHello { magic: MAGIC, lowest: 1, highest: 1, nonce: 1 }.to_payload().unwrap().to_vec();
+    for (kind, message, payload) in [(Kind::Event, event::KEEP_ALIVE, vec![7]), (Kind::Hello, 0x7777, hello)] {
+        let mut bench = Bench::in_session();
+        bench.now = Duration::from_millis(1000);
+        bench.receive_version(PROTOCOL_VERSION, kind, 0, message, &payload);
+        bench.now = timing::WATCHDOG;
+        bench.tick();
+        assert!(bench.slave.has_session(), "{kind:?}");
+    }
+}
+
 /// Driven by [`Slave::next_due`] alone, as a board's loop would.
 #[test]
 fn progress_comes_often_enough_until_the_result() {

@@ -1,7 +1,7 @@
 //! The one place from which events of a run come: numbered, timed, folded, and on their way to the record before
 //! anybody else hears of them.
 
-use std::cell::RefCell;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use chrono::Local;
@@ -14,7 +14,7 @@ use crate::store::{Scribe, StoreError};
 #[derive(Debug)]
 pub struct Journal {
     scribe: Scribe,
-    state: RefCell<RunState>,
+    state: Arc<Mutex<RunState>>,
     began: Instant,
 }
 
@@ -22,7 +22,8 @@ impl Journal {
     /// A journal whose first event is due.
     #[must_use]
     pub fn new(scribe: Scribe) -> Self {
-        Self { scribe, state: RefCell::new(RunState::new()), began: Instant::now() }
+        let state = scribe.state();
+        Self { scribe, state, began: Instant::now() }
     }
 
     /// Emits an event. Those after which a record must be believable (an item's or the run's end) come back only
@@ -33,7 +34,7 @@ impl Journal {
     pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
         let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
         let event = {
-            let mut state = self.state.borrow_mut();
+            let mut state = self.lock();
             let elapsed_us = u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX);
             let event = Event { seq: state.next_seq(), at: Local::now().fixed_offset(), elapsed_us, kind };
             state.apply(&event).map_err(StoreError::OutOfOrder)?;
@@ -44,7 +45,11 @@ impl Journal {
 
     /// Looks at the run as it stands.
     pub fn look<T>(&self, look: impl FnOnce(&RunState) -> T) -> T {
-        look(&self.state.borrow())
+        look(&self.lock())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, RunState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Ends the record.

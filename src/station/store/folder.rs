@@ -67,13 +67,21 @@ impl RunFolder {
     }
 
     /// Writes a whole file: it appears under its name only when all of it is written.
-    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        self.place(name, bytes, false)
+    pub(super) fn put(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+    ) -> Result<(), StoreError> {
+        self.place(name, write, false)
     }
 
     /// Writes a whole file and waits until it is on disk.
-    pub(super) fn put_synced(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        self.place(name, bytes, true)?;
+    pub(super) fn put_synced(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+    ) -> Result<(), StoreError> {
+        self.place(name, write, true)?;
         sync_dir(&self.path)
     }
 
@@ -83,17 +91,22 @@ impl RunFolder {
         on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", &self.path)
     }
 
-    fn place(&self, name: &str, bytes: &[u8], sync: bool) -> Result<(), StoreError> {
+    fn place(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+        sync: bool,
+    ) -> Result<(), StoreError> {
         let path = self.path.join(name);
         let parent = path.parent().unwrap_or(&self.path);
         on(fs::create_dir_all(parent), "create", parent)?;
         let mut hidden = path.file_name().unwrap_or_default().to_os_string();
         hidden.push(".part");
         let part = parent.join(hidden);
-        let mut file = on(File::create(&part), "create", &part)?;
-        on(file.write_all(bytes), "write", &part)?;
+        let mut file = io::BufWriter::new(on(File::create(&part), "create", &part)?);
+        on(write(&mut file).and_then(|()| file.flush()), "write", &part)?;
         if sync {
-            on(file.sync_all(), "write", &part)?;
+            on(file.get_ref().sync_all(), "write", &part)?;
         }
         on(fs::rename(&part, &path), "write", &path)
     }

@@ -4,8 +4,8 @@
 //! more is written or passed on: the journal then ends where the disk ended it.
 
 use std::fs::File;
-use std::io::Write as _;
-use std::sync::mpsc as channel;
+use std::io::{self, Write as _};
+use std::sync::{Arc, Mutex, PoisonError, mpsc as channel};
 use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
@@ -27,6 +27,7 @@ type Written = oneshot::Sender<Result<(), StoreError>>;
 pub struct Scribe {
     events: mpsc::Sender<(Event, Option<Written>)>,
     thread: JoinHandle<Result<(), StoreError>>,
+    state: Arc<Mutex<RunState>>,
 }
 
 impl Scribe {
@@ -40,16 +41,25 @@ impl Scribe {
         plan: &Plan,
         watchers: Vec<channel::SyncSender<Event>>,
     ) -> Result<Self, StoreError> {
+        let state = Arc::new(Mutex::new(RunState::new()));
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
-            folder.put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), text)?;
+            folder
+                .put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), |out| out.write_all(text))?;
         }
         let journal = folder.create_file(JOURNAL)?;
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
-        let writer = Writer { folder, journal, state: RunState::new(), watchers, line: Vec::new() };
+        let writer = Writer { folder, journal, state: Arc::clone(&state), watchers, line: Vec::new() };
         let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
         let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
-        Ok(Self { events, thread })
+        Ok(Self { events, thread, state })
+    }
+
+    /// The fold over the events handed over, shared with whoever emits them: a run may have 20,000 items, and one
+    /// copy of what is known of them is enough.
+    #[must_use]
+    pub fn state(&self) -> Arc<Mutex<RunState>> {
+        Arc::clone(&self.state)
     }
 
     /// Hands an event over.
@@ -91,7 +101,8 @@ fn closed() -> StoreError {
 struct Writer {
     folder: RunFolder,
     journal: File,
-    state: RunState,
+    /// At least up to the event being written; what an event closes does not change after it.
+    state: Arc<Mutex<RunState>>,
     watchers: Vec<channel::SyncSender<Event>>,
     line: Vec<u8>,
 }
@@ -124,7 +135,6 @@ impl Writer {
         self.line.push(b'\n');
         let path = self.folder.path().join(JOURNAL);
         on(self.journal.write_all(&self.line), "write", &path)?;
-        self.state.apply(event).map_err(StoreError::OutOfOrder)?;
         match &event.kind {
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,
             EventKind::RunEnded { .. } => self.close_folder()?,
@@ -138,36 +148,40 @@ impl Writer {
 
     /// A folder for the item, with all of its attempts: what was measured, what the slave recorded.
     fn file_item(&self, item: &str) -> Result<(), StoreError> {
-        let Some(position) = self.state.rows().iter().position(|row| row.planned.name == *item) else { return Ok(()) };
-        let row = &self.state.rows()[position];
-        let (Some(header), Some(run_started)) = (self.state.header(), self.state.started()) else { return Ok(()) };
-        if row.attempts.is_empty() {
-            return Ok(());
-        }
-        let file = ItemFile {
-            schema: RUN_SCHEMA.to_owned(),
-            serial_number: header.serial_number.clone(),
-            bench: header.bench.kind,
-            run_started,
-            item: ItemRecord::from(row),
+        let (name, file) = {
+            let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let Some(position) = state.position(item) else { return Ok(()) };
+            let row = &state.rows()[position];
+            let (Some(header), Some(run_started)) = (state.header(), state.started()) else { return Ok(()) };
+            if row.attempts.is_empty() {
+                return Ok(());
+            }
+            let file = ItemFile {
+                schema: RUN_SCHEMA.to_owned(),
+                serial_number: header.serial_number.clone(),
+                bench: header.bench.kind,
+                run_started,
+                item: ItemRecord::from(row),
+            };
+            (format!("{:02}-{}/{ITEM}", position + 1, folder::folder_name(item)), file)
         };
-        let name = format!("{:02}-{}/{ITEM}", position + 1, folder::folder_name(item));
-        self.folder.put(&name, &pretty(&file)?)
+        self.folder.put(&name, |out| pretty(out, &file))
     }
 
     fn close_folder(&self) -> Result<(), StoreError> {
-        if let Some(record) = RunRecord::from_state(&self.state) {
-            self.folder.put(LOG, text::log_txt(&record).as_bytes())?;
-            self.folder.put(RECORD, &pretty(&record)?)?;
+        let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Some(record) = record {
+            self.folder.put(LOG, |out| out.write_all(text::log_txt(&record).as_bytes()))?;
+            self.folder.put(RECORD, |out| pretty(out, &record))?;
         }
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
-        self.folder.put_synced(DIGESTS, digest::list(self.folder.path())?.as_bytes())
+        let digests = digest::list(self.folder.path())?;
+        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
     }
 }
 
-fn pretty(value: &impl serde::Serialize) -> Result<Vec<u8>, StoreError> {
-    let mut text = serde_json::to_vec_pretty(value)?;
-    text.push(b'\n');
-    Ok(text)
+fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, value)?;
+    out.write_all(b"\n")
 }

@@ -1,0 +1,371 @@
+//! Why a computation was refused.
+
+use thiserror::Error;
+
+/// An input from which no trustworthy figure can be computed. Each variant carries the numbers that decided; the text
+/// says what failed, [`Refusal::hint`] what one can try.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// A sample is NaN or infinite.
+    #[error("{channel}: sample {index} is {value}")]
+    NotFinite {
+        /// Channel that holds it.
+        channel: String,
+        /// Index of the sample, from 0.
+        index: usize,
+        /// NaN or an infinity.
+        value: f64,
+    },
+    /// A parameter of the computation makes no sense.
+    #[error("{name} is {value}, expected {expected}")]
+    Parameter {
+        /// Name of the parameter, with its unit.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// What would be accepted.
+        expected: &'static str,
+    },
+    /// Channels of one record differ in length.
+    #[error("channels differ in length: {left} and {right} samples")]
+    Lengths {
+        /// Length of the first channel.
+        left: usize,
+        /// Length of the other one.
+        right: usize,
+    },
+    /// Too few samples for the computation.
+    #[error("{what}: {got} samples, needs at least {needed}")]
+    TooFew {
+        /// What the samples are for.
+        what: String,
+        /// Samples in the record.
+        got: usize,
+        /// Samples needed.
+        needed: usize,
+    },
+    /// All samples are alike, so that nothing can be said about noise.
+    #[error("{channel}: all {samples} samples are {value}")]
+    Constant {
+        /// Channel.
+        channel: String,
+        /// Number of samples.
+        samples: usize,
+        /// The one value.
+        value: f64,
+    },
+    /// Labels that the method needs do not occur.
+    #[error("missing: {labels}")]
+    Missing {
+        /// The labels, separated by blanks.
+        labels: String,
+    },
+    /// A label that the method does not know.
+    #[error("unknown label `{label}` in row {row}")]
+    UnknownLabel {
+        /// The label.
+        label: String,
+        /// Row of the record, from 1.
+        row: usize,
+    },
+    /// One label stands in two separated blocks of rows.
+    #[error("label `{label}` stands in two separated blocks, from row {first} and again from row {again}")]
+    SplitLabel {
+        /// The label.
+        label: String,
+        /// First row of the first block, from 1.
+        first: usize,
+        /// First row of the second block, from 1.
+        again: usize,
+    },
+    /// An up direction is no unit vector.
+    #[error("up direction in row {row} has length {length:.6}, expected 1")]
+    NotUnit {
+        /// Row of the record, from 1.
+        row: usize,
+        /// Its length.
+        length: f64,
+    },
+    /// The mean of a still position wanders more than its noise allows.
+    #[error(
+        "position {position} moved: block means of {channel} spread by {spread:.6e}, noise explains {noise:.1e}, limit {limit:.6e}"
+    )]
+    Moved {
+        /// Label or number of the position.
+        position: String,
+        /// Channel.
+        channel: &'static str,
+        /// Largest minus smallest block mean, in units of the record.
+        spread: f64,
+        /// Spread that white noise of this record gives at most.
+        noise: f64,
+        /// Limit that was exceeded.
+        limit: f64,
+    },
+    /// A position is much shorter than the others.
+    #[error("position {position} has {rows} rows, the median position {median}")]
+    Short {
+        /// Label or number of the position.
+        position: String,
+        /// Its rows.
+        rows: usize,
+        /// Rows of the median position.
+        median: usize,
+    },
+    /// A channel shows one value where it is noisy elsewhere.
+    #[error("{channel} stands still at {value} for {samples} samples of {place} while it is noisy elsewhere")]
+    Stuck {
+        /// Channel.
+        channel: String,
+        /// Where in the record.
+        place: String,
+        /// The value.
+        value: f64,
+        /// How many samples show it.
+        samples: usize,
+    },
+    /// A channel reached the end of its range.
+    #[error("{channel} is saturated: {samples} samples at {value}")]
+    Saturated {
+        /// Channel.
+        channel: String,
+        /// The value at which it is cut.
+        value: f64,
+        /// How many samples show it.
+        samples: usize,
+    },
+    /// A sensor answers with the wrong sign to its own axis.
+    #[error("sensor {axis} answers {response:.6e} to its own axis, expected a positive response")]
+    WrongSign {
+        /// Axis.
+        axis: &'static str,
+        /// Diagonal element of the response.
+        response: f64,
+    },
+    /// A sensor answers to another axis more than to its own.
+    #[error("sensor {axis} answers {cross:.6e} to axis {other} but {own:.6e} to its own")]
+    WrongAxis {
+        /// Axis of the sensor.
+        axis: &'static str,
+        /// Response to its own axis.
+        own: f64,
+        /// The other axis.
+        other: &'static str,
+        /// Response to the other axis.
+        cross: f64,
+    },
+    /// A position does not fit the common model.
+    #[error("position {position} misses the fit by {residual:.4} m/s^2, limit {limit:.4}")]
+    PoseResidual {
+        /// Label or number of the position.
+        position: String,
+        /// Length of its residual, m/s^2.
+        residual: f64,
+        /// Limit, m/s^2.
+        limit: f64,
+    },
+    /// The data do not determine the parameters.
+    #[error("{what} is not determined by the data: condition number {condition:.3e}, limit {limit:.0e}")]
+    IllConditioned {
+        /// What was to be determined.
+        what: &'static str,
+        /// Condition number of the scaled problem.
+        condition: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// Time does not increase.
+    #[error("time does not increase at sample {index}: {before} s, then {after} s")]
+    NotMonotonic {
+        /// Index of the later sample, from 0.
+        index: usize,
+        /// Time before, s.
+        before: f64,
+        /// Time after, s.
+        after: f64,
+    },
+    /// Samples are missing.
+    #[error("gap at sample {index}: step of {step_s:.6} s, expected {expected_s:.6} s")]
+    Gap {
+        /// Index of the sample after the gap, from 0.
+        index: usize,
+        /// The step, s.
+        step_s: f64,
+        /// The usual step, s.
+        expected_s: f64,
+    },
+    /// The time column contradicts the stated rate.
+    #[error("time column says {measured_hz:.6} Hz, stated are {stated_hz:.6} Hz")]
+    RateMismatch {
+        /// Rate of the time column, Hz.
+        measured_hz: f64,
+        /// Rate that was stated, Hz.
+        stated_hz: f64,
+    },
+    /// No rotation stands out of the noise.
+    #[error("run {run}: no rotation found, peak {peak:.4e} against noise {noise:.1e}")]
+    NoRotation {
+        /// Run.
+        run: String,
+        /// Largest block mean relative to rest.
+        peak: f64,
+        /// Standard deviation of a block mean at rest.
+        noise: f64,
+    },
+    /// The record does not hold the whole rotation with rest on both sides.
+    #[error("run {run} is cut off: {rest_s:.3} s of rest {side} the rotation, needs {needed_s:.3} s")]
+    CutOff {
+        /// Run.
+        run: String,
+        /// `before` or `after`.
+        side: &'static str,
+        /// Rest found there, s.
+        rest_s: f64,
+        /// Rest needed, s.
+        needed_s: f64,
+    },
+    /// Something moved outside the rotation.
+    #[error(
+        "run {run} moves outside its rotation: {channel} deviates by {deviation:.4e} at {at_s:.2} s, limit {limit:.4e}"
+    )]
+    Restless {
+        /// Run.
+        run: String,
+        /// Channel.
+        channel: &'static str,
+        /// When, from the start of the run, s.
+        at_s: f64,
+        /// Deviation of a block mean from rest.
+        deviation: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// The runs of one axis do not cancel: the angles or senses differ.
+    #[error("axis {axis}: rotations forth and back differ by {mismatch:.3e} of their difference, limit {limit:.3e}")]
+    Mismatch {
+        /// Axis.
+        axis: &'static str,
+        /// Relative mismatch.
+        mismatch: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// Both runs of an axis turn the same way.
+    #[error("axis {axis}: both runs turn the same way (integrals {forth:.4e} and {back:.4e})")]
+    SameSense {
+        /// Axis.
+        axis: &'static str,
+        /// Integral of the `+` run less its bias.
+        forth: f64,
+        /// Integral of the `-` run less its bias.
+        back: f64,
+    },
+    /// A response outside the band around the nominal one: wrong angle, wrong range or a bad sensor.
+    #[error("sensor {axis}: response {response:.6e} is outside {nominal:.6e} +- {percent} %")]
+    OutOfBand {
+        /// Axis.
+        axis: &'static str,
+        /// Response found.
+        response: f64,
+        /// Nominal response.
+        nominal: f64,
+        /// Half width of the band, percent.
+        percent: f64,
+    },
+    /// The points do not lie on an ellipse or ellipsoid.
+    #[error("the points lie on a {shape}, not on an {expected}: {detail}")]
+    NotClosed {
+        /// `hyperbola`, `hyperboloid` or `parabola`.
+        shape: &'static str,
+        /// `ellipse` or `ellipsoid`.
+        expected: &'static str,
+        /// The numbers that decided.
+        detail: String,
+    },
+    /// Fewer turns than the method needs.
+    #[error("{turns:.2} turns, needs at least {needed}")]
+    FewTurns {
+        /// Turns found.
+        turns: f64,
+        /// Turns needed.
+        needed: f64,
+    },
+    /// The points leave too much of the curve or surface uncovered.
+    #[error("poor coverage: {what} is {value:.3}, needs {needed}")]
+    Coverage {
+        /// The measure.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is needed.
+        needed: String,
+    },
+    /// Noise or distortion too large for the radius.
+    #[error("residual is {ratio:.3} of the radius, limit {limit}")]
+    Noisy {
+        /// Residual over radius.
+        ratio: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// More points were rejected than spikes can explain.
+    #[error("{rejected} of {total} points do not fit, limit {limit_percent} %")]
+    TooManyRejected {
+        /// Points rejected.
+        rejected: usize,
+        /// All points.
+        total: usize,
+        /// Limit, percent.
+        limit_percent: f64,
+    },
+    /// An iteration did not settle.
+    #[error("{what} did not settle: last step {step:.2e} of the standard deviation after {iterations} iterations")]
+    Diverged {
+        /// What was fitted.
+        what: &'static str,
+        /// Largest last step in standard deviations.
+        step: f64,
+        /// Iterations made.
+        iterations: usize,
+    },
+}
+
+impl Refusal {
+    /// What the operator can try; apart from what went wrong.
+    #[must_use]
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::NotFinite { .. } => "find out why the recorder wrote it; cut the record there or take it again",
+            Self::Parameter { .. } => "correct the parameter",
+            Self::Lengths { .. } => "export all channels from the same record",
+            Self::TooFew { .. } => "record longer",
+            Self::Constant { .. } | Self::Stuck { .. } => "check that the sensor is alive and inside its range",
+            Self::Missing { .. } => "record what is missing, or correct the labels",
+            Self::UnknownLabel { .. } => "labels are x+ x- y+ y- z+ z-",
+            Self::SplitLabel { .. } => "remove one of the blocks, or correct its label",
+            Self::NotUnit { .. } => "give the direction that points up, in the axes of the module, with length 1",
+            Self::Moved { .. } => "wait until the table stands still and repeat the position",
+            Self::Short { .. } => "dwell as long in every position",
+            Self::Saturated { .. } => "use a wider range, or turn more slowly",
+            Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
+            Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
+            Self::IllConditioned { .. } => "add attitudes that differ more from each other",
+            Self::NotMonotonic { .. } | Self::Gap { .. } => "take the record again, or cut it there",
+            Self::RateMismatch { .. } => "state the rate of the record, or check the sample clock",
+            Self::NoRotation { .. } => "check the label of the run and that the table turned",
+            Self::CutOff { .. } => "start the record before the table and stop it after",
+            Self::Restless { .. } => "let the table rest before and after the rotation",
+            Self::Mismatch { .. } | Self::SameSense { .. } => {
+                "check that both runs turned by the same angle, once forth and once back"
+            }
+            Self::OutOfBand { .. } => "check the number of turns and the range of the sensor",
+            Self::NotClosed { .. } => "record whole turns in a steady field",
+            Self::FewTurns { .. } => "record more turns",
+            Self::Coverage { .. } => "turn the module through more directions",
+            Self::Noisy { .. } => "check the field and the plane of rotation: the component turned must be large",
+            Self::TooManyRejected { .. } => "look at the plot: the record holds more than one curve, or a disturbance",
+            Self::Diverged { .. } => "look at the plot: the points do not suit the model",
+        }
+    }
+}

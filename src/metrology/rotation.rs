@@ -1,0 +1,449 @@
+//! Calibration of a gyroscope triad from rotations by a known angle about each axis, forth and back.
+//!
+//! Data are six integrals per sensor, `I_r = sum(dT N)`, over windows that hold the whole rotation. Model of a sensor:
+//! `I_r = S (theta_r e_j + earth) + b T_r`, solved by least squares. The windows of a pair are equally long, so that the
+//! bias cancels in their difference (0.1 s of difference would be 10 ppm of scale).
+//!
+//! Departures from the print (Cheng et al., *Computer Measurement & Control* 30(7), 2022, section 4.2, equations 3 and
+//! 4): its matrix is indexed the other way round (its k is S transposed), the compensation needs `S^-1`, and its bias
+//! `sum of four integrals / (8 pi n)` is not a rate. Here `w = Kg N - epsilon` with `Kg = S^-1` and `epsilon = Kg b`.
+
+use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3};
+
+use crate::{AXES, Refusal, earth, linear, position, series, stats};
+
+/// Rest that a record must hold before and after the rotation, s.
+pub const REST_S: f64 = 0.5;
+/// Margin of a window beyond the rotation found, s: the first and last part of the ramps lie below the threshold.
+const MARGIN_S: f64 = 0.25;
+/// Length of the block means in which the rotation is sought, s.
+const BLOCK_S: f64 = 0.05;
+/// A block moves when it deviates from rest by more than this part of the peak rate ...
+const MOVING_FRACTION: f64 = 2e-3;
+/// ... and by this many standard deviations of a block mean.
+const MOVING_SIGMA: f64 = 8.0;
+/// Forth and back must cancel to this part of their difference, beside four standard deviations of noise.
+const CANCEL_LIMIT: f64 = 1e-4;
+
+/// How the axis of rotation stands, as far as known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Axis {
+    /// Unknown: the earth's rotation stays in the offset.
+    Unknown,
+    /// Each axis in turn parallel to the earth's, positive to the celestial north.
+    Polar,
+    /// Each axis in turn up, at this latitude; headings unknown, but equal at the start of both runs of an axis.
+    Vertical {
+        /// Geodetic latitude, degrees.
+        latitude_deg: f64,
+    },
+}
+
+/// How the runs were made and how they are judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Sample rate, Hz.
+    pub rate_hz: f64,
+    /// Turns of each run.
+    pub turns: f64,
+    /// Stand of the axis of rotation.
+    pub axis: Axis,
+    /// Output at which a channel is saturated, if known.
+    pub saturation: Option<f64>,
+    /// Nominal response in LSB per rad/s and half width of the band around it in percent, if known. Only this can find
+    /// an error of the angle that both senses share.
+    pub nominal: Option<(f64, f64)>,
+}
+
+/// One run: a record with rest, a rotation and rest.
+#[derive(Debug, Clone)]
+pub struct Run<'a> {
+    /// Label `x+ x- y+ y- z+ z-`: axis and sense.
+    pub label: String,
+    /// Output of the triad.
+    pub channels: [&'a [f64]; 3],
+}
+
+/// Where the rotation of a run was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    /// Label of the run.
+    pub label: String,
+    /// First sample of the window, from the start of the run.
+    pub start: usize,
+    /// One past its last sample.
+    pub end: usize,
+    /// Peak of the run's own sensor less its rest, LSB (block mean).
+    pub peak_lsb: f64,
+    /// Integrals of the three sensors over the window, LSB s.
+    pub integral_lsb_s: Vector3<f64>,
+}
+
+/// What was found. Rows of the matrices are sensors, columns are axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// S of `N = S w + b`, LSB per rad/s.
+    pub response: Matrix3<f64>,
+    /// b of the same at the attitude of the rotations, LSB: it contains g-sensitivity.
+    pub offset_lsb: Vector3<f64>,
+    /// Kg of `w = Kg N - epsilon`, rad/s per LSB.
+    pub matrix: Matrix3<f64>,
+    /// epsilon of the same, rad/s.
+    pub bias_rps: Vector3<f64>,
+    /// Standard uncertainty of `response`.
+    pub response_sd: Matrix3<f64>,
+    /// Standard uncertainty of `offset_lsb`.
+    pub offset_sd_lsb: Vector3<f64>,
+    /// Standard uncertainty of `matrix`.
+    pub matrix_sd: Matrix3<f64>,
+    /// Standard uncertainty of `bias_rps`.
+    pub bias_sd_rps: Vector3<f64>,
+    /// Largest error of the bias from the earth's rotation that is not corrected, rad/s.
+    pub earth_bound_rps: f64,
+    /// Windows of the runs, in the order x+ x- y+ y- z+ z-.
+    pub windows: Vec<Window>,
+    /// `|I+ + I- - T b| / |I+ - I-|` of each axis, b from rest.
+    pub mismatch: Vector3<f64>,
+    /// Root mean square of the residuals, as an angle, rad.
+    pub residual_rms_rad: f64,
+    /// Condition number of the scaled design.
+    pub condition: f64,
+    /// Degrees of freedom of the uncertainties.
+    pub dof: f64,
+}
+
+impl Calibration {
+    /// Factor of the 95 % intervals (Student's t).
+    #[must_use]
+    pub fn coverage_factor(&self) -> f64 {
+        stats::coverage_factor(0.95, self.dof)
+    }
+}
+
+/// Finds the rotations and calibrates.
+///
+/// With a polar or unknown axis the four parameters of a sensor leave two residuals, and the uncertainty comes from
+/// them (pooled as angles, six degrees of freedom). With a vertical axis of unknown heading the horizontal earth rate is
+/// an unknown of every pair of windows across the axis: all data are spent, scale comes from the differences and bias
+/// from the own-axis windows, and the uncertainty comes from the noise at rest. That noise is taken as white.
+///
+/// # Errors
+/// Missing or doubled runs, records that are not finite, cut off, saturated, restless or turned differently; sensors
+/// that answer to the wrong axis, with the wrong sign or outside the stated band.
+pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal> {
+    let dt = 1.0 / series::positive("rate (Hz)", options.rate_hz)?;
+    let angle = std::f64::consts::TAU * series::positive("turns", options.turns)?;
+    let runs = in_order(runs)?;
+    let mut found = Vec::with_capacity(6);
+    for (r, run) in runs.iter().enumerate() {
+        series::channels(&AXES, &run.channels)?;
+        for (name, values) in AXES.iter().zip(run.channels) {
+            if options.saturation.is_some() {
+                series::unsaturated(name, values, options.saturation)?;
+            }
+        }
+        found.push(Found::search(run, r / 2, options.rate_hz)?);
+    }
+    let windows = windows(&runs, &found, options.rate_hz)?;
+    rest(&runs, &found, options.rate_hz)?;
+    let mismatch = cancel(&runs, &found, &windows, dt)?;
+
+    let along = match options.axis {
+        Axis::Unknown => 0.0,
+        Axis::Polar => earth::EARTH_RATE_RPS,
+        Axis::Vertical { latitude_deg } => earth::vertical_rate_rps(latitude_deg)?,
+    };
+    let spent = matches!(options.axis, Axis::Vertical { .. });
+    let mut response = Matrix3::zeros();
+    let mut offset_lsb = Vector3::zeros();
+    let mut cofactor = [Matrix4::zeros(); 3];
+    let mut residuals = DMatrix::<f64>::zeros(6, 3);
+    let mut condition: f64 = 0.0;
+    for i in 0..3 {
+        let across: Vec<usize> = (0..3).filter(|j| spent && *j != i).collect();
+        let design = DMatrix::from_fn(6, 4 + across.len(), |r, c| {
+            let span_s = (windows[r].end - windows[r].start) as f64 * dt;
+            let sense = if r % 2 == 0 { 1.0 } else { -1.0 };
+            match c {
+                0..3 if c == r / 2 => sense * angle + along * span_s,
+                0..3 => 0.0,
+                3 => span_s,
+                _ => f64::from(u8::from(across[c - 4] == r / 2)),
+            }
+        });
+        let data = DMatrix::from_fn(6, 1, |r, _| windows[r].integral_lsb_s[i]);
+        let fit = linear::least_squares("the response to rotation", &design, &data)?;
+        for j in 0..3 {
+            response[(i, j)] = fit.solution[j];
+        }
+        offset_lsb[i] = fit.solution[3];
+        cofactor[i] = fit.cofactor.fixed_view::<4, 4>(0, 0).into();
+        residuals.set_column(i, &fit.residuals.column(0));
+        condition = condition.max(fit.condition);
+    }
+    check_response(&response, options.nominal)?;
+    let singular = Refusal::IllConditioned { what: "the inverse response", condition: f64::INFINITY, limit: 1e4 };
+    let matrix = response.try_inverse().ok_or(singular)?;
+    let bias_rps = matrix * offset_lsb;
+
+    let squares: f64 = (0..3).map(|i| residuals.column(i).norm_squared() / response[(i, i)].powi(2)).sum();
+    let (variance, dof) = if spent {
+        let noise = Noise::at_rest(&runs, &found);
+        let length = windows.iter().map(|w| w.end - w.start).max().unwrap_or(0) as f64;
+        (noise.sd_lsb.map(|sd| sd * sd * dt * dt * length), noise.dof)
+    } else {
+        (Vector3::from_fn(|i, _| squares / 6.0 * response[(i, i)].powi(2)), 6.0)
+    };
+    let covariance = [0, 1, 2].map(|i| cofactor[i] * variance[i]);
+    let (matrix_sd, bias_sd_rps) = linear::inverse_sd(&matrix, &(-bias_rps).push(1.0), &covariance);
+    Ok(Calibration {
+        response,
+        offset_lsb,
+        matrix,
+        bias_rps,
+        response_sd: Matrix3::from_fn(|i, j| covariance[i][(j, j)].sqrt()),
+        offset_sd_lsb: Vector3::from_fn(|i, _| covariance[i][(3, 3)].sqrt()),
+        matrix_sd,
+        bias_sd_rps,
+        earth_bound_rps: if options.axis == Axis::Unknown { earth::EARTH_RATE_RPS } else { 0.0 },
+        windows,
+        mismatch,
+        residual_rms_rad: (squares / 18.0).sqrt(),
+        condition,
+        dof,
+    })
+}
+
+/// The runs in the order of the labels, each once.
+fn in_order<'a, 'b>(runs: &'b [Run<'a>]) -> Result<Vec<&'b Run<'a>>, Refusal> {
+    for (i, run) in runs.iter().enumerate() {
+        if position::up_of(&run.label).is_none() {
+            return Err(Refusal::UnknownLabel { label: run.label.clone(), row: i + 1 });
+        }
+        if let Some(first) = runs[..i].iter().position(|r| r.label == run.label) {
+            return Err(Refusal::SplitLabel { label: run.label.clone(), first: first + 1, again: i + 1 });
+        }
+    }
+    let missing: Vec<&str> = position::LABELS.into_iter().filter(|l| !runs.iter().any(|r| r.label == *l)).collect();
+    if !missing.is_empty() {
+        return Err(Refusal::Missing { labels: missing.join(" ") });
+    }
+    Ok(position::LABELS.iter().filter_map(|l| runs.iter().find(|r| r.label == *l)).collect())
+}
+
+/// The moving part of a run, in samples.
+struct Found {
+    start: usize,
+    end: usize,
+    peak: f64,
+}
+
+impl Found {
+    fn search(run: &Run, axis: usize, rate_hz: f64) -> Result<Self, Refusal> {
+        let values = run.channels[axis];
+        let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
+        let needed = ((4.0 * REST_S) * rate_hz).ceil() as usize + 8 * block;
+        if values.len() < needed {
+            return Err(Refusal::TooFew { what: format!("run {}", run.label), got: values.len(), needed });
+        }
+        let edge = (REST_S * rate_hz).ceil() as usize;
+        let (head, tail) = (&values[..edge], &values[values.len() - edge..]);
+        let noise = stats::white_sd(head).min(stats::white_sd(tail)) / (block as f64).sqrt();
+        let (before, after) = (stats::mean(head), stats::mean(tail));
+        let level = f64::midpoint(before, after);
+        let means: Vec<f64> = values.chunks(block).map(stats::mean).collect();
+        let peak = means.iter().map(|m| m - level).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+        let limit = (MOVING_FRACTION * peak.abs()).max(MOVING_SIGMA * noise);
+        if peak.abs() < 10.0 * MOVING_SIGMA * noise || peak == 0.0 {
+            return Err(Refusal::NoRotation { run: run.label.clone(), peak, noise });
+        }
+        let cut = |side, rest_s| Refusal::CutOff { run: run.label.clone(), side, rest_s, needed_s: REST_S };
+        if (before - after).abs() > limit {
+            // The side that itself moves is the one cut; of two steady sides the farther from zero.
+            let spread = |part: &[f64]| {
+                let (first, last) = part.split_at(part.len() / 2);
+                (stats::mean(first) - stats::mean(last)).abs()
+            };
+            let head_moves = if spread(head).max(spread(tail)) > limit {
+                spread(head) > spread(tail)
+            } else {
+                before.abs() > after.abs()
+            };
+            return Err(cut(if head_moves { "before" } else { "after" }, 0.0));
+        }
+        let moving: Vec<usize> = (0..means.len()).filter(|&k| (means[k] - level).abs() > limit).collect();
+        let (first, last) = largest_segment(&moving, &means, level);
+        let (start, end) = (first * block, ((last + 1) * block).min(values.len()));
+        let stray = moving.iter().find(|k| **k < first || **k > last);
+        if let Some(&k) = stray {
+            return Err(Refusal::Restless {
+                run: run.label.clone(),
+                channel: AXES[axis],
+                at_s: (k * block) as f64 / rate_hz,
+                deviation: means[k] - level,
+                limit,
+            });
+        }
+        for (side, rest) in [("before", start), ("after", values.len() - end)] {
+            if (rest as f64) < REST_S * rate_hz {
+                return Err(cut(side, rest as f64 / rate_hz));
+            }
+        }
+        Ok(Self { start, end, peak })
+    }
+}
+
+/// Of the blocks that move, the run of neighbours (short pauses allowed) with the largest integral.
+fn largest_segment(moving: &[usize], means: &[f64], level: f64) -> (usize, usize) {
+    // 0.25 s: a ramp that dips under the threshold does not end a rotation.
+    const PAUSE_BLOCKS: usize = 5;
+    let mut best = (0, 0);
+    let mut best_area = -1.0;
+    let mut i = 0;
+    while i < moving.len() {
+        let mut j = i;
+        while j + 1 < moving.len() && moving[j + 1] - moving[j] <= PAUSE_BLOCKS {
+            j += 1;
+        }
+        let area = moving[i..=j].iter().map(|&k| means[k] - level).sum::<f64>().abs();
+        if area > best_area {
+            (best, best_area) = ((moving[i], moving[j]), area);
+        }
+        i = j + 1;
+    }
+    best
+}
+
+/// Windows of equal length within each pair, centred on the rotations and inside the records.
+fn windows(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<Vec<Window>, Refusal> {
+    let margin = (MARGIN_S * rate_hz).ceil() as usize;
+    let mut windows = Vec::with_capacity(6);
+    for (r, (run, f)) in runs.iter().zip(found).enumerate() {
+        let partner = &found[r ^ 1];
+        let length = (f.end - f.start).max(partner.end - partner.start) + 2 * margin;
+        let samples = run.channels[0].len();
+        if length > samples {
+            let rest_s = (samples - (f.end - f.start)) as f64 / rate_hz;
+            let needed_s = (length - (f.end - f.start)) as f64 / rate_hz;
+            return Err(Refusal::CutOff { run: run.label.clone(), side: "around", rest_s, needed_s });
+        }
+        let centred = usize::midpoint(f.start, f.end).saturating_sub(length / 2);
+        let start = centred.min(samples - length);
+        let range = start..start + length;
+        let integral_lsb_s =
+            Vector3::from_fn(|i, _| stats::mean(&run.channels[i][range.clone()]) * length as f64 / rate_hz);
+        windows.push(Window { label: run.label.clone(), start, end: range.end, peak_lsb: f.peak, integral_lsb_s });
+    }
+    Ok(windows)
+}
+
+/// All three sensors rest outside the rotation.
+fn rest(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<(), Refusal> {
+    let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
+    let margin = (MARGIN_S * rate_hz).ceil() as usize;
+    for (run, f) in runs.iter().zip(found) {
+        for i in 0..3 {
+            let values = run.channels[i];
+            let own_peak = found[2 * i].peak.abs().min(found[2 * i + 1].peak.abs());
+            let (before, after) =
+                (&values[..f.start.saturating_sub(margin)], &values[(f.end + margin).min(values.len())..]);
+            let noise = stats::white_sd(before).max(stats::white_sd(after)) / (block as f64).sqrt();
+            let limit = (MOVING_FRACTION * own_peak).max(MOVING_SIGMA * noise);
+            let (sum, count) = [before, after].iter().fold((0.0, 0), |(s, n), part| {
+                if part.is_empty() { (s, n) } else { (s + stats::mean(part) * part.len() as f64, n + part.len()) }
+            });
+            let level = sum / count as f64;
+            for (part, offset) in [(before, 0), (after, f.end + margin)] {
+                for (k, chunk) in part.chunks_exact(block).enumerate() {
+                    let deviation = stats::mean(chunk) - level;
+                    if deviation.abs() > limit {
+                        let at_s = (offset + k * block) as f64 / rate_hz;
+                        return Err(Refusal::Restless {
+                            run: run.label.clone(),
+                            channel: AXES[i],
+                            at_s,
+                            deviation,
+                            limit,
+                        });
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// White noise of the outputs at rest, and how well it is known.
+struct Noise {
+    sd_lsb: Vector3<f64>,
+    dof: f64,
+}
+
+impl Noise {
+    fn at_rest(runs: &[&Run], found: &[Found]) -> Self {
+        let mut squares = Vector3::zeros();
+        let mut dof = 0.0;
+        for (run, f) in runs.iter().zip(found) {
+            let n = run.channels[0].len();
+            for part in [0..f.start, f.end..n] {
+                dof += part.len() as f64 - 1.0;
+                squares += Vector3::from_fn(|i, _| {
+                    stats::white_sd(&run.channels[i][part.clone()]).powi(2) * (part.len() as f64 - 1.0)
+                });
+            }
+        }
+        // Successive differences have two thirds of the degrees of freedom of a sample variance (von Neumann).
+        Self { sd_lsb: squares.map(|s: f64| (s / dof).sqrt()), dof: dof * 2.0 / 3.0 }
+    }
+}
+
+/// Forth and back cancel but for the bias at rest, which contains the own-axis earth rate.
+fn cancel(runs: &[&Run], found: &[Found], windows: &[Window], dt: f64) -> Result<Vector3<f64>, Refusal> {
+    let mut mismatches = Vector3::zeros();
+    for (axis, name) in AXES.into_iter().enumerate() {
+        let pair = [2 * axis, 2 * axis + 1];
+        let (mut sum, mut count, mut squares) = (0.0, 0.0, 0.0);
+        for r in pair {
+            let values = runs[r].channels[axis];
+            for part in [&values[..found[r].start], &values[found[r].end..]] {
+                sum += stats::mean(part) * part.len() as f64;
+                squares += stats::white_sd(part).powi(2) * part.len() as f64;
+                count += part.len() as f64;
+            }
+        }
+        let rest = sum / count;
+        let [forth, back] =
+            pair.map(|r| windows[r].integral_lsb_s[axis] - rest * dt * (windows[r].end - windows[r].start) as f64);
+        if forth * back > 0.0 {
+            return Err(Refusal::SameSense { axis: name, forth, back });
+        }
+        let samples: f64 = pair.iter().map(|&r| (windows[r].end - windows[r].start) as f64).sum();
+        let sigma = (squares / count * (samples + samples * samples / count)).sqrt() * dt;
+        let mismatch = (forth + back).abs() / (forth - back).abs();
+        let limit = CANCEL_LIMIT + 4.0 * sigma / (forth - back).abs();
+        if mismatch > limit {
+            return Err(Refusal::Mismatch { axis: name, mismatch, limit });
+        }
+        mismatches[axis] = mismatch;
+    }
+    Ok(mismatches)
+}
+
+/// Every sensor answers positively, to its own axis most, and inside the band.
+fn check_response(response: &Matrix3<f64>, nominal: Option<(f64, f64)>) -> Result<(), Refusal> {
+    for (i, axis) in AXES.into_iter().enumerate() {
+        let own = response[(i, i)];
+        for (j, other) in AXES.into_iter().enumerate() {
+            if j != i && response[(i, j)].abs() > own.abs() {
+                return Err(Refusal::WrongAxis { axis, own, other, cross: response[(i, j)] });
+            }
+        }
+        if own <= 0.0 {
+            return Err(Refusal::WrongSign { axis, response: own });
+        }
+        if let Some((nominal, percent)) = nominal.filter(|(n, p)| (own / n - 1.0).abs() * 100.0 > *p) {
+            return Err(Refusal::OutOfBand { axis, response: own, nominal, percent });
+        }
+    }
+    Ok(())
+}

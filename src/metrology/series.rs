@@ -1,0 +1,217 @@
+//! Checks that every record passes before anything is computed from it.
+
+use crate::{Refusal, stats};
+
+/// A gap is a step of more than this many usual steps: jitter of half a period is normal, a lost sample is not.
+const GAP_STEPS: f64 = 1.6;
+
+/// The stated rate and a time column may differ by this much (relative): clocks are good to 1e-4, typing errors are not.
+const RATE_TOLERANCE: f64 = 0.02;
+
+/// Steps from which the usual step is learned.
+const LEARN_STEPS: usize = 32;
+
+/// All values are finite.
+///
+/// # Errors
+/// [`Refusal::NotFinite`] with the first offender.
+pub fn finite(channel: &str, values: &[f64]) -> Result<(), Refusal> {
+    // Without an early end within a block the compiler can use vectors.
+    if values.chunks(1024).all(|block| block.iter().fold(true, |all, v| all & v.is_finite())) {
+        return Ok(());
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(Refusal::NotFinite { channel: channel.to_owned(), index, value: values[index] }),
+        None => Ok(()),
+    }
+}
+
+/// All channels have one length and finite values.
+///
+/// # Errors
+/// [`Refusal::Lengths`], [`Refusal::NotFinite`].
+pub fn channels(names: &[&str], channels: &[&[f64]]) -> Result<usize, Refusal> {
+    let left = channels.first().map_or(0, |c| c.len());
+    for (name, values) in names.iter().zip(channels) {
+        if values.len() != left {
+            return Err(Refusal::Lengths { left, right: values.len() });
+        }
+        finite(name, values)?;
+    }
+    Ok(left)
+}
+
+/// A parameter is finite and above zero.
+///
+/// # Errors
+/// [`Refusal::Parameter`].
+pub fn positive(name: &'static str, value: f64) -> Result<f64, Refusal> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(value);
+    }
+    Err(Refusal::Parameter { name, value, expected: "a finite number above 0" })
+}
+
+/// Time increases without gaps and, where a rate is stated, at that rate.
+///
+/// # Errors
+/// As [`Clock::tick`].
+pub fn time(time_s: &[f64], stated_hz: Option<f64>) -> Result<(), Refusal> {
+    let mut clock = Clock::new(stated_hz);
+    for (index, t) in time_s.iter().enumerate() {
+        clock.tick(index, *t, index == 0)?;
+    }
+    clock.finish()
+}
+
+/// Watches a time column as it comes, without keeping it. The usual step is learned from the first ones.
+#[derive(Debug, Clone)]
+pub struct Clock {
+    stated_hz: Option<f64>,
+    expected_s: Option<f64>,
+    learned: Vec<(usize, f64)>,
+    before: f64,
+}
+
+impl Clock {
+    /// A clock that compares with a stated rate, where there is one.
+    #[must_use]
+    pub fn new(stated_hz: Option<f64>) -> Self {
+        Self { stated_hz, expected_s: None, learned: Vec::new(), before: f64::NAN }
+    }
+
+    /// Takes the time of the sample `index`; the first sample of a block may stand anywhere.
+    ///
+    /// # Errors
+    /// [`Refusal::NotFinite`], [`Refusal::NotMonotonic`], [`Refusal::Gap`], [`Refusal::RateMismatch`].
+    pub fn tick(&mut self, index: usize, time_s: f64, new_block: bool) -> Result<(), Refusal> {
+        if !time_s.is_finite() {
+            return Err(Refusal::NotFinite { channel: "time".to_owned(), index, value: time_s });
+        }
+        let before = std::mem::replace(&mut self.before, time_s);
+        if new_block {
+            return Ok(());
+        }
+        let step_s = time_s - before;
+        if step_s <= 0.0 {
+            return Err(Refusal::NotMonotonic { index, before, after: time_s });
+        }
+        if self.expected_s.is_some() {
+            return self.gap(index, step_s);
+        }
+        self.learned.push((index, step_s));
+        if self.learned.len() == LEARN_STEPS { self.finish() } else { Ok(()) }
+    }
+
+    /// Judges what was not yet judged, of a record shorter than the learning needs.
+    ///
+    /// # Errors
+    /// As [`Clock::tick`].
+    pub fn finish(&mut self) -> Result<(), Refusal> {
+        let learned = std::mem::take(&mut self.learned);
+        if self.expected_s.is_some() || learned.len() < 2 {
+            return Ok(());
+        }
+        let expected_s = stats::median(&mut learned.iter().map(|(_, s)| *s).collect::<Vec<_>>());
+        self.expected_s = Some(expected_s);
+        for (index, step_s) in learned {
+            self.gap(index, step_s)?;
+        }
+        let measured_hz = 1.0 / expected_s;
+        match self.stated_hz {
+            Some(stated_hz) if (measured_hz / stated_hz - 1.0).abs() > RATE_TOLERANCE => {
+                Err(Refusal::RateMismatch { measured_hz, stated_hz })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn gap(&self, index: usize, step_s: f64) -> Result<(), Refusal> {
+        match self.expected_s {
+            Some(expected_s) if step_s > GAP_STEPS * expected_s => Err(Refusal::Gap { index, step_s, expected_s }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// No value reaches a stated limit, and the record does not look cut: a cut curve shows its extreme far more often
+/// than the value next to it, a curve that turns there does not (2.4 times, for a fine sine in whole codes).
+///
+/// # Errors
+/// [`Refusal::Saturated`].
+pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<(), Refusal> {
+    const REPEATS: usize = 20;
+    const RATIO: usize = 6;
+    let refuse = |value, samples| Err(Refusal::Saturated { channel: channel.to_owned(), value, samples });
+    if let Some(limit) = limit {
+        let samples = values.iter().filter(|v| v.abs() >= limit).count();
+        return if samples > 0 { refuse(limit, samples) } else { Ok(()) };
+    }
+    let (low, high) = range(values);
+    for (extreme, inside) in [(high, 1.0), (low, -1.0)] {
+        let at_extreme = values.iter().map(|v| usize::from(*v == extreme)).sum::<usize>();
+        if at_extreme < REPEATS || at_extreme == values.len() {
+            continue;
+        }
+        let next =
+            values.iter().map(|v| inside * v).filter(|v| *v < inside * extreme).fold(f64::NEG_INFINITY, f64::max);
+        let at_next = values.iter().filter(|v| inside * **v == next).count();
+        if at_extreme > RATIO * at_next {
+            return refuse(extreme, at_extreme);
+        }
+    }
+    Ok(())
+}
+
+/// Smallest and largest of finite values.
+#[must_use]
+pub fn range(values: &[f64]) -> (f64, f64) {
+    const LANES: usize = 8;
+    let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    let (whole, rest) = values.as_chunks::<LANES>();
+    // Plain comparisons, which the compiler turns into vectors; f64::min also cares for NaN.
+    for chunk in whole {
+        for l in 0..LANES {
+            low[l] = if chunk[l] < low[l] { chunk[l] } else { low[l] };
+            high[l] = if chunk[l] > high[l] { chunk[l] } else { high[l] };
+        }
+    }
+    let both = |(l, h): (f64, f64), v: f64| (l.min(v), h.max(v));
+    low.into_iter()
+        .chain(high)
+        .chain(rest.iter().copied())
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), both)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_bad_sample_is_named() {
+        let refusal = finite("gx", &[0.0, f64::INFINITY, f64::NAN]).unwrap_err();
+        assert_eq!(refusal.to_string(), "gx: sample 1 is inf");
+    }
+
+    #[test]
+    fn time_with_faults() {
+        let check = |t: &[f64], expected: &str| assert_eq!(time(t, Some(10.0)).unwrap_err().to_string(), expected);
+        check(&[0.0, 0.1, 0.2, 0.4, 0.5], "gap at sample 3: step of 0.200000 s, expected 0.100000 s");
+        check(&[0.0, 0.1, 0.1], "time does not increase at sample 2: 0.1 s, then 0.1 s");
+        check(&[0.0, 0.2, 0.4], "time column says 5.000000 Hz, stated are 10.000000 Hz");
+        assert_eq!(time(&[0.0, 0.1, 0.21, 0.3], None), Ok(()));
+    }
+
+    #[test]
+    fn a_cut_sine_is_found_and_a_whole_one_in_codes_is_not() {
+        let sine = |top: f64, codes: f64| -> Vec<f64> {
+            (0..6000).map(|i| (f64::from(i) * 0.0137).sin() * codes).map(|v| v.min(top * codes).round()).collect()
+        };
+        assert!(unsaturated("x", &sine(2.0, 1000.0), None).is_ok());
+        assert!(unsaturated("x", &sine(2.0, 20.0), None).is_ok());
+        let refusal = unsaturated("x", &sine(0.95, 1000.0), None).unwrap_err();
+        assert!(matches!(refusal, Refusal::Saturated { value: 950.0, samples: 500..700, .. }), "{refusal}");
+        assert!(unsaturated("x", &sine(2.0, 1000.0), Some(999.0)).is_err());
+    }
+}

@@ -1,0 +1,243 @@
+//! Allan deviations against published values and against simulated noise.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test may end with a panic and says what it saw"
+)]
+
+mod truth;
+
+use gnc_metrology::Refusal;
+use gnc_metrology::allan::{Input, Kind, Noise, Taus, analyse};
+use truth::Dice;
+
+/// The 1000-point test suite of NIST SP 1065 (NBS14): a Lehmer generator.
+fn nbs14() -> Vec<f64> {
+    let mut n: u64 = 1_234_567_890;
+    (0..1000)
+        .map(|_| {
+            let value = n as f64 / 2_147_483_647.0;
+            n = n * 16_807 % 2_147_483_647;
+            value
+        })
+        .collect()
+}
+
+fn deviations(values: &[f64], kind: Kind, taus: &[f64]) -> Vec<f64> {
+    let analysis = analyse(values, Input::Rate, 1.0, kind, &Taus::Seconds(taus.to_vec()), 2).unwrap();
+    analysis.points.iter().map(|p| p.dev).collect()
+}
+
+#[test]
+fn nbs14_table() {
+    let check = |kind, expected: [f64; 3]| {
+        for (found, expected) in deviations(&nbs14(), kind, &[1.0, 10.0, 100.0]).into_iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-6, "{kind:?}: {found} {expected}");
+        }
+    };
+    check(Kind::Oadev, [0.2922319, 0.09159953, 0.03241343]);
+    check(Kind::Adev, [0.2922319, 0.09965736, 0.03897804]);
+    check(Kind::Mdev, [0.2922319, 0.06172376, 0.02170921]);
+    check(Kind::Hdev, [0.2943883, 0.1052754, 0.03910860]);
+    check(Kind::Ohdev, [0.2943883, 0.09581083, 0.03237638]);
+    check(Kind::Totdev, [0.2922319, 0.09134743, 0.03406530]);
+}
+
+/// An offset of a million changes nothing but the rounding of the record itself, and threads nothing at all.
+#[test]
+fn offsets_and_threads_do_not_show() {
+    let plain = nbs14();
+    let offset: Vec<f64> = plain.iter().map(|v| v + 1e6).collect();
+    for kind in [Kind::Adev, Kind::Oadev, Kind::Mdev, Kind::Hdev, Kind::Ohdev, Kind::Totdev] {
+        let run = |values: &[f64], threads| analyse(values, Input::Rate, 1.0, kind, &Taus::Octave, threads).unwrap();
+        let reference = run(&plain, 1);
+        for (a, b) in run(&plain, 3).points.iter().zip(&reference.points) {
+            assert!((a.dev / b.dev - 1.0).abs() < 1e-13, "{kind:?} {a:?} {b:?}");
+        }
+        for (a, b) in run(&offset, 2).points.iter().zip(&reference.points) {
+            assert!((a.dev / b.dev - 1.0).abs() < 1e-8, "{kind:?} {a:?} {b:?}");
+        }
+        let phase: Vec<f64> = [0.0]
+            .into_iter()
+            .chain(plain.iter().scan(0.0, |s, v| {
+                *s += v;
+                Some(*s)
+            }))
+            .map(|p| p + 1e3)
+            .collect();
+        for (a, b) in
+            analyse(&phase, Input::Phase, 1.0, kind, &Taus::Octave, 1).unwrap().points.iter().zip(&reference.points)
+        {
+            assert!((a.dev / b.dev - 1.0).abs() < 1e-9, "{kind:?} {a:?} {b:?}");
+        }
+    }
+}
+
+/// A record longer than a tile and its blocks, against the definition written down plainly.
+#[test]
+fn long_records_follow_the_definition() {
+    let mut dice = Dice::new(11);
+    let values: Vec<f64> = (0..200_001).map(|_| dice.normal()).collect();
+    let mut phase = vec![0.0];
+    values.iter().for_each(|v| phase.push(phase[phase.len() - 1] + v));
+    for m in [1_usize, 7, 1000, 65_536] {
+        let n = phase.len() - 2 * m;
+        let sum: f64 = (0..n).map(|i| (phase[i + 2 * m] - 2.0 * phase[i + m] + phase[i]).powi(2)).sum();
+        let expected = (sum / (2.0 * n as f64)).sqrt() / m as f64;
+        let found = deviations(&values, Kind::Oadev, &[m as f64])[0];
+        assert!((found / expected - 1.0).abs() < 1e-9, "{m}: {found} {expected}");
+    }
+}
+
+/// Noise of one kind: the generator, its Allan variance at an averaging factor, the name it should be given.
+struct Source {
+    noise: Noise,
+    make: fn(usize, &mut Dice) -> Vec<f64>,
+    variance: fn(f64) -> f64,
+}
+
+const WHITE: Source =
+    Source { noise: Noise::WhiteRate, make: |n, dice| (0..n).map(|_| dice.normal()).collect(), variance: |m| 1.0 / m };
+
+/// Steps of variance 1: `avar(m) = (2 m^2 + 1) / (6 m)`.
+const WALK: Source = Source {
+    noise: Noise::RateRandomWalk,
+    make: |n, dice| {
+        (0..n)
+            .scan(0.0, |s, _| {
+                *s += dice.normal();
+                Some(*s)
+            })
+            .collect()
+    },
+    variance: |m| (2.0 * m * m + 1.0) / (6.0 * m),
+};
+
+/// Flicker of spectral density 1 / f up to the corners: a sum of relaxations, spaced so closely in frequency that the
+/// ripple is below 0.1 %; its Allan variance is the sum of theirs.
+const CORNERS: usize = 40;
+fn corner(k: usize) -> (f64, f64) {
+    // Autoregression of the first order with this coefficient, and unit variance: equal power per octave.
+    (1.0 - 0.9 * 2.0_f64.powf(-0.5 * k as f64), 1.0)
+}
+const FLICKER: Source = Source {
+    noise: Noise::FlickerRate,
+    make: |n, dice| {
+        let mut states: Vec<f64> = (0..CORNERS).map(|k| dice.normal() * corner(k).1).collect();
+        (0..n)
+            .map(|_| {
+                for (k, state) in states.iter_mut().enumerate() {
+                    let (a, sd) = corner(k);
+                    *state = a * *state + sd * (1.0 - a * a).sqrt() * dice.normal();
+                }
+                states.iter().sum()
+            })
+            .collect()
+    },
+    variance: |m| (0..CORNERS).map(|k| relaxation(corner(k).0, m)).sum(),
+};
+
+/// Allan variance of `x' = a x + sqrt(1 - a^2) e` at averaging factor m, from the covariances of two adjacent means:
+/// `avar = (V - C)`, V the variance of a mean, C the covariance of neighbours.
+fn relaxation(a: f64, m: f64) -> f64 {
+    let am = a.powf(m);
+    // 1 - a is small for slow ones: the series in m (1 - a) avoids the cancellation.
+    if m * (1.0 - a) < 1e-3 {
+        return (1.0 - a) * (2.0 * m * m + 1.0) / (3.0 * m);
+    }
+    let variance = (m * (1.0 - a * a) - 2.0 * a * (1.0 - am)) / (m * m * (1.0 - a).powi(2));
+    let neighbours = a * (1.0 - am).powi(2) / (m * m * (1.0 - a).powi(2));
+    variance - neighbours
+}
+
+/// The 68.3 % intervals of white, flicker and random-walk noise cover the truth. Pooled over records; 6 % is four
+/// standard deviations of a coverage over 1000 records, and what the chi-square approximation itself may miss.
+#[test]
+fn intervals_cover_the_truth() {
+    const SEED: u64 = 3;
+    const RECORDS: usize = 1000;
+    const KINDS: [Kind; 3] = [Kind::Oadev, Kind::Adev, Kind::Totdev];
+    println!("seed {SEED}");
+    for (source, name) in [(WHITE, "white"), (FLICKER, "flicker"), (WALK, "walk")] {
+        let mut dice = Dice::new(SEED);
+        let mut covered = [[0_usize; 7]; 3];
+        let mut named = [0_usize; 7];
+        for _ in 0..RECORDS {
+            let values = (source.make)(1024, &mut dice);
+            for (covered, kind) in covered.iter_mut().zip(KINDS) {
+                let points = analyse(&values, Input::Rate, 1.0, kind, &Taus::Octave, 1).unwrap().points;
+                for (k, p) in points.iter().take(7).enumerate() {
+                    let truth = (source.variance)(p.tau_s).sqrt();
+                    covered[k] += usize::from((p.low..=p.high).contains(&truth));
+                    named[k] += usize::from(kind == Kind::Oadev && p.noise == Some(source.noise));
+                }
+            }
+        }
+        println!("{name}: covered {covered:?} ({KINDS:?}), named {named:?} of {RECORDS}");
+        // From 2 samples on, where the simulated walk is a walk.
+        for (covered, kind) in covered.iter().zip(KINDS) {
+            for (k, covered) in covered.iter().enumerate().skip(1) {
+                let share = *covered as f64 / RECORDS as f64;
+                assert!((share - 0.683).abs() < 0.06, "{name} {kind:?} at {}: {share}", 1 << k);
+            }
+        }
+        assert!(named[1] > 8 * RECORDS / 10, "{name}: {named:?}");
+    }
+}
+
+/// N and K of a simulated gyroscope come back with intervals that hold them; what the record does not show is null.
+#[test]
+fn coefficients_of_a_simulated_gyroscope() {
+    let (n_true, k_true, rate) = (0.002, 4e-4, 100.0_f64);
+    let mut hits = [0; 2];
+    const RECORDS: usize = 60;
+    for seed in 0..RECORDS {
+        let mut dice = Dice::new(100 + seed as u64);
+        let mut walk = 0.0;
+        let values: Vec<f64> = (0..200_000)
+            .map(|_| {
+                walk += k_true / rate.sqrt() * dice.normal();
+                walk + n_true * rate.sqrt() * dice.normal()
+            })
+            .collect();
+        let c = analyse(&values, Input::Rate, rate, Kind::Oadev, &Taus::Octave, 2).unwrap().coefficients;
+        let (n, k) = (c.n.unwrap(), c.k.unwrap());
+        assert!((n.value / n_true - 1.0).abs() < 0.02, "seed {seed}: N {}", n.value);
+        assert!((k.value / k_true - 1.0).abs() < 0.6, "seed {seed}: K {}", k.value);
+        assert_eq!((c.b, c.q), (None, None), "seed {seed}: a minimum between N and K is no flat part");
+        hits[0] += usize::from((n.low..=n.high).contains(&n_true));
+        hits[1] += usize::from((k.low..=k.high).contains(&k_true));
+    }
+    println!("covered {hits:?} of {RECORDS}");
+    // 68.3 % of 60 are 41; three standard deviations of chance are 11.
+    assert!(hits.iter().all(|h| (30..=52).contains(h)), "{hits:?}");
+}
+
+/// A flat part is reported as B, and only with adev or oadev.
+#[test]
+fn a_flat_part_is_bias_instability() {
+    let mut dice = Dice::new(5);
+    let values = (FLICKER.make)(60_000, &mut dice);
+    let run = |kind| analyse(&values, Input::Rate, 1.0, kind, &Taus::Octave, 2).unwrap().coefficients;
+    let b = run(Kind::Oadev).b.unwrap();
+    let truth = (FLICKER.variance)(64.0).sqrt() / 0.664;
+    assert!((b.value / truth - 1.0).abs() < 0.15, "{} {truth}", b.value);
+    assert_eq!(run(Kind::Mdev), gnc_metrology::allan::Coefficients::default());
+}
+
+#[test]
+fn refusals() {
+    let run = |values: &[f64], rate, taus: Taus| analyse(values, Input::Rate, rate, Kind::Oadev, &taus, 1).unwrap_err();
+    assert!(matches!(run(&[1.0; 100], 1.0, Taus::Octave), Refusal::Constant { samples: 100, .. }));
+    assert!(matches!(run(&[1.0, 2.0], 1.0, Taus::Octave), Refusal::TooFew { got: 2, .. }));
+    let mut values = nbs14();
+    assert!(matches!(run(&values, 0.0, Taus::Octave), Refusal::Parameter { .. }));
+    assert!(matches!(run(&values, f64::NAN, Taus::Octave), Refusal::Parameter { .. }));
+    assert!(matches!(run(&values, 1.0, Taus::Seconds(vec![600.0])), Refusal::Parameter { value: 600.0, .. }));
+    assert!(matches!(run(&values, 1.0, Taus::Seconds(vec![f64::NAN])), Refusal::Parameter { .. }));
+    values[7] = f64::NAN;
+    assert!(matches!(run(&values, 1.0, Taus::Octave), Refusal::NotFinite { index: 7, .. }));
+}

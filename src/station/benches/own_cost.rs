@@ -1,0 +1,170 @@
+//! What the station itself costs: time and memory of an item, and of a 1 kHz stream. Prints figures with their bounds.
+//!
+//!     cargo bench -p gnc-station --bench own_cost [-- items N | stream SECONDS]
+
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "a benchmark prints, and ends where it cannot go on")]
+
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use chrono::Local;
+use gnc_executive::event::{Bench, EVENTS_SCHEMA, EventKind, PlanInfo, Program, RunHeader};
+use gnc_executive::job::{BenchAbilities, Job, Next};
+use gnc_executive::measurement::Value;
+use gnc_executive::plan::Plan;
+use gnc_protocol::message::{ModulePower, StreamStart};
+use gnc_protocol::stream::StreamId;
+use gnc_station::board::{Advance, Board, Desk};
+use gnc_station::link::serial;
+use gnc_station::runner::journal::Journal;
+use gnc_station::store::{RunFolder, Scribe};
+use tokio::sync::watch;
+
+/// Own cost of a trivial item, journal and record included.
+const ITEM_MS: f64 = 0.1;
+/// Memory of an item between 200 and 20,000 of them.
+const ITEM_BYTES: f64 = 1000.0;
+/// Share of a core for a stream of 1 kHz.
+const STREAM_SHARE: f64 = 0.05;
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    match args.as_slice() {
+        ["items", count] => items(count.parse().expect("a number")),
+        ["stream", seconds] => stream(seconds.parse().expect("a number")),
+        _ => all(),
+    }
+}
+
+fn all() {
+    let few = child(&["items", "200"]);
+    let many = child(&["items", "20000"]);
+    let per_item_ms = (many[0] - few[0]) / 19_800.0 * 1e3;
+    let per_item_bytes = (many[1] - few[1]) / 19_800.0;
+    verdict("own cost of a trivial item", per_item_ms, ITEM_MS, "ms");
+    verdict("memory of an item", per_item_bytes, ITEM_BYTES, "bytes");
+    let [share, lost] = child(&["stream", "60"])[..] else { return };
+    verdict("1 kHz stream for 60 s, share of a core", share, STREAM_SHARE, "");
+    verdict("1 kHz stream for 60 s, samples lost", lost, 0.0, "");
+}
+
+fn verdict(what: &str, value: f64, bound: f64, unit: &str) {
+    let word = if value <= bound { "within" } else { "ABOVE" };
+    println!("{what:<42} {value:>10.4} {unit:<6} {word} the bound of {bound} {unit}");
+}
+
+/// A run in a process of its own, so that its memory is its own; its last line holds the figures.
+fn child(args: &[&str]) -> Vec<f64> {
+    let program = std::env::current_exe().expect("this program");
+    let output = Command::new(program).args(args).output().expect("this program again");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout);
+    let figures = text.lines().last().unwrap_or_default().split_whitespace();
+    figures.map(|figure| figure.parse().expect("a number")).collect()
+}
+
+/// A plan of trivial items, each with one measurement, through job, journal and record. Prints seconds and bytes.
+fn items(count: usize) {
+    use std::fmt::Write as _;
+    let mut text = "name = \"many\"\nversion = \"1\"\n".to_owned();
+    for item in 0..count {
+        writeln!(text, "[[item]]\nid = \"io\"\nname = \"io-{item}\"\nlimits.wrong_reads = \"<= 0\"").expect("room");
+    }
+    let plan = Plan::read("many.toml", text.into_bytes(), &mut |_| Err(String::new())).expect("a plan");
+    let bench = BenchAbilities { rs422: true, can: false, operator: false };
+    let job = Job::new(plan, bench, None).expect("a job");
+    // In memory, so that the disk's own pace does not count.
+    let folder = tempfile::TempDir::new_in("/dev/shm").expect("a folder in memory");
+    let before = resident_bytes();
+    let began = Instant::now();
+    let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+    runtime.block_on(run(&job, folder.path()));
+    println!("{} {}", began.elapsed().as_secs_f64(), resident_bytes() - before);
+}
+
+async fn run(job: &Job, records: &Path) {
+    let folder = RunFolder::create(records, Local::now().fixed_offset(), "BENCH", "many").expect("a folder");
+    let scribe = Scribe::start(folder, job.plan(), Vec::new()).expect("a scribe");
+    let journal = Journal::new(scribe);
+    let header = Box::new(header());
+    journal.emit(EventKind::RunStarted { header, items: job.planned() }).await.expect("written");
+    loop {
+        match journal.look(|state| job.next(state)) {
+            Next::Run { item, attempt } => {
+                let planned = job.item(item).expect("an item");
+                let item = planned.name.clone();
+                journal.emit(EventKind::ItemStarted { item: item.clone(), attempt }).await.expect("written");
+                let measurement = planned.judge("wrong_reads", &Value::count(0), 1, "BENCH");
+                let outcome = planned.attempt_outcome(std::slice::from_ref(&measurement));
+                let measured = EventKind::Measured { item: item.clone(), attempt, measurement };
+                journal.emit(measured).await.expect("written");
+                let ended = EventKind::AttemptEnded { item, attempt, outcome, error: None };
+                journal.emit(ended).await.expect("written");
+            }
+            Next::End { item, outcome } => {
+                let item = job.item(item).expect("an item").name.clone();
+                journal.emit(EventKind::ItemEnded { item, outcome, cause: None }).await.expect("written");
+            }
+            Next::Done { outcome } => {
+                journal.emit(EventKind::RunEnded { outcome }).await.expect("written");
+                break;
+            }
+            Next::Skip { .. } | Next::Wait => unreachable!("nothing is skipped and nothing overlaps"),
+        }
+    }
+    journal.close().await.expect("closed");
+}
+
+fn header() -> RunHeader {
+    RunHeader {
+        schema: EVENTS_SCHEMA.to_owned(),
+        serial_number: "BENCH".to_owned(),
+        operator: None,
+        station: "bench".to_owned(),
+        program: Program { name: "own_cost".to_owned(), version: "0".to_owned() },
+        bench: Bench::real(),
+        plan: PlanInfo { name: "many".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
+        selection: None,
+        looped: None,
+    }
+}
+
+/// A 1 kHz stream of the IMU from the simulated board in a process of its own. Prints the share of a core that this
+/// end took, and the samples lost.
+fn stream(seconds: u32) {
+    let bench = hw_mocks::RunningBench::start(&hw_mocks::Options::default()).expect("a simulated bench");
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let wanted = seconds * 1000;
+    let (lost, busy) = runtime.block_on(async {
+        let link = serial::open(bench.port(), 921_600).expect("a port");
+        let board = Board::connect(link, 1).await.expect("a board");
+        let desk = Desk::new(&board, watch::channel(Advance::default()).0);
+        desk.call(&ModulePower { on: 1 }).await.expect("power");
+        let mut stream = desk.listen(StreamId::Imu).await.expect("a stream");
+        let before = thread_time();
+        let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: 1000, count: wanted, samples_per_frame: 0 };
+        desk.call(&start).await.expect("started");
+        while let Some(frame) = stream.next().await.expect("a live board") {
+            if frame.head.first + u32::from(frame.head.count) >= wanted {
+                break;
+            }
+        }
+        (wanted - stream.losses().received, thread_time() - before)
+    });
+    println!("{} {lost}", busy.as_secs_f64() / f64::from(seconds));
+}
+
+/// Processor time of this thread alone: the simulated board runs on another one.
+fn thread_time() -> Duration {
+    let time = nix::time::clock_gettime(nix::time::ClockId::CLOCK_THREAD_CPUTIME_ID).expect("a clock");
+    Duration::from(time)
+}
+
+/// Most memory that this process ever held.
+fn resident_bytes() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    let line = status.lines().find(|line| line.starts_with("VmHWM:")).expect("VmHWM");
+    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).expect("kilobytes") * 1024.0
+}

@@ -1,0 +1,134 @@
+//! Allan deviations.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::allan::{self, Coefficient, Input, Kind, Taus};
+use serde_json::{Value, json};
+
+use super::plot::{Mark, Panel, Series};
+use super::report::Report;
+use super::table::{Table, Wanted};
+use super::{ComputeError, Outcome};
+
+/// Which deviation.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Dev {
+    Adev,
+    Oadev,
+    Mdev,
+    Hdev,
+    Ohdev,
+    Totdev,
+}
+
+impl From<Dev> for Kind {
+    fn from(dev: Dev) -> Self {
+        match dev {
+            Dev::Adev => Self::Adev,
+            Dev::Oadev => Self::Oadev,
+            Dev::Mdev => Self::Mdev,
+            Dev::Hdev => Self::Hdev,
+            Dev::Ohdev => Self::Ohdev,
+            Dev::Totdev => Self::Totdev,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Allan {
+    /// Table with a header row
+    file: PathBuf,
+    /// Sample rate, Hz
+    #[arg(long, value_name = "HZ")]
+    rate: f64,
+    /// Column to analyse
+    #[arg(long, value_name = "NAME")]
+    column: String,
+    /// Which deviation
+    #[arg(long, value_enum, default_value = "oadev")]
+    dev: Dev,
+    /// Averaging times: octave, decade, all, or seconds separated by commas
+    #[arg(long, default_value = "octave", value_parser = taus)]
+    taus: Taus,
+    /// The column holds angles (phases) instead of rates
+    #[arg(long)]
+    phase: bool,
+}
+
+/// Deviation of one term, from its coefficient and the averaging time.
+type Curve = fn(f64, f64) -> f64;
+
+fn taus(text: &str) -> Result<Taus, String> {
+    match text {
+        "octave" => Ok(Taus::Octave),
+        "decade" => Ok(Taus::Decade),
+        "all" => Ok(Taus::All),
+        list => list
+            .split(',')
+            .map(|t| t.trim().parse().map_err(|_| format!("`{t}` is neither octave, decade, all nor a time in s")))
+            .collect::<Result<_, _>>()
+            .map(Taus::Seconds),
+    }
+}
+
+impl Allan {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
+        let mut columns = Table::open(&self.file)?.read(&wanted)?;
+        let values = columns.numbers.swap_remove(0);
+        let input = if self.phase { Input::Phase } else { Input::Rate };
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let analysis = allan::analyse(&values, input, self.rate, self.dev.into(), &self.taus, threads)?;
+        let rows = analysis
+            .points
+            .iter()
+            .map(|p| {
+                let noise = p.noise.map_or(Value::Null, |n| json!(n.to_string()));
+                vec![json!(p.tau_s), json!(p.dev), json!(p.n), json!(p.edf), noise, json!(p.low), json!(p.high)]
+            })
+            .collect();
+        let c = &analysis.coefficients;
+        let coefficient = |c: Option<Coefficient>| {
+            c.map_or(Value::Null, |c| json!({ "value": c.value, "low": c.low, "high": c.high }))
+        };
+        let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
+        let mut report = Report::new("allan");
+        report
+            .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
+            .put("samples", "", values.len())
+            .rows("points", &["tau_s", "dev", "n", "edf", "noise", "low", "high"], rows)
+            .put(
+                "coefficients",
+                "unit u of the rate: Q u s, N u sqrt(s), B u, K u/sqrt(s), R u/s",
+                named.iter().map(|(k, c)| ((*k).to_owned(), coefficient(*c))).collect::<serde_json::Map<_, _>>(),
+            )
+            .put("B_upper_bound", "smallest deviation / 0.664", json!(c.b_upper_bound))
+            .put("interval", "", "68.3 %");
+        let points = || analysis.points.iter().map(|p| (p.tau_s, p.dev));
+        let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
+        let mut series =
+            vec![Series { name: "deviation, 68.3 %".to_owned(), mark: Mark::Bars(bars), points: points().collect() }];
+        let slopes: [(&str, Option<Coefficient>, Curve); 5] = [
+            ("Q, slope -1", c.q, |c, t| 3.0_f64.sqrt() * c / t),
+            ("N, slope -1/2", c.n, |c, t| c / t.sqrt()),
+            ("B, flat", c.b, |c, _| 0.664_282 * c),
+            ("K, slope +1/2", c.k, |c, t| c * (t / 3.0).sqrt()),
+            ("R, slope +1", c.r, |c, t| c * t / 2.0_f64.sqrt()),
+        ];
+        for (name, c, curve) in slopes {
+            if let Some(c) = c {
+                series.push(Series::line(name, points().map(|(t, _)| (t, curve(c.value, t)))));
+            }
+        }
+        let panel = Panel {
+            title: format!("{:?} of {}", self.dev, self.column),
+            x: "averaging time, s".to_owned(),
+            y: "deviation".to_owned(),
+            log: (true, true),
+            square: false,
+            series,
+        };
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}

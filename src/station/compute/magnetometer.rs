@@ -1,0 +1,149 @@
+//! Magnetometer corrections.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::{ellipse, ellipsoid};
+use nalgebra::Vector3;
+use serde_json::json;
+
+use super::plot::{Panel, Series};
+use super::report::{Report, matrix, vector};
+use super::table::{Table, Wanted};
+use super::{ComputeError, Outcome};
+
+#[derive(Debug, Args)]
+pub(super) struct Ellipse {
+    /// Columns x,y
+    file: PathBuf,
+    /// Output at which a channel is saturated
+    #[arg(long, value_name = "LSB")]
+    saturation: Option<f64>,
+}
+
+impl Ellipse {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
+        let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
+        let e = ellipse::fit(x, y, self.saturation)?;
+        let correction =
+            |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
+        let mut report = Report::new("ellipse");
+        report
+            .put("equation", "", "y' = ky (y - dy), x' = [(x - dx) - y' sin_alpha] / sqrt(1 - sin_alpha^2)")
+            .put("centre", "unit of the record", json!(e.centre))
+            .put("semi_axes", "major, minor", json!(e.semi_axes))
+            .put("rotation_deg", "of the major axis, x towards y", e.rotation_deg)
+            .put("correction", "", correction(&e.correction))
+            .put("radius", "of the corrected circle", e.radius)
+            .put("residual_rms", "normal distance", e.residual_rms)
+            .put("residual_peak", "radius error after correction, relative", e.residual_peak)
+            .put("residual_rms_as_printed", "radius error with the print's correction", e.residual_rms_as_printed)
+            .put(
+                "extremes",
+                "the print's figures",
+                json!({ "dx": e.extremes.dx, "dy": e.extremes.dy, "ky": e.extremes.ky }),
+            )
+            .put("rejected", "points", e.rejected)
+            .put("used", "points", e.used)
+            .put("turns", "", json!(e.turns))
+            .put("gap_deg", "largest sector without a point", e.gap_deg)
+            .put("condition", "", e.condition)
+            .put("dof", "", e.dof)
+            .put(
+                "sd",
+                "standard uncertainty, units as above",
+                json!({
+                    "centre": e.sd.centre,
+                    "semi_axes": e.sd.semi_axes,
+                    "rotation_deg": e.sd.rotation_deg,
+                    "correction": correction(&e.sd.correction),
+                }),
+            );
+        let (sin, cos) = e.rotation_deg.to_radians().sin_cos();
+        let outline = (0..=360).map(|d| f64::from(d).to_radians().sin_cos()).map(|(s, c)| {
+            let (a, b) = (e.semi_axes[0] * c, e.semi_axes[1] * s);
+            (e.centre[0] + a * cos - b * sin, e.centre[1] + a * sin + b * cos)
+        });
+        let panel = |title: &str, unit: &str, series| Panel {
+            title: title.to_owned(),
+            x: format!("x{unit}"),
+            y: format!("y{unit}"),
+            log: (false, false),
+            square: true,
+            series,
+        };
+        let pairs = || x.iter().copied().zip(y.iter().copied());
+        let circle = (0..=360).map(|d| f64::from(d).to_radians().sin_cos()).map(|(s, c)| (e.radius * c, e.radius * s));
+        let corrected = pairs().map(|(x, y)| e.correction.apply(x, y));
+        let panels = vec![
+            panel("Raw", "", vec![Series::dots("record", pairs()), Series::line("fit", outline)]),
+            panel("Corrected", "'", vec![Series::dots("record", corrected), Series::line("circle", circle)]),
+        ];
+        Ok(Outcome { report, panels })
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Ellipsoid {
+    /// Columns x,y,z
+    file: PathBuf,
+    /// Strength of the field, in the unit wanted for corrected vectors
+    #[arg(long, value_name = "F")]
+    field: Option<f64>,
+    /// Output at which a channel is saturated
+    #[arg(long, value_name = "LSB")]
+    saturation: Option<f64>,
+}
+
+impl Ellipsoid {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
+        let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
+        let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
+        let mut report = Report::new("ellipsoid");
+        report
+            .put("equation", "", "corrected = matrix (raw - centre), |corrected| = field")
+            .put("centre", "unit of the record", vector(&e.centre))
+            .put("matrix", if self.field.is_some() { "" } else { "determinant 1" }, matrix(&e.matrix))
+            .put("field", if self.field.is_some() { "given" } else { "" }, e.field)
+            .put("semi_axes", "unit of the record", vector(&e.semi_axes))
+            .put("residual_relative", "rms distance over mean radius", e.residual_relative)
+            .put("coverage", "1 even, 0 planar", e.coverage)
+            .put("one_sidedness", "0 balanced, 0.5 half sphere", e.one_sidedness)
+            .put("condition", "", e.condition)
+            .put("rejected", "points", e.rejected)
+            .put("used", "points", e.used)
+            .put("dof", "", e.dof)
+            .put(
+                "sd",
+                "standard uncertainty, units as above",
+                json!({ "centre": vector(&e.centre_sd), "matrix": matrix(&e.matrix_sd), "field": e.field_sd }),
+            );
+        let corrected: Vec<Vector3<f64>> =
+            (0..x.len()).map(|i| e.matrix * (Vector3::new(x[i], y[i], z[i]) - e.centre)).collect();
+        let view = |title: &str, a: usize, b: usize| Panel {
+            title: title.to_owned(),
+            x: gnc_metrology::AXES[a].to_owned(),
+            y: gnc_metrology::AXES[b].to_owned(),
+            log: (false, false),
+            square: true,
+            series: vec![
+                Series::dots("raw", (0..x.len()).map(|i| ([x, y, z][a][i], [x, y, z][b][i]))),
+                Series::dots("corrected", corrected.iter().map(|c| (c[a], c[b]))),
+            ],
+        };
+        let residuals = Panel {
+            title: "Residuals".to_owned(),
+            x: "row".to_owned(),
+            y: "|corrected| / field - 1".to_owned(),
+            log: (false, false),
+            square: false,
+            series: vec![Series::dots(
+                "record",
+                corrected.iter().enumerate().map(|(i, c)| (i as f64 + 1.0, c.norm() / e.field - 1.0)),
+            )],
+        };
+        Ok(Outcome { report, panels: vec![view("Seen along z", 0, 1), view("Seen along y", 0, 2), residuals] })
+    }
+}

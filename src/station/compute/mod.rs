@@ -1,0 +1,153 @@
+//! `gnc-station compute METHOD FILE`: the mathematics of the station on anyone's record.
+//!
+//! A result goes to standard output, as a table or with `--json` as one JSON object. Exit code 0; 1 when the method
+//! refuses the record, with the reason; 2 when the command line or the file cannot be read, with line and column.
+
+mod allan;
+mod magnetometer;
+mod plot;
+mod report;
+mod spectrum;
+mod table;
+mod tilt;
+mod triad;
+mod zero_bias;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args as ClapArgs, Subcommand};
+use gnc_metrology::Refusal;
+use thiserror::Error;
+
+use plot::Panel;
+use report::Report;
+use table::TableError;
+
+/// Arguments of `compute`.
+#[derive(Debug, ClapArgs)]
+pub struct Args {
+    #[command(subcommand)]
+    method: Method,
+    /// Print one JSON object instead of a table
+    #[arg(long, global = true)]
+    json: bool,
+    /// Also draw the result into this SVG file
+    #[arg(long, global = true, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+/// What to compute.
+#[derive(Debug, Subcommand)]
+enum Method {
+    /// Accelerometer calibration from six positions or any known attitudes
+    SixPosition(triad::SixPosition),
+    /// Gyroscope bias and g-sensitivity from still positions
+    GyroStill(triad::GyroStill),
+    /// Gyroscope scale factor from rotations by a known angle
+    Rotation(triad::Rotation),
+    /// Two-axis magnetometer turned in its plane: ellipse and correction
+    Ellipse(magnetometer::Ellipse),
+    /// Three-axis magnetometer over many attitudes: hard and soft iron
+    Ellipsoid(magnetometer::Ellipsoid),
+    /// Allan deviation family with intervals and noise coefficients
+    Allan(allan::Allan),
+    /// Power spectral density after Welch
+    Psd(spectrum::Psd),
+    /// Spread of the means of disjoint blocks
+    Stability(spectrum::Stability),
+    /// Accelerometer offset and gain from a flip between +1 g and -1 g
+    Flip(tilt::Flip),
+    /// Accelerometer offset over temperature from three points
+    TiltTemperature(tilt::TiltTemperature),
+    /// Tilt accuracy from a budget of contributions
+    TiltBudget(tilt::TiltBudget),
+    /// Elimination of a gyroscope's bias over power cycles, before and after
+    ZeroBias(zero_bias::ZeroBias),
+}
+
+/// A result and its picture.
+struct Outcome {
+    report: Report,
+    panels: Vec<Panel>,
+}
+
+#[derive(Debug, Error)]
+enum ComputeError {
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    #[error(transparent)]
+    Unreadable(TableError),
+    #[error("{0}")]
+    Usage(String),
+    #[error("{path}:{line}:{column}: {message}")]
+    Toml { path: PathBuf, line: usize, column: usize, message: String },
+    #[error("{path}: cannot be written")]
+    Write { path: PathBuf, source: std::io::Error },
+}
+
+impl From<TableError> for ComputeError {
+    fn from(error: TableError) -> Self {
+        match error {
+            TableError::Refused(refusal) => Self::Refused(refusal),
+            other => Self::Unreadable(other),
+        }
+    }
+}
+
+/// Computes, prints and returns the exit code of the process.
+#[must_use]
+pub fn run(args: &Args) -> ExitCode {
+    let (name, outcome) = match &args.method {
+        Method::SixPosition(m) => ("six-position", m.compute()),
+        Method::GyroStill(m) => ("gyro-still", m.compute()),
+        Method::Rotation(m) => ("rotation", m.compute()),
+        Method::Ellipse(m) => ("ellipse", m.compute()),
+        Method::Ellipsoid(m) => ("ellipsoid", m.compute()),
+        Method::Allan(m) => ("allan", m.compute()),
+        Method::Psd(m) => ("psd", m.compute()),
+        Method::Stability(m) => ("stability", m.compute()),
+        Method::Flip(m) => ("flip", m.compute()),
+        Method::TiltTemperature(m) => ("tilt-temperature", m.compute()),
+        Method::TiltBudget(m) => ("tilt-budget", m.compute()),
+        Method::ZeroBias(m) => ("zero-bias", m.compute()),
+    };
+    let outcome = outcome.and_then(|outcome| {
+        if let Some(path) = &args.plot {
+            write(path, &plot::svg(&outcome.panels))?;
+        }
+        Ok(outcome)
+    });
+    match outcome {
+        Ok(outcome) => {
+            print(&if args.json { outcome.report.json() } else { outcome.report.table() });
+            ExitCode::SUCCESS
+        }
+        Err(ComputeError::Refused(refusal)) => {
+            if args.json {
+                print(&report::refusal_json(name, &refusal));
+            }
+            complain(&format!("{name} refused: {refusal}\n  try: {}\n", refusal.hint()));
+            ExitCode::from(1)
+        }
+        Err(error) => {
+            let cause = std::error::Error::source(&error).map(|c| format!(": {c}")).unwrap_or_default();
+            complain(&format!("{error}{cause}\n"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), ComputeError> {
+    std::fs::write(path, text).map_err(|source| ComputeError::Write { path: path.to_owned(), source })
+}
+
+/// A reader that went away (`| head`) is no error of ours.
+fn print(text: &str) {
+    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+}
+
+fn complain(text: &str) {
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+}

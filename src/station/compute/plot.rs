@@ -1,0 +1,225 @@
+//! A picture of a result as SVG: panels with axes, dots, lines and bars of intervals.
+
+use std::fmt::Write as _;
+
+/// More dots than this show nothing new and make the file slow to open.
+const MOST_DOTS: usize = 6000;
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 480.0;
+const LEFT: f64 = 80.0;
+const RIGHT: f64 = 20.0;
+const TOP: f64 = 34.0;
+const BOTTOM: f64 = 50.0;
+
+/// How a series is drawn.
+pub(super) enum Mark {
+    Dots,
+    Line,
+    /// Dots with an upright bar from low to high.
+    Bars(Vec<(f64, f64)>),
+}
+
+/// Points that belong together.
+pub(super) struct Series {
+    pub(super) name: String,
+    pub(super) mark: Mark,
+    pub(super) points: Vec<(f64, f64)>,
+}
+
+impl Series {
+    pub(super) fn dots(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { name: name.into(), mark: Mark::Dots, points: points.into_iter().collect() }
+    }
+
+    pub(super) fn line(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { name: name.into(), mark: Mark::Line, points: points.into_iter().collect() }
+    }
+}
+
+/// One pair of axes.
+pub(super) struct Panel {
+    pub(super) title: String,
+    pub(super) x: String,
+    pub(super) y: String,
+    /// Logarithmic axes, x and y.
+    pub(super) log: (bool, bool),
+    /// One scale for both axes, so that a circle looks like one.
+    pub(super) square: bool,
+    pub(super) series: Vec<Series>,
+}
+
+/// Colours that differ in print and for most eyes.
+const COLOURS: [&str; 6] = ["#1b5e9b", "#d1495b", "#2e8b57", "#b8860b", "#6a4c93", "#555555"];
+
+/// The panels beside each other.
+pub(super) fn svg(panels: &[Panel]) -> String {
+    let mut text = String::new();
+    let width = WIDTH * panels.len() as f64;
+    let _ = writeln!(
+        text,
+        r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{HEIGHT}" viewBox="0 0 {width} {HEIGHT}" font-family="sans-serif" font-size="12">"#
+    );
+    let _ = writeln!(text, r#"<rect width="{width}" height="{HEIGHT}" fill="white"/>"#);
+    for (i, panel) in panels.iter().enumerate() {
+        let _ = writeln!(text, r#"<g transform="translate({} 0)">"#, WIDTH * i as f64);
+        draw(&mut text, panel);
+        text.push_str("</g>\n");
+    }
+    text.push_str("</svg>\n");
+    text
+}
+
+/// One axis: from data to the page.
+struct Scale {
+    low: f64,
+    high: f64,
+    log: bool,
+    from: f64,
+    to: f64,
+}
+
+impl Scale {
+    fn of(values: impl Iterator<Item = f64>, log: bool, from: f64, to: f64) -> Self {
+        let map = |v: f64| if log { v.log10() } else { v };
+        let (low, high) = values
+            .map(map)
+            .filter(|v| v.is_finite())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
+        let pad = if high > low { 0.05 * (high - low) } else { 0.5 * low.abs().max(1.0) };
+        Self { low: low - pad, high: high + pad, log, from, to }
+    }
+
+    fn at(&self, v: f64) -> f64 {
+        let v = if self.log { v.log10() } else { v };
+        self.from + (v - self.low) / (self.high - self.low) * (self.to - self.from)
+    }
+
+    /// Places of the ticks and their labels.
+    fn ticks(&self) -> Vec<(f64, String)> {
+        if self.log && self.high - self.low > 0.7 {
+            let step = ((self.high - self.low) / 6.0).ceil().max(1.0);
+            let first = (self.low / step).ceil() as i32;
+            return (first..)
+                .map(|k| f64::from(k) * step)
+                .take_while(|d| *d <= self.high)
+                .map(|d| (10_f64.powf(d), format!("1e{d}")))
+                .collect();
+        }
+        let unmap = |v: f64| if self.log { 10_f64.powf(v) } else { v };
+        let (low, high) = (unmap(self.low), unmap(self.high));
+        let raw = (high - low) / 5.0;
+        let decade = 10_f64.powf(raw.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * decade).find(|s| *s >= raw).unwrap_or(raw);
+        let first = (low / step).ceil();
+        (0..12)
+            .map(|k| (first + f64::from(k)) * step)
+            .take_while(|v| *v <= high)
+            .map(|v| {
+                let v = if v.abs() < step * 1e-9 { 0.0 } else { v };
+                let plain = v == 0.0 || (1e-3..1e5).contains(&v.abs());
+                let digits = usize::try_from(-(step.log10().floor() as i32)).unwrap_or(0).min(9);
+                (v, if plain { format!("{v:.digits$}") } else { format!("{v:.2e}") })
+            })
+            .collect()
+    }
+}
+
+fn draw(text: &mut String, panel: &Panel) {
+    let bars = |s: &Series| match &s.mark {
+        Mark::Bars(bars) => bars.iter().flat_map(|(l, h)| [*l, *h]).collect(),
+        _ => Vec::new(),
+    };
+    let all = || panel.series.iter().flat_map(|s| s.points.iter().copied());
+    let (left, right, top, bottom) = (LEFT, WIDTH - RIGHT, TOP, HEIGHT - BOTTOM);
+    let mut x = Scale::of(all().map(|p| p.0), panel.log.0, left, right);
+    let mut y = Scale::of(all().map(|p| p.1).chain(panel.series.iter().flat_map(bars)), panel.log.1, bottom, top);
+    if panel.square {
+        let unit = ((x.high - x.low) / (right - left)).max((y.high - y.low) / (bottom - top));
+        for (scale, length) in [(&mut x, right - left), (&mut y, bottom - top)] {
+            let middle = f64::midpoint(scale.low, scale.high);
+            (scale.low, scale.high) = (middle - unit * length / 2.0, middle + unit * length / 2.0);
+        }
+    }
+    let _ = writeln!(text, r#"<text x="{left}" y="20" font-size="14">{}</text>"#, escaped(&panel.title));
+    for (v, label) in x.ticks() {
+        let at = x.at(v);
+        let _ = writeln!(text, r##"<path d="M{at:.1} {top} V{bottom}" stroke="#ddd"/>"##);
+        let _ = writeln!(text, r#"<text x="{at:.1}" y="{:.1}" text-anchor="middle">{label}</text>"#, bottom + 16.0);
+    }
+    for (v, label) in y.ticks() {
+        let at = y.at(v);
+        let _ = writeln!(text, r##"<path d="M{left} {at:.1} H{right}" stroke="#ddd"/>"##);
+        let _ = writeln!(text, r#"<text x="{:.1}" y="{:.1}" text-anchor="end">{label}</text>"#, left - 6.0, at + 4.0);
+    }
+    let _ = writeln!(
+        text,
+        r#"<rect x="{left}" y="{top}" width="{}" height="{}" fill="none" stroke="black"/>"#,
+        right - left,
+        bottom - top
+    );
+    let middle = f64::midpoint(left, right);
+    let _ =
+        writeln!(text, r#"<text x="{middle}" y="{}" text-anchor="middle">{}</text>"#, HEIGHT - 12.0, escaped(&panel.x));
+    let _ = writeln!(
+        text,
+        r#"<text transform="translate(16 {}) rotate(-90)" text-anchor="middle">{}</text>"#,
+        f64::midpoint(top, bottom),
+        escaped(&panel.y)
+    );
+    for (i, series) in panel.series.iter().enumerate() {
+        let colour = COLOURS[i % COLOURS.len()];
+        marks(text, series, colour, &x, &y);
+        let at = top + 16.0 + 16.0 * i as f64;
+        let _ = writeln!(
+            text,
+            r#"<rect x="{}" y="{}" width="10" height="10" fill="{colour}"/><text x="{}" y="{at}">{}</text>"#,
+            left + 8.0,
+            at - 9.0,
+            left + 22.0,
+            escaped(&series.name)
+        );
+    }
+}
+
+fn marks(text: &mut String, series: &Series, colour: &str, x: &Scale, y: &Scale) {
+    let stride = series.points.len().div_ceil(MOST_DOTS).max(1);
+    let placed: Vec<(f64, f64)> = series
+        .points
+        .iter()
+        .step_by(stride)
+        .map(|(a, b)| (x.at(*a), y.at(*b)))
+        .filter(|(a, b)| a.is_finite() && b.is_finite())
+        .collect();
+    match &series.mark {
+        Mark::Line => {
+            let path: Vec<String> = placed.iter().map(|(a, b)| format!("{a:.1},{b:.1}")).collect();
+            let _ = writeln!(
+                text,
+                r#"<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{}"/>"#,
+                path.join(" ")
+            );
+        }
+        Mark::Dots => {
+            let path: String = placed.iter().map(|(a, b)| format!("M{a:.1} {b:.1}h0")).collect();
+            let width = if placed.len() > 200 { 2 } else { 5 };
+            let _ =
+                writeln!(text, r#"<path d="{path}" stroke="{colour}" stroke-width="{width}" stroke-linecap="round"/>"#);
+        }
+        Mark::Bars(bars) => {
+            for ((a, b), (low, high)) in series.points.iter().zip(bars) {
+                let (a, b, low, high) = (x.at(*a), y.at(*b), y.at(*low), y.at(*high));
+                if [a, b, low, high].iter().all(|v| v.is_finite()) {
+                    let _ = writeln!(
+                        text,
+                        r#"<path d="M{a:.1} {low:.1}V{high:.1}" stroke="{colour}"/><circle cx="{a:.1}" cy="{b:.1}" r="2.5" fill="{colour}"/>"#
+                    );
+                }
+            }
+        }
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}

@@ -1,0 +1,155 @@
+//! A result as a table for people and as JSON for programs, from one list of entries.
+
+use std::fmt::Write as _;
+
+use gnc_metrology::Refusal;
+use nalgebra::{Matrix3, Vector3};
+use serde_json::{Map, Value, json};
+
+/// Named figures in the order in which people read them.
+pub(super) struct Report {
+    method: &'static str,
+    entries: Vec<Entry>,
+}
+
+struct Entry {
+    key: &'static str,
+    unit: String,
+    body: Body,
+}
+
+enum Body {
+    Value(Value),
+    Rows { columns: &'static [&'static str], rows: Vec<Vec<Value>> },
+}
+
+impl Report {
+    pub(super) fn new(method: &'static str) -> Self {
+        Self { method, entries: Vec::new() }
+    }
+
+    /// Adds a figure; the unit is for people, programs read it in the documentation.
+    pub(super) fn put(&mut self, key: &'static str, unit: impl Into<String>, value: impl Into<Value>) -> &mut Self {
+        self.entries.push(Entry { key, unit: unit.into(), body: Body::Value(value.into()) });
+        self
+    }
+
+    /// Adds a list of rows with named columns.
+    pub(super) fn rows(
+        &mut self,
+        key: &'static str,
+        columns: &'static [&'static str],
+        rows: Vec<Vec<Value>>,
+    ) -> &mut Self {
+        self.entries.push(Entry { key, unit: String::new(), body: Body::Rows { columns, rows } });
+        self
+    }
+
+    /// One JSON object.
+    pub(super) fn json(&self) -> String {
+        let mut object = Map::new();
+        object.insert("method".to_owned(), json!(self.method));
+        for entry in &self.entries {
+            let value = match &entry.body {
+                Body::Value(value) => value.clone(),
+                Body::Rows { columns, rows } => rows
+                    .iter()
+                    .map(|row| columns.iter().map(|c| (*c).to_owned()).zip(row.iter().cloned()).collect::<Map<_, _>>())
+                    .collect(),
+            };
+            object.insert(entry.key.to_owned(), value);
+        }
+        let mut text = serde_json::to_string_pretty(&object).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// A table for people.
+    pub(super) fn table(&self) -> String {
+        let mut text = format!("{}\n", self.method);
+        let width = self.entries.iter().map(|e| e.key.len()).max().unwrap_or(0);
+        for entry in &self.entries {
+            match &entry.body {
+                Body::Value(value) => show(&mut text, entry.key, &entry.unit, value, width),
+                Body::Rows { columns, rows } => grid(&mut text, entry.key, columns, rows),
+            }
+        }
+        text
+    }
+}
+
+/// JSON of a refusal.
+pub(super) fn refusal_json(method: &str, refusal: &Refusal) -> String {
+    let refused = json!({ "method": method, "refused": refusal.to_string(), "hint": refusal.hint() });
+    format!("{refused:#}\n")
+}
+
+pub(super) fn vector(v: &Vector3<f64>) -> Value {
+    json!([v[0], v[1], v[2]])
+}
+
+pub(super) fn matrix(m: &Matrix3<f64>) -> Value {
+    (0..3).map(|i| json!([m[(i, 0)], m[(i, 1)], m[(i, 2)]])).collect()
+}
+
+fn show(text: &mut String, key: &str, unit: &str, value: &Value, width: usize) {
+    match value {
+        Value::Array(items) if items.iter().any(|i| matches!(i, Value::Array(_) | Value::Object(_))) => {
+            for (i, item) in items.iter().enumerate() {
+                show(text, if i == 0 { key } else { "" }, if i == 0 { unit } else { "" }, item, width);
+            }
+        }
+        Value::Object(map) => {
+            for (i, (name, item)) in map.iter().enumerate() {
+                let label = if i == 0 { key } else { "" };
+                show(text, &format!("{label:<width$}  {name:<8}"), unit, item, width);
+            }
+        }
+        _ => {
+            let _ = writeln!(text, "  {key:<width$}  {}  {unit}", plain(value));
+        }
+    }
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => format!("{:>13}", "-"),
+        Value::String(s) => s.clone(),
+        Value::Number(n) if n.is_f64() => figure(n.as_f64().unwrap_or(f64::NAN)),
+        Value::Array(items) if items.len() > 12 => format!("{} values", items.len()),
+        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(" "),
+        other => format!("{other:>13}"),
+    }
+}
+
+/// Seven significant digits, aligned.
+fn figure(v: f64) -> String {
+    if v == 0.0 || (1e-3..1e6).contains(&v.abs()) {
+        let whole = if v == 0.0 { 0 } else { v.abs().log10().floor() as i32 };
+        let decimals = usize::try_from(6 - whole).unwrap_or(0).min(9);
+        format!("{v:>13.decimals$}")
+    } else {
+        format!("{v:>13.6e}")
+    }
+}
+
+fn grid(text: &mut String, key: &str, columns: &[&str], rows: &[Vec<Value>]) {
+    let cells: Vec<Vec<String>> = rows.iter().map(|r| r.iter().map(|v| plain(v).trim().to_owned()).collect()).collect();
+    let widths: Vec<usize> = columns
+        .iter()
+        .enumerate()
+        .map(|(c, name)| cells.iter().map(|row| row[c].len()).chain([name.len()]).max().unwrap_or(0))
+        .collect();
+    let _ = writeln!(text, "  {key}");
+    let mut line = |cells: &mut dyn Iterator<Item = &str>| {
+        text.push_str("   ");
+        for (cell, width) in cells.zip(&widths) {
+            let _ = write!(text, " {cell:>width$}");
+        }
+        text.push('\n');
+    };
+    line(&mut columns.iter().copied());
+    for row in &cells {
+        line(&mut row.iter().map(String::as_str));
+    }
+}

@@ -1,0 +1,99 @@
+//! Spectra and the stability of block means.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::{psd, stability};
+use serde_json::json;
+
+use super::plot::{Panel, Series};
+use super::report::Report;
+use super::table::{Table, Wanted};
+use super::{ComputeError, Outcome};
+
+/// One column of a record with a rate.
+#[derive(Debug, Args)]
+struct Source {
+    /// Table with a header row
+    file: PathBuf,
+    /// Sample rate, Hz
+    #[arg(long, value_name = "HZ")]
+    rate: f64,
+    /// Column to analyse
+    #[arg(long, value_name = "NAME")]
+    column: String,
+}
+
+impl Source {
+    fn read(&self) -> Result<Vec<f64>, ComputeError> {
+        let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
+        Ok(Table::open(&self.file)?.read(&wanted)?.numbers.swap_remove(0))
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Psd {
+    #[command(flatten)]
+    source: Source,
+    /// Samples of a segment
+    #[arg(long, value_name = "N", default_value_t = 1024)]
+    segment: usize,
+}
+
+impl Psd {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let values = self.source.read()?;
+        let psd = psd::welch(&values, self.source.rate, self.segment)?;
+        let mut report = Report::new("psd");
+        report
+            .put("frequency_hz", "", json!(psd.frequency_hz))
+            .put("density", "unit^2 / Hz, one-sided", json!(psd.density))
+            .put("segments", "Hann, 50 % overlap", psd.segments);
+        let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied()).skip(1);
+        let panel = Panel {
+            title: format!("Spectrum of {}", self.source.column),
+            x: "frequency, Hz".to_owned(),
+            y: "density, unit^2 / Hz".to_owned(),
+            log: (true, true),
+            square: false,
+            series: vec![Series::line("Welch", points)],
+        };
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Stability {
+    #[command(flatten)]
+    source: Source,
+    /// Length of a block, s
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    block: f64,
+}
+
+impl Stability {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let values = self.source.read()?;
+        let s = stability::stability(&values, self.source.rate, self.block)?;
+        let mut report = Report::new("stability");
+        report
+            .put("blocks", "", s.block_means.len())
+            .put("mean", "unit of the record", s.mean)
+            .put("sd", "n - 1", s.sd)
+            .put("sd_low", "95 %, block means taken as independent", s.sd_low)
+            .put("sd_high", "", s.sd_high)
+            .put("block_samples", "", s.block_samples)
+            .put("tail_samples", "dropped", s.tail_samples)
+            .put("block_means", "", json!(s.block_means));
+        let points = s.block_means.iter().enumerate().map(|(i, m)| ((i as f64 + 0.5) * self.block, *m));
+        let panel = Panel {
+            title: format!("Block means of {}", self.source.column),
+            x: "time, s".to_owned(),
+            y: "mean of a block".to_owned(),
+            log: (false, false),
+            square: false,
+            series: vec![Series::dots("blocks", points)],
+        };
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}

@@ -1,0 +1,167 @@
+//! Tilt from an accelerometer.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::{Refusal, stats, tilt};
+use serde::Deserialize;
+use serde_json::json;
+
+use super::plot::{Panel, Series};
+use super::report::Report;
+use super::table::{Table, TableError, Wanted};
+use super::{ComputeError, Outcome};
+
+#[derive(Debug, Args)]
+pub(super) struct Flip {
+    /// Columns position,a; position is + or -, many rows of each are averaged
+    file: PathBuf,
+    /// Gravity in the unit of the record
+    #[arg(long, value_name = "G", default_value_t = 1.0)]
+    gravity: f64,
+}
+
+impl Flip {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let wanted = Wanted { numbers: &["a"], label: Some(("position", &["+", "-"])), rate_hz: None };
+        let columns = Table::open(&self.file)?.read(&wanted)?;
+        let side = |code: u8| -> Result<(f64, f64), Refusal> {
+            let rows = columns.labels.iter().zip(&columns.numbers[0]).filter(|(l, _)| **l == code);
+            let values: Vec<f64> = rows.map(|(_, v)| *v).collect();
+            if values.is_empty() {
+                return Err(Refusal::Missing { labels: ["+", "-"][usize::from(code)].to_owned() });
+            }
+            gnc_metrology::series::finite("a", &values)?;
+            let (mean, sd) = stats::mean_sd(&values);
+            Ok((mean, sd / (values.len() as f64).sqrt()))
+        };
+        let (plus, minus) = (side(0)?, side(1)?);
+        let f = tilt::flip(plus, minus, self.gravity)?;
+        let mut report = Report::new("flip");
+        report
+            .put("equation", "", "actual = (out - offset) / gain")
+            .put("offset", "unit of the record", f.offset)
+            .put("gain", "unit of the record per unit of gravity", f.gain)
+            .put("sd", "white noise alone", json!({ "offset": f.offset_sd, "gain": f.gain_sd }));
+        let points = [(self.gravity, plus.0), (-self.gravity, minus.0)];
+        let line = [-1.0, 1.0].map(|s| (s * self.gravity, f.offset + s * f.gain * self.gravity));
+        let panel = plain("Flip", "actual", "output", vec![Series::dots("means", points), Series::line("fit", line)]);
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct TiltTemperature {
+    /// Columns temperature,offset; three rows: cold, ambient (25 +- 5 degC), hot
+    file: PathBuf,
+}
+
+impl TiltTemperature {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let wanted = Wanted { numbers: &["temperature", "offset"], ..Wanted::default() };
+        let columns = Table::open(&self.file)?.read(&wanted)?;
+        let points: Vec<(f64, f64)> =
+            columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
+        let Ok(points) = <[(f64, f64); 3]>::try_from(points.as_slice()) else {
+            return Err(Refusal::TooFew {
+                what: "a parabola takes exactly three points".to_owned(),
+                got: points.len(),
+                needed: 3,
+            }
+            .into());
+        };
+        let c = tilt::temperature_curve(points)?;
+        let [cold, _, hot] = c.temperatures_c;
+        let mut report = Report::new("tilt-temperature");
+        report
+            .put("equation", "", "offset = a t^2 + b t + c, t in degC")
+            .put("a", "per K^2", c.a)
+            .put("b", "per K", c.b)
+            .put("c", "at 0 degC", c.c)
+            .put("ambient_offset", "step 1", c.ambient_offset)
+            .put("slope", "step 2, per K", c.slope)
+            .put("cold_remainder", "step 3", c.cold_remainder)
+            .put("temperatures_c", "", json!(c.temperatures_c))
+            .put(
+                "uncertainty_factor",
+                "20 K outside, relative to a point",
+                json!({ "below": c.uncertainty_factor(cold - 20.0), "above": c.uncertainty_factor(hot + 20.0) }),
+            );
+        let curve = (0..=100).map(|k| cold + (hot - cold) * f64::from(k) / 100.0).map(|t| (t, c.offset(t)));
+        let panel = plain(
+            "Offset over temperature",
+            "degC",
+            "offset",
+            vec![Series::dots("points", points), Series::line("parabola", curve)],
+        );
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct TiltBudget {
+    /// TOML: range_deg, and [[contribution]] with name, before_mg, after_mg
+    file: PathBuf,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawBudget {
+    range_deg: f64,
+    contribution: Vec<RawContribution>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawContribution {
+    name: String,
+    before_mg: f64,
+    after_mg: f64,
+}
+
+impl TiltBudget {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let path = self.file.clone();
+        let text = std::fs::read_to_string(&path).map_err(|source| TableError::Io { path: path.clone(), source })?;
+        let raw: RawBudget = toml::from_str(&text).map_err(|e| {
+            let at = e.span().map_or(0, |s| s.start).min(text.len());
+            let before = &text[..at];
+            let line = 1 + before.matches('\n').count();
+            let column = 1 + before.len() - before.rfind('\n').map_or(0, |n| n + 1);
+            ComputeError::Toml { path, line, column, message: e.message().to_owned() }
+        })?;
+        let lines: Vec<tilt::Contribution> = raw
+            .contribution
+            .into_iter()
+            .map(|c| tilt::Contribution { name: c.name, before_mg: c.before_mg, after_mg: c.after_mg })
+            .collect();
+        let (before, after) = tilt::budget(&lines, raw.range_deg)?;
+        let total = |t: &tilt::Total| {
+            json!({
+                "sum_mg": t.sum_mg,
+                "rss_mg": t.rss_mg,
+                "tilt_at_zero_deg": t.tilt_at_zero_deg,
+                "tilt_at_range_deg": t.tilt_at_range_deg,
+            })
+        };
+        let rows = lines.iter().map(|c| vec![json!(c.name), json!(c.before_mg), json!(c.after_mg)]).collect();
+        let mut report = Report::new("tilt-budget");
+        report
+            .rows("contributions", &["name", "before_mg", "after_mg"], rows)
+            .put("range_deg", "+-", raw.range_deg)
+            .put("before", "", total(&before))
+            .put("after", "", total(&after));
+        let curve = |mg: f64| {
+            (-90..=90)
+                .map(f64::from)
+                .filter(move |t| t.abs() <= raw.range_deg)
+                .map(move |t| (t, tilt::tilt_error_deg(t, mg)))
+        };
+        let series = vec![Series::line("before", curve(before.sum_mg)), Series::line("after", curve(after.sum_mg))];
+        Ok(Outcome { report, panels: vec![plain("Tilt error of the linear sum", "tilt, deg", "error, deg", series)] })
+    }
+}
+
+fn plain(title: &str, x: &str, y: &str, series: Vec<Series>) -> Panel {
+    Panel { title: title.to_owned(), x: x.to_owned(), y: y.to_owned(), log: (false, false), square: false, series }
+}

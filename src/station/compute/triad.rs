@@ -1,0 +1,382 @@
+//! Accelerometer and gyroscope calibrations.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::position::{self, LABELS, Limits, Position};
+use gnc_metrology::{AXES, earth, gyro_still, rotation, six_position};
+use nalgebra::Vector3;
+use serde_json::json;
+
+use super::plot::{Panel, Series};
+use super::report::{Report, matrix, vector};
+use super::table::{Table, Wanted};
+use super::{ComputeError, Outcome};
+
+/// Gravity, given or from the place.
+#[derive(Debug, Args)]
+struct Gravity {
+    /// Local gravity, m/s^2 (measured)
+    #[arg(long, value_name = "G", conflicts_with_all = ["latitude", "height"])]
+    gravity: Option<f64>,
+    /// Geodetic latitude, degrees: WGS-84 normal gravity
+    #[arg(long, value_name = "D", required_unless_present = "gravity", allow_negative_numbers = true)]
+    latitude: Option<f64>,
+    /// Height above the ellipsoid, m
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    height: f64,
+}
+
+impl Gravity {
+    fn mps2(&self) -> Result<f64, ComputeError> {
+        match (self.gravity, self.latitude) {
+            (Some(gravity), _) => Ok(gravity),
+            (None, Some(latitude)) => Ok(earth::normal_gravity_mps2(latitude, self.height)?),
+            (None, None) => Err(ComputeError::Usage("give --gravity or --latitude".to_owned())),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct SixPosition {
+    /// Columns position,x,y,z or ux,uy,uz,x,y,z
+    file: PathBuf,
+    #[command(flatten)]
+    gravity: Gravity,
+    /// Output at which a channel is saturated
+    #[arg(long, value_name = "LSB")]
+    saturation: Option<f64>,
+    /// Allowed wander of a position's mean, part of the response to gravity (rad of pose)
+    #[arg(long, value_name = "RAD", default_value_t = Limits::ACCELEROMETER.motion)]
+    motion: f64,
+}
+
+impl SixPosition {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let gravity = self.gravity.mps2()?;
+        let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
+        let positions = still_positions(&self.file, 1.0, &limits)?.positions;
+        let c = six_position::calibrate(&positions, gravity)?;
+        let k = c.coverage_factor();
+        let mut report = Report::new("six-position");
+        report
+            .put("equation", "", "f = matrix N + bias; f in m/s^2, +g on the axis that points up at rest")
+            .put("matrix", "m/s^2 per LSB", matrix(&c.matrix))
+            .put("bias", "m/s^2", vector(&c.bias_mps2))
+            .put("sensitivity", "LSB per m/s^2", vector(&c.response.diagonal()))
+            .put("coupling", "M_ij / M_ii, relative to the fixture", matrix(&c.coupling()))
+            .put("nonorthogonality_rad", "xy xz yz, rad", vector(&c.nonorthogonality_rad()))
+            .put("response", "M of N = M f + b, LSB per m/s^2", matrix(&c.response))
+            .put("offset_lsb", "b, LSB", vector(&c.offset_lsb))
+            .put("gravity", "m/s^2", c.gravity_mps2)
+            .put("residual_rms", "m/s^2", c.residual_rms_mps2)
+            .put("condition", "", c.condition)
+            .put("dof", "", c.dof)
+            .put(
+                "sd",
+                "standard uncertainty, units as above",
+                json!({ "matrix": matrix(&c.matrix_sd), "bias": vector(&c.bias_sd_mps2) }),
+            )
+            .put("coverage_factor", "95 %, Student t", k)
+            .put(
+                "expanded",
+                "95 %, units as above",
+                json!({ "matrix": matrix(&(c.matrix_sd * k)), "bias": vector(&(c.bias_sd_mps2 * k)) }),
+            )
+            .put(
+                "as_printed",
+                "regression of f on N, units as above",
+                json!({ "matrix": matrix(&c.matrix_as_printed), "bias": vector(&c.bias_as_printed_mps2) }),
+            )
+            .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
+            .put("rows", "", positions.iter().map(|p| json!(p.rows)).collect::<Vec<_>>())
+            .put("residuals", "m/s^2, by position", c.residuals_mps2.iter().map(vector).collect::<Vec<_>>());
+        let panels = residual_panels(
+            "f",
+            "m/s^2",
+            &positions,
+            &c.residuals_mps2,
+            |p| c.matrix * p.mean + c.bias_mps2,
+            |p| gravity * p.up,
+        );
+        Ok(Outcome { report, panels })
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct GyroStill {
+    /// Columns position,x,y,z or ux,uy,uz,x,y,z (rad/s unless --response or --deg); nx,ny,nz: true north, if known
+    file: PathBuf,
+    /// Geodetic latitude, degrees
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    latitude: f64,
+    /// Height above the ellipsoid, m
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    height: f64,
+    /// Local gravity, m/s^2 (instead of normal gravity)
+    #[arg(long, value_name = "G")]
+    gravity: Option<f64>,
+    /// Scale factor of the record, LSB per rad/s
+    #[arg(long, value_name = "S", conflicts_with = "deg")]
+    response: Option<f64>,
+    /// The record is in deg/s
+    #[arg(long)]
+    deg: bool,
+    /// Output at which a channel is saturated
+    #[arg(long, value_name = "LSB")]
+    saturation: Option<f64>,
+}
+
+impl GyroStill {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let gravity = match self.gravity {
+            Some(gravity) => gravity,
+            None => earth::normal_gravity_mps2(self.latitude, self.height)?,
+        };
+        let response = match self.response {
+            Some(response) => gnc_metrology::series::positive("response (LSB per rad/s)", response)?,
+            None if self.deg => 1.0_f64.to_degrees(),
+            None => 1.0,
+        };
+        let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
+        let Still { positions, north } = still_positions(&self.file, 1.0 / response, &limits)?;
+        let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
+        let k = c.coverage_factor();
+        let dph = 3600.0_f64.to_degrees();
+        let mut report = Report::new("gyro-still");
+        report
+            .put("equation", "", "w_out = w + bias + g_sensitivity f; rad/s and m/s^2")
+            .put("bias", "rad/s", vector(&c.bias_rps))
+            .put("bias_dph", "deg/h", vector(&(c.bias_rps * dph)))
+            .put("g_sensitivity", "(rad/s) per (m/s^2)", matrix(&c.g_sensitivity))
+            .put(
+                "g_sensitivity_dph_per_g",
+                "deg/h per g",
+                matrix(&(c.g_sensitivity * dph * earth::STANDARD_GRAVITY_MPS2)),
+            )
+            .put(
+                "sd",
+                "type A, units as above",
+                json!({ "bias": vector(&c.bias_sd_rps), "g_sensitivity": matrix(&c.g_sensitivity_sd) }),
+            )
+            .put("coverage_factor", "95 %, Student t", k)
+            .put(
+                "heading_bound",
+                "type B: largest error where headings are unknown, units as above",
+                json!({ "bias": c.bias_heading_bound_rps, "g_sensitivity": c.g_sensitivity_heading_bound }),
+            )
+            .put("gravity", "m/s^2", gravity)
+            .put("residual_rms", "rad/s", c.residual_rms_rps)
+            .put("condition", "", c.condition)
+            .put("dof", "", c.dof)
+            .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
+            .put("residuals", "rad/s, by position", c.residuals_rps.iter().map(vector).collect::<Vec<_>>());
+        let fitted = |p: &Position| c.bias_rps + c.g_sensitivity * (gravity * p.up);
+        let panels = residual_panels("w_out", "rad/s", &positions, &c.residuals_rps, |p| p.mean, fitted);
+        Ok(Outcome { report, panels })
+    }
+}
+
+struct Still {
+    positions: Vec<Position>,
+    /// North of each position, where the record has it.
+    north: Option<Vec<Vector3<f64>>>,
+}
+
+/// Reads still positions, outputs times a factor.
+fn still_positions(file: &std::path::Path, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
+    let table = Table::open(file)?;
+    let directions = !table.has("position") && table.has("ux");
+    let has_north = table.has("nx");
+    let mut names = vec!["x", "y", "z"];
+    if directions {
+        names.extend(["ux", "uy", "uz"]);
+    }
+    if has_north {
+        names.extend(["nx", "ny", "nz"]);
+    }
+    let label = (!directions).then_some(("position", &LABELS[..]));
+    let columns = table.read(&Wanted { numbers: &names, label, rate_hz: None })?;
+    let (outputs, rest) = columns.numbers.split_at(3);
+    let outputs: Vec<Vec<f64>> = outputs.iter().map(|c| c.iter().map(|v| v * factor).collect()).collect();
+    let limits = Limits { saturation: limits.saturation.map(|s| s * factor), ..*limits };
+    let channels = [outputs[0].as_slice(), &outputs[1], &outputs[2]];
+    let positions = if directions {
+        position::from_directions([&rest[0], &rest[1], &rest[2]], channels, &limits)?
+    } else {
+        let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
+        position::from_labels(&labels, channels, &limits)?
+    };
+    let north = has_north.then(|| {
+        let n = &rest[rest.len() - 3..];
+        let mut row = 0;
+        positions
+            .iter()
+            .map(|p| {
+                let first = row;
+                row += p.rows;
+                Vector3::new(n[0][first], n[1][first], n[2][first])
+            })
+            .collect()
+    });
+    Ok(Still { positions, north })
+}
+
+/// Fit over truth and residuals by position.
+fn residual_panels(
+    symbol: &str,
+    unit: &str,
+    positions: &[Position],
+    residuals: &[Vector3<f64>],
+    measured: impl Fn(&Position) -> Vector3<f64>,
+    expected: impl Fn(&Position) -> Vector3<f64>,
+) -> Vec<Panel> {
+    let fit = |i: usize| {
+        Series::dots(AXES[i], positions.iter().map(|p| (expected(p)[i], measured(p)[i])).collect::<Vec<_>>())
+    };
+    let rest = |i: usize| {
+        Series::dots(AXES[i], residuals.iter().enumerate().map(|(n, r)| (n as f64 + 1.0, r[i])).collect::<Vec<_>>())
+    };
+    vec![
+        Panel {
+            title: "Fit".to_owned(),
+            x: format!("{symbol} expected, {unit}"),
+            y: format!("{symbol} measured, {unit}"),
+            log: (false, false),
+            square: false,
+            series: (0..3).map(fit).collect(),
+        },
+        Panel {
+            title: "Residuals".to_owned(),
+            x: "position, in the order of the record".to_owned(),
+            y: format!("residual, {unit}"),
+            log: (false, false),
+            square: false,
+            series: (0..3).map(rest).collect(),
+        },
+    ]
+}
+
+/// How the axis of rotation stands.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum AxisKind {
+    /// Parallel to the earth's axis, positive to the celestial north
+    Polar,
+    /// Up
+    Vertical,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Rotation {
+    /// Columns run,x,y,z; run is x+ x- y+ y- z+ z-, with rest before and after each rotation
+    file: PathBuf,
+    /// Sample rate, Hz
+    #[arg(long, value_name = "HZ")]
+    rate: f64,
+    /// Turns of each run
+    #[arg(long, value_name = "N")]
+    turns: f64,
+    /// How the axis of rotation stands; without it the earth's rotation stays in the bias
+    #[arg(long)]
+    axis: Option<AxisKind>,
+    /// Geodetic latitude, degrees (vertical axis)
+    #[arg(long, value_name = "D", allow_negative_numbers = true, required_if_eq("axis", "vertical"))]
+    latitude: Option<f64>,
+    /// Output at which a channel is saturated
+    #[arg(long, value_name = "LSB")]
+    saturation: Option<f64>,
+    /// Nominal scale factor, LSB per rad/s
+    #[arg(long, value_name = "S")]
+    nominal: Option<f64>,
+    /// Half width of the band around the nominal scale factor, percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
+    band: f64,
+}
+
+impl Rotation {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let axis = match (self.axis, self.latitude) {
+            (None, _) => rotation::Axis::Unknown,
+            (Some(AxisKind::Polar), _) => rotation::Axis::Polar,
+            (Some(AxisKind::Vertical), Some(latitude_deg)) => rotation::Axis::Vertical { latitude_deg },
+            (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
+        };
+        let wanted = Wanted { numbers: &["x", "y", "z"], label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
+        let columns = Table::open(&self.file)?.read(&wanted)?;
+        let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
+        let blocks = position::blocks(&labels)?;
+        let runs: Vec<rotation::Run> = blocks
+            .iter()
+            .map(|b| rotation::Run {
+                label: labels[b.start].to_owned(),
+                channels: [0, 1, 2].map(|i| &columns.numbers[i][b.clone()]),
+            })
+            .collect();
+        let options = rotation::Options {
+            rate_hz: self.rate,
+            turns: self.turns,
+            axis,
+            saturation: self.saturation,
+            nominal: self.nominal.map(|n| (n, self.band)),
+        };
+        let c = rotation::calibrate(&runs, &options)?;
+        let k = c.coverage_factor();
+        let windows = c
+            .windows
+            .iter()
+            .map(|w| {
+                let row = blocks.iter().find(|b| labels[b.start] == w.label).map_or(0, |b| b.start);
+                let span_s = (w.end - w.start) as f64 / self.rate;
+                vec![
+                    json!(w.label),
+                    json!(row + w.start + 1),
+                    json!(row + w.end),
+                    json!(w.start as f64 / self.rate),
+                    json!(span_s),
+                    json!(w.peak_lsb),
+                    vector(&w.integral_lsb_s),
+                ]
+            })
+            .collect();
+        let mut report = Report::new("rotation");
+        report
+            .put("equation", "", "w = matrix N - bias; w in rad/s")
+            .put("response", "S of N = S w + b, LSB per rad/s", matrix(&c.response))
+            .put("matrix", "rad/s per LSB", matrix(&c.matrix))
+            .put("bias", "rad/s, at this attitude", vector(&c.bias_rps))
+            .put("offset_lsb", "b, LSB, at this attitude", vector(&c.offset_lsb))
+            .rows("windows", &["run", "first_row", "last_row", "start_s", "span_s", "peak", "integral"], windows)
+            .put(
+                "sd",
+                "standard uncertainty, units as above",
+                json!({
+                    "response": matrix(&c.response_sd),
+                    "matrix": matrix(&c.matrix_sd),
+                    "bias": vector(&c.bias_sd_rps),
+                    "offset_lsb": vector(&c.offset_sd_lsb),
+                }),
+            )
+            .put("coverage_factor", "95 %, Student t", k)
+            .put("earth_bound", "rad/s, earth rate that is not corrected in the bias", c.earth_bound_rps)
+            .put("mismatch", "forth and back, relative", vector(&c.mismatch))
+            .put("residual_rms", "rad", c.residual_rms_rad)
+            .put("condition", "", c.condition)
+            .put("dof", "", c.dof);
+        let rates = |run: &rotation::Run, i: usize| {
+            let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / self.rate, *v));
+            Series::line(AXES[i], points.collect::<Vec<_>>())
+        };
+        let panels = runs
+            .iter()
+            .map(|run| Panel {
+                title: format!("run {}", run.label),
+                x: "time, s".to_owned(),
+                y: "output".to_owned(),
+                log: (false, false),
+                square: false,
+                series: (0..3).map(|i| rates(run, i)).collect(),
+            })
+            .collect();
+        Ok(Outcome { report, panels })
+    }
+}

@@ -1,0 +1,148 @@
+//! Bias elimination on a record of several power cycles.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::zero_bias::{Eliminator, Kalman, Model, Settings, StillDetector, Stored};
+use gnc_metrology::{series, stats};
+use serde_json::{Value, json};
+
+use super::plot::{Panel, Series};
+use super::report::Report;
+use super::table::{Table, Wanted};
+use super::{ComputeError, Outcome};
+
+#[derive(Debug, Args)]
+pub(super) struct ZeroBias {
+    /// Column of rates; optional columns: cycle (number of the power cycle), still (0 = still)
+    file: PathBuf,
+    /// Sample rate, Hz
+    #[arg(long, value_name = "HZ")]
+    rate: f64,
+    /// Column of rates
+    #[arg(long, value_name = "NAME", default_value = "w")]
+    column: String,
+    /// Samples over which the stored bias hands over
+    #[arg(long, default_value_t = Settings::default().fusion)]
+    fusion: usize,
+    /// Still samples of a block
+    #[arg(long, default_value_t = Settings::default().block)]
+    block: usize,
+    /// Blocks of the ring
+    #[arg(long, default_value_t = Settings::default().ring)]
+    ring: usize,
+    /// Stored biases
+    #[arg(long, default_value_t = Settings::default().slots)]
+    slots: usize,
+    /// Still samples on end before a bias is stored
+    #[arg(long, default_value_t = Settings::default().rest)]
+    rest: usize,
+    /// Change of the bias from one power-on to the next, unit of the record (for the inverse-variance fusion)
+    #[arg(long, value_name = "SD", requires = "instability")]
+    repeatability: Option<f64>,
+    /// Allan coefficient B, unit of the record (for the inverse-variance fusion)
+    #[arg(long, value_name = "B", requires = "repeatability")]
+    instability: Option<f64>,
+}
+
+impl ZeroBias {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        let settings =
+            Settings { fusion: self.fusion, block: self.block, ring: self.ring, slots: self.slots, rest: self.rest };
+        settings.check()?;
+        series::positive("rate (Hz)", self.rate)?;
+        let table = Table::open(&self.file)?;
+        let (has_cycle, has_still) = (table.has("cycle"), table.has("still"));
+        let mut names = vec![self.column.as_str()];
+        names.extend(has_cycle.then_some("cycle"));
+        names.extend(has_still.then_some("still"));
+        // Time stands still between power cycles: the rate is checked only in a record of one.
+        let columns =
+            table.read(&Wanted { numbers: &names, label: None, rate_hz: (!has_cycle).then_some(self.rate) })?;
+        let rates = &columns.numbers[0];
+        series::finite(&self.column, rates)?;
+        let cycle_of = |i: usize| if has_cycle { columns.numbers[1][i] } else { 0.0 };
+        let mut steps: Vec<f64> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+        // Median of |difference| of normal noise is 0.954 of its standard deviation; motion does not enter.
+        let noise = series::positive("noise of a sample", stats::median(&mut steps) / 0.953_87)?;
+        let model = self.repeatability.zip(self.instability).map(|(repeatability, b)| Model {
+            repeatability,
+            n: noise / self.rate.sqrt(),
+            b,
+            rate_hz: self.rate,
+        });
+
+        let (mut stored, mut stored_by_kalman) = (Stored::default(), Stored::default());
+        let mut rows = Vec::new();
+        let (mut corrected, mut biases) = (Vec::new(), Vec::new());
+        let mut start = 0;
+        while start < rates.len() {
+            let end = (start..rates.len()).find(|&i| cycle_of(i) != cycle_of(start)).unwrap_or(rates.len());
+            let mut eliminator = Eliminator::new(settings, stored.clone())?;
+            let mut kalman = model.as_ref().map(|m| Kalman::new(m, &stored_by_kalman)).transpose()?;
+            let mut detector = StillDetector::new(settings.block.max(10), noise)?;
+            let (mut before, mut after, mut by_kalman) = (Vec::new(), Vec::new(), Vec::new());
+            let mut writes = 0;
+            for (i, &rate) in rates.iter().enumerate().take(end).skip(start) {
+                let detected = detector.step(rate);
+                let still = if has_still { columns.numbers[1 + usize::from(has_cycle)][i] == 0.0 } else { detected };
+                let out = eliminator.step(rate, still);
+                if let Some(new) = out.store {
+                    stored = new;
+                    writes += 1;
+                }
+                let fused = kalman.as_mut().map(|k| k.step(rate, still));
+                if still {
+                    before.push(rate);
+                    if i - start >= settings.fusion {
+                        after.push(out.rate);
+                        by_kalman.extend(fused);
+                    }
+                }
+                corrected.push((i as f64 / self.rate, out.rate));
+                biases.push((i as f64 / self.rate, out.bias));
+            }
+            if let Some(kalman) = kalman.filter(|k| k.sd().is_finite()) {
+                stored_by_kalman.push(kalman.bias(), settings.slots);
+            }
+            let mean = |v: &[f64]| if v.is_empty() { Value::Null } else { json!(stats::mean(v)) };
+            rows.push(vec![
+                json!(cycle_of(start)),
+                json!(end - start),
+                json!(before.len()),
+                mean(&before),
+                mean(&after),
+                json!(eliminator.bias()),
+                json!(writes),
+                mean(&by_kalman),
+            ]);
+            start = end;
+        }
+        let rms = |column: usize| {
+            let values: Vec<f64> = rows.iter().filter_map(|r| r[column].as_f64()).collect();
+            (!values.is_empty()).then(|| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt())
+        };
+        let (before, after, fused) = (rms(3), rms(4), rms(7));
+        let mut report = Report::new("zero-bias");
+        report
+            .put("noise", "of a sample, unit of the record", noise)
+            .rows(
+                "cycles",
+                &["cycle", "samples", "still", "before", "after", "bias", "writes", "inverse_variance"],
+                rows,
+            )
+            .put("rms_before", "of the cycles' means at rest", json!(before))
+            .put("rms_after", "after the fusion", json!(after))
+            .put("rms_inverse_variance", "with --repeatability and --instability", json!(fused))
+            .put("stored", "", json!(stored.biases()));
+        let panel = Panel {
+            title: format!("Bias elimination of {}", self.column),
+            x: "time, s".to_owned(),
+            y: "rate".to_owned(),
+            log: (false, false),
+            square: false,
+            series: vec![Series::dots("corrected", corrected), Series::line("bias", biases)],
+        };
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}
