@@ -207,8 +207,12 @@ fn failing(personality: Personality) -> BTreeSet<String> {
 
 #[test]
 fn each_personality_shows_in_exactly_the_items_it_names() {
-    for (name, text) in boards().iter().filter(|(name, _)| *name != "silent-board") {
+    for (name, text) in boards() {
         let personality = Personality::from_toml(name, text).unwrap();
+        if personality.expect["functional"].outcome == "errored" {
+            // Its line is bad, which says nothing of the module.
+            continue;
+        }
         let expected: BTreeSet<String> = personality.expect["functional"].items.iter().cloned().collect();
         assert_eq!(failing(personality), expected, "{name}");
     }

@@ -29,7 +29,12 @@ fn embedded_boards_are_well_formed_and_expect_known_items() {
         assert!(!personality.description.is_empty(), "{name}");
         let expected = &personality.expect["functional"];
         assert!(["passed", "failed", "errored"].contains(&expected.outcome.as_str()), "{name}");
-        assert_eq!(expected.outcome == "failed", !expected.items.is_empty(), "{name}");
+        match expected.outcome.as_str() {
+            "failed" => assert!(!expected.items.is_empty(), "{name}"),
+            "passed" => assert!(expected.items.is_empty(), "{name}"),
+            // A line that is bad may show in some items or let none begin.
+            _ => {}
+        }
         assert!(expected.items.iter().all(|item| ITEMS.contains(&item.as_str())), "{name}");
     }
 }
