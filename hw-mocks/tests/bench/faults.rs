@@ -47,7 +47,9 @@ fn list<T: Clone, const N: usize>(values: &[T]) -> List<T, N> {
 
 fn identity(host: &mut Host) -> Option<bool> {
     let who = ask(host, &Identity {})?;
-    Some(who.serial_number.as_str() == SERIAL_NUMBER && who.firmware.as_str() == "1.4.0")
+    let supply = ask(host, &ModulePower { on: 1 })?;
+    let supplied = (4_750_000..=5_250_000).contains(&supply.supply_uv);
+    Some(supplied && who.serial_number.as_str() == SERIAL_NUMBER && who.firmware.as_str() == "1.4.0")
 }
 
 fn cpu(host: &mut Host) -> Option<bool> {
@@ -202,7 +204,9 @@ fn failing(personality: Personality) -> BTreeSet<String> {
     let mut host = Host::with(&Options { personality, serial_number: Some(SERIAL_NUMBER.to_owned()), ..base });
     host.ask(&ModulePower { on: 1 });
     let wrong = PROBES.iter().filter(|(_, probe)| probe(&mut host) != Some(true));
-    wrong.map(|(item, _)| (*item).to_owned()).collect()
+    let wrong: BTreeSet<String> = wrong.map(|(item, _)| (*item).to_owned()).collect();
+    // Nobody goes on with a module that is another one, or not supplied: what follows from that is not named.
+    if wrong.contains("identity") { BTreeSet::from(["identity".to_owned()]) } else { wrong }
 }
 
 #[test]
