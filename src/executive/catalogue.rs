@@ -326,7 +326,8 @@ impl ItemId {
     /// Whether two items may not run at the same time.
     pub fn excludes(self, other: ItemId) -> bool {
         let others = other.spec().resources;
-        self.spec().resources.iter().any(|mine| others.iter().any(|theirs| mine.excludes(*theirs)))
+        // Two items of one kind want the same device.
+        self == other || self.spec().resources.iter().any(|mine| others.iter().any(|theirs| mine.excludes(*theirs)))
     }
 }
 

@@ -19,7 +19,7 @@ use tokio::sync::watch;
 use crate::cli::{OnFailArg, RunArgs, complain, refuse};
 use crate::files;
 use crate::runner::journal::Journal;
-use crate::runner::{self, Live, Order, chain};
+use crate::runner::{self, Ending, Live, Order, chain};
 use crate::setup::{self, Setup};
 use crate::stop::Stop;
 use crate::store::{RunFolder, Scribe, digest};
@@ -114,28 +114,35 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
     // The simulated bench ends with this scope.
     let _simulation = setup.simulation;
     let began = Instant::now();
-    let mut worst = None;
     let mut ends = Vec::new();
     for round in 1.. {
         let count = args.until.is_none().then_some(args.loops);
         let looped = args.until.is_some() || args.loops > 1;
         order.header.looped = looped.then_some(Loop { index: round, count });
-        let outcome = one_round(args, &order, plan, &setup.records, &stop).await?;
-        worst = Outcome::worst([Some(outcome), worst].into_iter().flatten());
+        let ending = match one_round(args, &order, plan, &setup.records, &stop).await {
+            Ok(ending) => ending,
+            Err(refusal) if ends.is_empty() => return Err(refusal),
+            Err(refusal) => {
+                complain(refusal.what, &refusal.try_this);
+                ends.push(Outcome::Errored);
+                break;
+            }
+        };
+        let outcome = ending.outcome;
         ends.push(outcome);
         let enough = match args.until {
             Some(time) => began.elapsed() >= time,
             None => round >= args.loops,
         };
         let bad = !outcome.is_good() && args.on_fail == Some(OnFailArg::Stop);
-        if enough || bad || stop.asked().times > 0 {
+        if enough || bad || !ending.begun || stop.asked().times > 0 {
             break;
         }
     }
     if ends.len() > 1 {
         face::say(args.events, &format!("{} rounds: {}", ends.len(), counts(&ends)));
     }
-    Ok(worst.unwrap_or(Outcome::Errored))
+    Ok(Outcome::worst(ends).unwrap_or(Outcome::Errored))
 }
 
 /// "7 passed, 1 failed".
@@ -151,25 +158,30 @@ async fn one_round(
     plan: &Plan,
     records: &std::path::Path,
     stop: &Stop,
-) -> Result<Outcome, Refusal> {
+) -> Result<Ending, Refusal> {
     let store_refusal = |error: crate::store::StoreError| Refusal::new(chain(&error), error.try_this());
     // Before power-on, so that no module is tested whose record cannot be kept.
     let folder = RunFolder::create(records, Local::now().fixed_offset(), &order.header.serial_number, &plan.name)
         .map_err(store_refusal)?;
+    let path = folder.path().to_owned();
     let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
     let live: Live = watch::channel(Vec::new()).0;
-    let face = Face::start(events, &live, args.events, folder.path().to_owned())
+    let face = Face::start(events, &live, args.events, path.clone())
         .map_err(|error| Refusal::new(format!("cannot start: {error}"), ""))?;
     let scribe = Scribe::start(folder, plan, vec![watcher]).map_err(store_refusal)?;
     let ending = runner::run(order, Journal::new(scribe), stop, &live).await;
-    face.join();
+    face.join(stop).await;
     if let Some(error) = &ending.store_error {
         complain(
-            format_args!("ERRORED: this run is no pass, since its record could not be written: {}", chain(error)),
+            format_args!(
+                "ERRORED: this run is no pass, since its record could not be written: {}; what there is lies in {}",
+                chain(error),
+                path.display()
+            ),
             error.try_this(),
         );
     }
-    Ok(ending.outcome)
+    Ok(ending)
 }
 
 fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {

@@ -30,7 +30,9 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
             Ok((items, remark)) => writeln!(out, "{}: {items} items, no mistake{remark}", path.display()),
             Err(refusal) => {
                 wrong += 1;
-                writeln!(out, "{}", refusal.what)
+                let hint =
+                    if refusal.try_this.is_empty() { String::new() } else { format!("\n  try: {}", refusal.try_this) };
+                writeln!(out, "{}{hint}", refusal.what)
             }
         };
     }

@@ -2,7 +2,8 @@
 
 use std::io::BufRead as _;
 
-use tokio::sync::{Mutex, mpsc};
+use tokio::sync::Mutex;
+use tokio::sync::mpsc::{self, error::TrySendError};
 
 use crate::procedure::Trouble;
 use crate::runner::report::Report;
@@ -178,7 +179,8 @@ impl Operator {
         std::thread::Builder::new().name("operator".into()).spawn(move || {
             for line in std::io::stdin().lock().lines() {
                 let Ok(line) = line else { break };
-                if sender.blocking_send(line).is_err() {
+                // What nobody waits for is thrown away: held back, it would answer a later question.
+                if let Err(TrySendError::Closed(_)) = sender.try_send(line) {
                     break;
                 }
             }

@@ -86,6 +86,8 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why the record could not be written.
     pub store_error: Option<StoreError>,
+    /// Whether any item was begun: a bench without a board is no better in the next round.
+    pub begun: bool,
 }
 
 /// Carries out an order.
@@ -104,10 +106,12 @@ pub async fn run(order: &Order, journal: Journal, stop: &Stop, live: &Live) -> E
     };
     let ended = run.whole().await;
     live.send_replace(Vec::new());
+    let begun = journal.look(|state| state.rows().iter().any(|row| !row.attempts.is_empty()));
     let closed = journal.close().await;
-    match ended.and_then(|outcome| closed.map(|()| outcome)) {
-        Ok(outcome) => Ending { outcome, store_error: None },
-        Err(error) => Ending { outcome: Outcome::Errored, store_error: Some(error) },
+    // Of two errors the one of the thread that writes is the cause.
+    match closed.and(ended) {
+        Ok(outcome) => Ending { outcome, store_error: None, begun },
+        Err(error) => Ending { outcome: Outcome::Errored, store_error: Some(error), begun },
     }
 }
 
@@ -163,6 +167,9 @@ impl Run<'_> {
         let mut outcome = self.journal.look(RunState::outcome_so_far);
         if self.unexplained_restart.get() {
             // Something in this module or this bench restarts the board now and then: nobody can call that a pass.
+            let text = "the board restarted and no item was found to be the cause, so nothing can be said of the module; \
+                        run the plan again with --one-by-one";
+            self.note(Level::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
         }
         self.journal.emit(EventKind::RunEnded { outcome }).await?;
@@ -222,6 +229,10 @@ impl Run<'_> {
 
     async fn launch<'b>(&'b self, board: &'b Board, flight: &mut Flight<'b>) -> Result<(), StoreError> {
         loop {
+            let asked = self.stop.asked();
+            if asked.times > 0 {
+                self.stop_in_order(asked).await?;
+            }
             let alone = self.one_by_one.get();
             let job = &self.order.job;
             let next = self.journal.look(|state| if alone { job.next(state) } else { job.next_overlapping(state) });
@@ -260,7 +271,11 @@ impl Run<'_> {
         if let End::Done(Err(trouble)) = &end
             && session_lives(trouble)
         {
-            desk.clear().await;
+            tokio::select! {
+                biased;
+                _ = self.stop.asked_times(1) => {}
+                () = desk.clear() => {}
+            }
         }
         self.live.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (desk.requests(), desk.busy());
@@ -284,17 +299,18 @@ impl Run<'_> {
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
         }
-        for repeat in 1..=item.repeats {
-            report.begin_repeat(repeat);
-            tokio::select! {
-                biased;
-                done = procedure::run(item.id, &bench, &item.params, report) => done?,
-                () = board_time(board.pulse(), item.timeout_s) => {
-                    return Err(Trouble::TookTooLong { limit_s: item.timeout_s });
-                }
+        let all_repeats = async {
+            for repeat in 1..=item.repeats {
+                report.begin_repeat(repeat);
+                procedure::run(item.id, &bench, &item.params, report).await?;
             }
+            Ok(())
+        };
+        tokio::select! {
+            biased;
+            done = all_repeats => done,
+            () = board_time(board.pulse(), item.timeout_s) => Err(Trouble::TookTooLong { limit_s: item.timeout_s }),
         }
-        Ok(())
     }
 
     /// Files an attempt that came to its end, and deals with its trouble.
@@ -354,16 +370,21 @@ impl Run<'_> {
         });
         for landed in &ended {
             let Some(item) = self.order.job.item(landed.position) else { continue };
-            match &landed.end {
-                End::Done(Err(trouble)) if Some(landed.position) == culprit => {
-                    let (outcome, error) = judge(item, &landed.measured, Some(trouble));
-                    self.end_attempt(landed, outcome, error).await?;
-                }
+            let trouble = match &landed.end {
+                End::Done(done) => done.as_ref().err(),
                 End::Stopped(asked) => {
                     self.stop_in_order(*asked).await?;
                     self.end_attempt(landed, Outcome::Aborted, None).await?;
+                    continue;
                 }
-                _ => self.end_attempt(landed, Outcome::Errored, Some(spoilt(text.as_deref()))).await?,
+            };
+            // What came to its own end in the same moment has its own verdict.
+            let own = trouble.is_none_or(session_lives) || Some(landed.position) == culprit;
+            if own || violates(&landed.measured) {
+                let (outcome, error) = judge(item, &landed.measured, trouble);
+                self.end_attempt(landed, outcome, error).await?;
+            } else {
+                self.end_attempt(landed, Outcome::Errored, Some(spoilt(text.as_deref()))).await?;
             }
         }
         self.end_spoilt_items(text.as_deref()).await?;
@@ -421,6 +442,10 @@ impl Run<'_> {
                     }
                     let (item, boot_id) = (culprit.clone(), format!("{boot_id:08x}"));
                     self.journal.emit(EventKind::BoardRebooted { item, boot_id }).await?;
+                }
+                if self.stop.asked().times > 0 {
+                    // Nobody wants the module to be switched on again.
+                    return Ok(());
                 }
                 let on = self.power_on(board, culprit.as_deref()).await?;
                 self.link_lost.set(!on && self.stop.asked().times == 0);
@@ -681,6 +706,8 @@ fn judge(item: &PlanItem, measured: &[Measurement], trouble: Option<&Trouble>) -
         return (outcome, error);
     };
     let outcome = match trouble {
+        // A limit was violated before the trouble came; that stands.
+        _ if violates(measured) => Outcome::Failed,
         Trouble::Board(BoardError::Restarted { .. }) => Outcome::Failed,
         Trouble::Board(BoardError::Fault { code: FaultCode::DeviceFault | FaultCode::DeviceTimeout, .. }) => {
             Outcome::Failed
@@ -688,6 +715,11 @@ fn judge(item: &PlanItem, measured: &[Measurement], trouble: Option<&Trouble>) -
         _ => Outcome::Errored,
     };
     (outcome, Some(AttemptError { text: chain(trouble), hint: trouble.try_this().to_owned(), again: false }))
+}
+
+/// Whether a value that was measured lies outside its limit.
+fn violates(measured: &[Measurement]) -> bool {
+    measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed))
 }
 
 /// What stands at an attempt that the trouble of another one ended.

@@ -47,7 +47,9 @@ fn list<T: Clone, const N: usize>(values: &[T]) -> List<T, N> {
 
 fn identity(host: &mut Host) -> Option<bool> {
     let who = ask(host, &Identity {})?;
-    Some(who.serial_number.as_str() == SERIAL_NUMBER && who.firmware.as_str() == "1.4.0")
+    let supply = ask(host, &ModulePower { on: 1 })?;
+    let supplied = (4_750_000..=5_250_000).contains(&supply.supply_uv);
+    Some(supplied && who.serial_number.as_str() == SERIAL_NUMBER && who.firmware.as_str() == "1.4.0")
 }
 
 fn cpu(host: &mut Host) -> Option<bool> {
@@ -202,14 +204,22 @@ fn failing(personality: Personality) -> BTreeSet<String> {
     let mut host = Host::with(&Options { personality, serial_number: Some(SERIAL_NUMBER.to_owned()), ..base });
     host.ask(&ModulePower { on: 1 });
     let wrong = PROBES.iter().filter(|(_, probe)| probe(&mut host) != Some(true));
-    wrong.map(|(item, _)| (*item).to_owned()).collect()
+    let wrong: BTreeSet<String> = wrong.map(|(item, _)| (*item).to_owned()).collect();
+    // Nobody goes on with a module that is another one, or not supplied: what follows from that is not named.
+    if wrong.contains("identity") { BTreeSet::from(["identity".to_owned()]) } else { wrong }
 }
 
 #[test]
 fn each_personality_shows_in_exactly_the_items_it_names() {
-    for (name, text) in boards().iter().filter(|(name, _)| *name != "silent-board") {
+    for (name, text) in boards() {
         let personality = Personality::from_toml(name, text).unwrap();
-        let expected: BTreeSet<String> = personality.expect["functional"].items.iter().cloned().collect();
+        if personality.expect["functional"].outcome == "errored" {
+            // Its line is bad, which says nothing of the module.
+            continue;
+        }
+        // CAN has no probe here: its faults are looked at frame by frame in `can.rs`.
+        let items = personality.expect["functional"].items.iter().filter(|item| *item != "can");
+        let expected: BTreeSet<String> = items.cloned().collect();
         assert_eq!(failing(personality), expected, "{name}");
     }
 }

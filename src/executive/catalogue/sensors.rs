@@ -4,12 +4,12 @@ use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number, tex
 use crate::quantity::{Dimension, Unit};
 
 const GYRO: &str = "Is the module at rest? If it is, the zero rate of this gyroscope is off: suspect the sensor.";
-const GYRO_NOISE: &str = "Does anything shake the table? If not, suspect the gyroscope or its supply.";
+const GYRO_NOISE: &str = "Too much: does anything shake the table? Too little or none: this gyroscope no longer measures; suspect it or its supply.";
 const ACCEL: &str = "Is the module level and seated in its socket? If it is, suspect this accelerometer.";
-const ACCEL_NOISE: &str = "Does anything shake the table? If not, suspect the accelerometer or its supply.";
+const ACCEL_NOISE: &str = "Too much: does anything shake the table? Too little or none: this accelerometer no longer measures; suspect it or its supply.";
 const TEMPERATURE: &str = "Let the module reach room temperature; if it has, suspect the temperature sensor.";
 
-/// Gyroscopes and accelerometers at rest; axes of the module, X forward, Y right, Z down.
+/// Gyroscopes and accelerometers at rest; axes of the module, right-handed, +1 g on the axis that points up.
 pub(super) static IMU: ItemSpec = ItemSpec {
     title: "IMU at rest",
     params: &[

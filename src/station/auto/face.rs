@@ -15,6 +15,7 @@ use terminal_size::terminal_size_of;
 use tokio::sync::watch;
 
 use crate::runner::{Doing, Live};
+use crate::stop::Stop;
 
 /// How often a bar moves.
 const BAR_EVERY: Duration = Duration::from_millis(100);
@@ -48,9 +49,13 @@ impl Face {
         Ok(Self { thread })
     }
 
-    /// Waits until everything is written.
-    pub(super) fn join(self) {
-        let _ = self.thread.join();
+    /// Waits until everything is written, or nobody wants to wait any more: a terminal may stand still for ever.
+    pub(super) async fn join(self, stop: &Stop) {
+        let joined = tokio::task::spawn_blocking(move || self.thread.join());
+        tokio::select! {
+            _ = stop.asked_times(2) => {}
+            _ = joined => {}
+        }
     }
 }
 

@@ -130,7 +130,7 @@ impl Stream {
                     }
                     let now_us = self.pulse.borrow_and_update().board_time_us;
                     let stands = self.stands(now_us);
-                    if (stands || now_us > self.seen_us + BEHIND_US) && self.frames.is_empty() {
+                    if (stands || now_us > self.seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
                         self.seen_us = now_us;
                         return Ok(None);
                     }
@@ -179,12 +179,12 @@ impl Stream {
 
     fn account(&mut self, frame: &StreamFrame) {
         let head = &frame.head;
-        let expected = self.losses.received + self.losses.on_board + self.losses.on_line;
+        let expected = self.losses.received.saturating_add(self.losses.on_board).saturating_add(self.losses.on_line);
         let missing = head.first.saturating_sub(expected);
         let on_board = head.dropped.saturating_sub(self.losses.on_board).min(missing);
-        self.losses.on_board += on_board;
-        self.losses.on_line += missing - on_board;
-        self.losses.received += u32::from(head.count);
+        self.losses.on_board = self.losses.on_board.saturating_add(on_board);
+        self.losses.on_line = self.losses.on_line.saturating_add(missing - on_board);
+        self.losses.received = self.losses.received.saturating_add(head.count.into());
         self.seen_us = head.board_time_us;
     }
 }

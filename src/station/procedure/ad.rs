@@ -67,5 +67,8 @@ async fn read(bench: &Bench<'_>, samples: u16) -> Result<[f64; 8], Trouble> {
         };
         *volt = f64::from(channel.mean_uv) * 1e-6;
     }
+    if let Some(missing) = volts.iter().position(|volt| volt.is_nan()) {
+        return Err(Trouble::Nonsense { what: "AdRead", why: format!("channel {} is missing", missing + 1) });
+    }
     Ok(volts)
 }

@@ -33,14 +33,17 @@ impl Journal {
     /// [`StoreError`] when this or an earlier event could not be written.
     pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
         let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
-        let event = {
+        // First a place, then the number: whoever is dropped while waiting takes no number with him, and events
+        // reach the record in the order of their numbers.
+        let place = self.scribe.place().await?;
+        let written = {
             let mut state = self.lock();
             let elapsed_us = u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX);
             let event = Event { seq: state.next_seq(), at: Local::now().fixed_offset(), elapsed_us, kind };
             state.apply(&event).map_err(StoreError::OutOfOrder)?;
-            event
+            place.write(event, must_be_on_disk)
         };
-        if must_be_on_disk { self.scribe.write_and_sync(event).await } else { self.scribe.write(event).await }
+        written.synced().await
     }
 
     /// Looks at the run as it stands.

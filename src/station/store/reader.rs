@@ -19,6 +19,8 @@ pub struct FoundRun {
     pub path: PathBuf,
     /// What it holds, or why that cannot be read.
     pub run: Result<RunRecord, String>,
+    /// Whether its folder was closed with its digests; a run without them is no evidence, whatever it says.
+    pub sealed: bool,
 }
 
 /// All runs below a records folder, oldest first.
@@ -27,11 +29,13 @@ pub struct FoundRun {
 /// The folder itself cannot be read.
 pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
     let mut runs = Vec::new();
-    for day in folders(records)? {
-        for serial in folders(&day)? {
-            for path in folders(&serial)? {
+    for day in folders(records)?.into_iter().filter(|day| is_day(day)) {
+        // A folder that cannot be read is no reason to hide the others.
+        for serial in folders(&day).unwrap_or_default() {
+            for path in folders(&serial).unwrap_or_default() {
                 let run = read(&path);
-                runs.push(FoundRun { path, run });
+                let sealed = path.join(DIGESTS).is_file();
+                runs.push(FoundRun { path, run, sealed });
             }
         }
     }
@@ -40,6 +44,12 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
         started(a).cmp(&started(b)).then_with(|| a.path.cmp(&b.path))
     });
     Ok(runs)
+}
+
+/// Whether a folder is named by a date; a disk of its own has others too.
+fn is_day(folder: &Path) -> bool {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    chrono::NaiveDate::parse_from_str(&name, "%Y-%m-%d").is_ok()
 }
 
 /// Reads a run from its journal.
@@ -67,10 +77,12 @@ pub fn fold(folder: &Path) -> Result<gnc_executive::state::RunState, String> {
 }
 
 /// What is wrong with a run's folder; nothing if all is as it was written.
-///
-/// # Errors
-/// The folder cannot be read.
-pub fn verify(folder: &Path) -> Result<Vec<String>, StoreError> {
+#[must_use]
+pub fn verify(folder: &Path) -> Vec<String> {
+    compare(folder).unwrap_or_else(|error| vec![crate::runner::chain(&error)])
+}
+
+fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {
     let state = match fold(folder) {
         Ok(state) => state,
         Err(why) => return Ok(vec![why]),
@@ -84,7 +96,7 @@ pub fn verify(folder: &Path) -> Result<Vec<String>, StoreError> {
     }
     let mut problems = Vec::new();
     let mut promised = BTreeMap::new();
-    for line in on(fs::read_to_string(&path), "read", &path)?.lines() {
+    for line in String::from_utf8_lossy(&on(fs::read(&path), "read", &path)?).lines() {
         match line.split_once("  ") {
             Some((digest, file)) if digest.len() == 64 => {
                 promised.insert(PathBuf::from(file), digest.to_owned());
@@ -95,10 +107,15 @@ pub fn verify(folder: &Path) -> Result<Vec<String>, StoreError> {
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
             None => problems.push(format!("{} was added", file.display())),
-            Some(digest) if digest::of_file(&folder.join(&file))? != digest => {
-                problems.push(format!("{} was changed", file.display()));
+            // A link or a device in its place is no file of the record, wherever it leads.
+            Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
+                problems.push(format!("{} was replaced by something that is no file", file.display()));
             }
-            Some(_) => {}
+            Some(digest) => match digest::of_file(&folder.join(&file)) {
+                Ok(found) if found == digest => {}
+                Ok(_) => problems.push(format!("{} was changed", file.display())),
+                Err(error) => problems.push(crate::runner::chain(&error)),
+            },
         }
     }
     problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));

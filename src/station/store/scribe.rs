@@ -62,22 +62,12 @@ impl Scribe {
         Arc::clone(&self.state)
     }
 
-    /// Hands an event over.
+    /// A place for one event on its way to the disk.
     ///
     /// # Errors
-    /// [`StoreError::Closed`] if an earlier one could not be written.
-    pub async fn write(&self, event: Event) -> Result<(), StoreError> {
-        self.events.send((event, None)).await.map_err(|_| closed())
-    }
-
-    /// Hands an event over and waits until it is on disk.
-    ///
-    /// # Errors
-    /// The first error of the record.
-    pub async fn write_and_sync(&self, event: Event) -> Result<(), StoreError> {
-        let (sender, written) = oneshot::channel();
-        self.events.send((event, Some(sender))).await.map_err(|_| closed())?;
-        written.await.map_err(|_| closed())?
+    /// [`StoreError::Closed`] if an earlier event could not be written.
+    pub async fn place(&self) -> Result<Place<'_>, StoreError> {
+        self.events.reserve().await.map(Place).map_err(|_| closed())
     }
 
     /// Waits until all is on disk and the folder is closed with its digests.
@@ -90,6 +80,41 @@ impl Scribe {
         match joined {
             Ok(Ok(result)) => result,
             _ => Err(StoreError::Closed { why: "the thread that writes it came to grief".into() }),
+        }
+    }
+}
+
+/// Room for one event.
+#[derive(Debug)]
+pub struct Place<'a>(mpsc::Permit<'a, (Event, Option<Written>)>);
+
+impl Place<'_> {
+    /// Hands the event over, at once; `sync` asks for word when it is on disk.
+    #[must_use]
+    pub fn write(self, event: Event, sync: bool) -> OnItsWay {
+        if !sync {
+            self.0.send((event, None));
+            return OnItsWay(None);
+        }
+        let (sender, written) = oneshot::channel();
+        self.0.send((event, Some(sender)));
+        OnItsWay(Some(written))
+    }
+}
+
+/// An event that was handed over.
+#[derive(Debug)]
+pub struct OnItsWay(Option<oneshot::Receiver<Result<(), StoreError>>>);
+
+impl OnItsWay {
+    /// Waits until it is on disk, if that was asked for.
+    ///
+    /// # Errors
+    /// The first error of the record.
+    pub async fn synced(self) -> Result<(), StoreError> {
+        match self.0 {
+            Some(written) => written.await.map_err(|_| closed())?,
+            None => Ok(()),
         }
     }
 }
@@ -113,8 +138,8 @@ impl Writer {
             let result = self.write(&event, written.is_some());
             let failed = result.is_err();
             if !failed {
-                // Somebody who no longer listens is no reason to stop.
-                self.watchers.retain(|watcher| watcher.send(event.clone()).is_ok());
+                // Somebody who no longer listens, or is that far behind, is no reason to stop.
+                self.watchers.retain(|watcher| watcher.try_send(event.clone()).is_ok());
             }
             match written {
                 Some(written) => {
