@@ -55,10 +55,11 @@ fn check(board: &Path) -> Result<(), String> {
     let text = std::fs::read_to_string(board).map_err(|error| error.to_string())?;
     let personality = hw_mocks::Personality::from_toml(&name, &text).map_err(|error| error.to_string())?;
     let expected = personality.expect.get("functional").ok_or(format!("{name} expects nothing of the plan"))?;
-    let mut items: Vec<String> = expected.items.iter().filter(|item| *item != "sci").cloned().collect();
+    // A fault of the RS-422 line, or of the module's own, does not show here.
+    let elsewhere = expected.items == ["sci"] || text.contains("[wire.");
+    let outcome = if elsewhere { "passed" } else { expected.outcome.as_str() };
+    let mut items: Vec<String> = expected.items.iter().filter(|item| !elsewhere && *item != "sci").cloned().collect();
     items.sort();
-    let only_rs422 = expected.items == ["sci"] || text.contains("[wire.");
-    let outcome = if only_rs422 { "passed" } else { expected.outcome.as_str() };
     let place = Place::new(STATION);
     let sim = format!("--sim={}", board.display());
     let run = place.functional(&sim, &["--sim-link", "can", "--sim-speed", "max"]);
