@@ -1,6 +1,6 @@
 //! The slave board as the station sees it: typed calls, streams, and a plain word when it restarts or falls silent.
 //!
-//! [`Board`] is a handle; the conversation itself ([`conversation`]) is a task that owns the link, repeats what was
+//! [`Board`] is a handle; the conversation itself (`conversation.rs`) is a task that owns the link, repeats what was
 //! lost and keeps the board's watchdog quiet.
 
 mod conversation;
