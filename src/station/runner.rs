@@ -380,7 +380,7 @@ impl Run<'_> {
             };
             // What came to its own end in the same moment has its own verdict.
             let own = trouble.is_none_or(session_lives) || Some(landed.position) == culprit;
-            if own || violates(&landed.measured) {
+            if own {
                 let (outcome, error) = judge(item, &landed.measured, trouble);
                 self.end_attempt(landed, outcome, error).await?;
             } else {
@@ -706,6 +706,8 @@ fn judge(item: &PlanItem, measured: &[Measurement], trouble: Option<&Trouble>) -
         return (outcome, error);
     };
     let outcome = match trouble {
+        // What the line lost is in the counts, and says nothing of the module.
+        Trouble::FramesLost { .. } | Trouble::SamplesLost { .. } => Outcome::Errored,
         // A limit was violated before the trouble came; that stands.
         _ if violates(measured) => Outcome::Failed,
         Trouble::Board(BoardError::Restarted { .. }) => Outcome::Failed,

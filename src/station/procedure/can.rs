@@ -143,9 +143,12 @@ fn compare(sent: &[CanFrame], returned: &[CanFrame]) -> Seen {
     let mut latest = 0;
     for frame in returned {
         let alike = |wanted: &CanFrame| wanted.id() == frame.id() && wanted.data().len() == frame.data().len();
-        let find =
-            |fits: &dyn Fn(&CanFrame) -> bool| open.iter().position(|at| expected[*at].as_ref().is_some_and(fits));
-        // Rounds repeat frames, so that the first that fits is meant.
+        // Rounds repeat frames: of those that fit the one nearest to the last is meant, or a frame that was lost in one
+        // round would be found out of order in the next.
+        let find = |fits: &dyn Fn(&CanFrame) -> bool| {
+            let fitting = (0..open.len()).filter(|place| expected[open[*place]].as_ref().is_some_and(fits));
+            fitting.min_by_key(|place| open[*place].abs_diff(latest))
+        };
         if let Some(place) = find(&|wanted| wanted == frame) {
             let at = open.remove(place);
             seen.out_of_order += u64::from(at < latest);
