@@ -5,6 +5,7 @@ pub mod board;
 mod check;
 pub mod cli;
 pub mod compute;
+pub mod control;
 mod files;
 pub mod fixture;
 pub mod link;
@@ -15,5 +16,5 @@ mod records;
 pub mod runner;
 mod setup;
 mod statistics;
-pub mod stop;
+
 pub mod store;
