@@ -2,10 +2,12 @@
 
 mod auto;
 pub mod board;
+pub mod capture;
 mod check;
 pub mod cli;
 pub mod compute;
 pub mod control;
+pub mod figures;
 mod files;
 pub mod fixture;
 pub mod link;
