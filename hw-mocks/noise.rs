@@ -43,6 +43,10 @@ pub enum Source {
     InternalFlash = 15,
     /// What happens to bytes on their way to the board.
     LineToBoard = 16,
+    /// The turntable: what is new each time.
+    Table = 17,
+    /// The turntable: what an orientation has whenever it is taken up.
+    TablePosition = 18,
 }
 
 /// One stream of chance.

@@ -114,6 +114,11 @@ impl SimulatedBoard {
         self.end_complete_streams();
     }
 
+    /// Takes the samples up to now before the world changes: those of a frame that is not full yet wait for it.
+    pub(crate) fn take_samples(&mut self) {
+        self.run_streams();
+    }
+
     fn run_stream(&mut self, index: usize) {
         // Taken out while it runs, since its samples come from the rest of the board.
         let mut stream = self.streams.swap_remove(index);

@@ -139,7 +139,7 @@ impl SimulatedBoard {
     }
 
     /// Bench time of a true moment.
-    fn bench_ns(&self, true_s: f64) -> f64 {
+    pub(crate) fn bench_ns(&self, true_s: f64) -> f64 {
         true_s * 1e9 * (1.0 + self.clock_error_ppm * 1e-6)
     }
 

@@ -110,6 +110,19 @@
 //! [wire.to_host]                       # [wire.to_board] alike: stands for all of [wire.both] in this direction
 //! lost_frames_per_million = 1e6
 //!
+//! [turntable]                          # its errors; what each means stands at `TableModel`
+//! axis_error_arcsec = [6.0, -4.0]
+//! heading_error_arcsec = 60.0
+//! mounting_deg = [0.012, -0.018, 0.015]
+//! attitude_error_arcsec = 4.0
+//! repeatability_arcsec = 2.0
+//! angle_error_ppm = 5.0
+//! angle_error_arcsec = 2.0
+//! rate_error_ppm = 20.0
+//! wobble_arcsec = 2.0
+//! lever_arm_mm = [3.0, -2.0, 4.0]
+//! slew_s = 6.0                         # to orient; 0: at once
+//!
 //! [reboot]
 //! on = "sdram"                         # at a request to this device ...
 //! nth = 1                              # ... the first only; without it, each time
@@ -140,6 +153,7 @@ use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::SupplyModel;
+use crate::turntable::TableModel;
 use crate::wire_faults::WireFaults;
 
 /// A personality, checked.
@@ -215,6 +229,7 @@ pub(crate) struct Model {
     pub(crate) sci: SciFaults,
     pub(crate) can: CanFaults,
     pub(crate) wire: WireFaults,
+    pub(crate) turntable: TableModel,
     pub(crate) reboot: Option<RebootTrigger>,
 }
 
@@ -296,6 +311,7 @@ impl Default for Model {
             sci: SciFaults::default(),
             can: CanFaults::default(),
             wire: WireFaults::default(),
+            turntable: TableModel::default(),
             reboot: None,
         }
     }

@@ -32,6 +32,7 @@ pub(super) struct Personality {
     pub(super) sci: Sci,
     pub(super) can: Can,
     pub(super) wire: Wire,
+    pub(super) turntable: Turntable,
     pub(super) reboot: Option<Reboot>,
 }
 
@@ -193,6 +194,22 @@ pub(super) struct Can {
     pub(super) swap_every: Option<Spanned<u32>>,
     pub(super) tx_error_every: Option<Spanned<u32>>,
     pub(super) bus_off_after: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Turntable {
+    pub(super) axis_error_arcsec: Option<[Spanned<f64>; 2]>,
+    pub(super) heading_error_arcsec: Option<Spanned<f64>>,
+    pub(super) mounting_deg: Option<[Spanned<f64>; 3]>,
+    pub(super) attitude_error_arcsec: Option<Spanned<f64>>,
+    pub(super) repeatability_arcsec: Option<Spanned<f64>>,
+    pub(super) angle_error_ppm: Option<Spanned<f64>>,
+    pub(super) angle_error_arcsec: Option<Spanned<f64>>,
+    pub(super) rate_error_ppm: Option<Spanned<f64>>,
+    pub(super) wobble_arcsec: Option<Spanned<f64>>,
+    pub(super) lever_arm_mm: Option<[Spanned<f64>; 3]>,
+    pub(super) slew_s: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -22,3 +22,5 @@ mod personalities;
 mod pty;
 #[cfg(test)]
 mod sensors;
+#[cfg(test)]
+mod turntable;
