@@ -7,6 +7,7 @@ use toml::Spanned;
 
 use super::{Model, RebootTrigger, raw};
 use crate::devices::ad::Rails;
+use crate::devices::calibration::{CalibrationFaults, LostBit};
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
@@ -22,7 +23,7 @@ use crate::wire_faults::{WireFaults, WireRates};
 use crate::world::Axis;
 
 /// Names of devices that a trigger may wait for.
-const DEVICES: [&str; 15] = [
+const DEVICES: [&str; 16] = [
     "power",
     "identity",
     "cpu",
@@ -32,6 +33,7 @@ const DEVICES: [&str; 15] = [
     "spi-flash",
     "internal-flash",
     "imu",
+    "calibration",
     "gnss",
     "ad",
     "io",
@@ -168,6 +170,7 @@ impl raw::Personality {
                 accel: self.accel.faults()?,
                 mag: self.mag.faults()?,
             },
+            calibration: self.calibration.check()?,
             gnss: self.gnss.check()?,
             unwired_switches: self.ad.check()?,
             lines: self.io.check(&self.spi)?,
@@ -285,6 +288,21 @@ impl raw::Triad {
             noise_factor: number(self.noise_factor.as_ref(), "noise_factor", 0.0, 1e6, 1.0)?,
             offset,
         })
+    }
+}
+
+impl raw::Calibration {
+    fn check(&self) -> Result<CalibrationFaults, Mistake> {
+        // The coefficients take 300 bytes.
+        let lost = |lost: &raw::LostBit| {
+            let byte = integer(&lost.byte, "byte", 0, 299)?;
+            Ok(LostBit {
+                byte: u16::try_from(byte).unwrap_or(0),
+                bit: small(&lost.bit, "bit", 0, 7)?,
+                after_power_cycle: lost.after_power_cycle,
+            })
+        };
+        Ok(CalibrationFaults { lost_bit: self.lost_bit.as_ref().map(lost).transpose()?, transposed: self.transposed })
     }
 }
 

@@ -62,6 +62,10 @@
 //! noise_factor = 20.0
 //! offset_dps = [0.0, 0.0, 1.0]
 //!
+//! [calibration]
+//! lost_bit = { byte = 100, bit = 3, after_power_cycle = true } # of every one that is stored
+//! transposed = true                    # the firmware compensates by the matrices' columns
+//!
 //! [gnss]
 //! no_sky = true
 //! repeater_north_m = 500.0             # the signals are those of a place so far away
@@ -143,6 +147,7 @@ use check::Mistake;
 
 use crate::boards::BOARDS;
 use crate::devices::ad::Rails;
+use crate::devices::calibration::CalibrationFaults;
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::FlashFaults;
@@ -223,6 +228,7 @@ pub(crate) struct Model {
     pub(crate) internal_flash: FlashFaults,
     pub(crate) sensors: SensorModels,
     pub(crate) sensor_faults: SensorFaults,
+    pub(crate) calibration: CalibrationFaults,
     pub(crate) gnss: GnssFaults,
     pub(crate) unwired_switches: [bool; 5],
     pub(crate) lines: LineFaults,
@@ -305,6 +311,7 @@ impl Default for Model {
             internal_flash: FlashFaults::default(),
             sensors: SensorModels::default(),
             sensor_faults: SensorFaults::default(),
+            calibration: CalibrationFaults::default(),
             gnss: GnssFaults::default(),
             unwired_switches: [false; 5],
             lines: LineFaults::default(),

@@ -25,6 +25,7 @@ pub(super) struct Personality {
     pub(super) gyro: Triad,
     pub(super) accel: Triad,
     pub(super) mag: Triad,
+    pub(super) calibration: Calibration,
     pub(super) gnss: Gnss,
     pub(super) ad: Ad,
     pub(super) io: Io,
@@ -148,6 +149,22 @@ pub(super) struct Triad {
     pub(super) noise_factor: Option<Spanned<f64>>,
     #[serde(alias = "offset_dps", alias = "offset_g", alias = "offset_gauss")]
     pub(super) offset: Option<[Spanned<f64>; 3]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Calibration {
+    pub(super) lost_bit: Option<LostBit>,
+    pub(super) transposed: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LostBit {
+    pub(super) byte: Spanned<u32>,
+    pub(super) bit: Spanned<u32>,
+    #[serde(default)]
+    pub(super) after_power_cycle: bool,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -5,6 +5,8 @@
 #[cfg(test)]
 mod board;
 #[cfg(test)]
+mod calibration;
+#[cfg(test)]
 mod can;
 #[cfg(test)]
 mod faults;
