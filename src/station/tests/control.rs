@@ -155,7 +155,8 @@ fn a_stop_ends_a_pause_and_the_run() {
 /// The second stream is refused while the first one runs; both have their verdict, one after the other.
 #[test]
 fn what_does_not_fit_beside_others_runs_after_them() {
-    let state = run_plan(CROWDED, Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
+    let state =
+        run_plan(CROWDED, Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
     assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
     let crowded = |text: &str| text.starts_with("it did not fit on the line beside what else ran");
     assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
