@@ -58,13 +58,13 @@ gyro_x = "0 +- 1 deg/s"
 
 /// Runs the short plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
 fn run(speed: Speed, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
-    run_plan(PLAN, Options { speed, ..Options::default() }, watch)
+    run_plan(PLAN, &Options { speed, ..Options::default() }, watch)
 }
 
-fn run_plan(plan: &str, options: Options, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
+fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
-        let bench = RunningBench::start(&options).expect("a simulated bench");
+        let bench = RunningBench::start(options).expect("a simulated bench");
         let records = tempfile::tempdir().expect("a folder");
         let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
         let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
@@ -156,7 +156,7 @@ fn a_stop_ends_a_pause_and_the_run() {
 #[test]
 fn what_does_not_fit_beside_others_runs_after_them() {
     let state =
-        run_plan(CROWDED, Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
+        run_plan(CROWDED, &Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
     assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
     let crowded = |text: &str| text.starts_with("it did not fit on the line beside what else ran");
     assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
