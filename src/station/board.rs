@@ -53,6 +53,12 @@ pub enum BoardError {
         /// Time since the last frame.
         silent: Duration,
     },
+    /// Frames come, but no heartbeat.
+    #[error("the board sends frames but no heartbeat for {} ms", silent.as_millis())]
+    NoHeartbeat {
+        /// Time since the last heartbeat.
+        silent: Duration,
+    },
     /// The other end speaks another version of the protocol.
     #[error(
         "the board speaks protocol versions {lowest} to {highest}, this station speaks {}",
@@ -136,6 +142,12 @@ pub enum BoardError {
 }
 
 impl BoardError {
+    /// Whether the board has no room for it now and may have later: a stream beside others.
+    #[must_use]
+    pub fn is_crowded(&self) -> bool {
+        matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
+    }
+
     /// What the operator can try.
     #[must_use]
     pub fn try_this(&self) -> &'static str {
@@ -146,6 +158,9 @@ impl BoardError {
             }
             Self::Version { .. } => "update the board's firmware or the station so that they share a version",
             Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
+            Self::NoHeartbeat { .. } => {
+                "compare the board's firmware with the interface document: a heartbeat each second"
+            }
             Self::SessionEnded => "another program may have used the port, or this computer stalled; start again",
             Self::Refused { code: NakCode::DoesNotFit, .. } => "lower the rate in the plan or raise the port's rate",
             Self::Refused { code: NakCode::NotPowered, .. } => {

@@ -15,6 +15,7 @@ mod nmea;
 mod ports;
 pub mod procedure;
 mod records;
+pub mod report;
 pub mod runner;
 mod setup;
 mod statistics;

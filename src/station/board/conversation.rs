@@ -22,12 +22,21 @@ use crate::link::Link;
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
-/// A board that hears HELLO answers at once; one that is starting takes up to two seconds.
-const HELLO_TRIES: u32 = 8;
-/// Between two HELLOs.
+/// Payload of the longer HELLO, the board's, at most.
+const HELLO_BYTES: usize = 128;
+/// Between two HELLOs, or longer on a slow line.
 const HELLO_EVERY: Duration = Duration::from_millis(250);
+/// A board that hears HELLO answers at once; one that is starting listens after two seconds, and then one must still come.
+const HELLO_FOR: Duration = Duration::from_millis(2500);
 /// Three heartbeats missed.
 const SILENT_AFTER: Duration = Duration::from_millis(3500);
+/// Six heartbeats missed while other frames come. The time limits of items go by heartbeats, so that without them
+/// nothing would ever take too long.
+const BEATLESS_AFTER: Duration = Duration::from_millis(6500);
+/// A timer that is served so late says that this computer stalled, not that the board was silent.
+const STALLED: Duration = Duration::from_millis(250);
+/// After a stall what came meanwhile is read first.
+const AFTER_A_STALL: Duration = Duration::from_millis(250);
 /// Requests that may end while another one is unresolved before the board is asked about that one, and nothing new is
 /// begun until it has answered. Those that are in flight then may end too, and all of them must fit into the board's
 /// memory of results, or a request whose result was lost would be done a second time.
@@ -143,6 +152,10 @@ pub(super) struct Conversation {
     sequence: u16,
     keep_alive_due: Instant,
     heard: Instant,
+    /// The last heartbeat of the session.
+    beat: Instant,
+    /// What the line counted before the first session: the middle of a frame is not damage.
+    before: Option<LineCounters>,
     report: LinkReport,
     gauges: Gauges,
 }
@@ -170,6 +183,8 @@ impl Conversation {
             sequence: 0,
             keep_alive_due: now,
             heard: now,
+            beat: now,
+            before: None,
             report: LinkReport::default(),
             gauges: Gauges::new(readings),
         }
@@ -201,7 +216,12 @@ impl Conversation {
                 },
             }
         }
-        self.report.received = self.link.counters();
+        let (counters, before) = (self.link.counters(), self.before.unwrap_or_default());
+        self.report.received = LineCounters {
+            bad_checksum: counters.bad_checksum.saturating_sub(before.bad_checksum),
+            malformed: counters.malformed.saturating_sub(before.malformed),
+            ..counters
+        };
         self.link.close().await;
         self.report
     }
@@ -211,8 +231,13 @@ impl Conversation {
         let sendable = self.pending.iter().filter(|pending| !(held_back && pending.can_be_held_back()));
         let requests = sendable.map(|pending| pending.due).min();
         let greeting = self.greeting.as_ref().map(|greeting| greeting.due);
-        let silent = self.session.map(|_| self.heard + SILENT_AFTER);
+        let silent = self.session.map(|_| self.silent_due());
         [requests, greeting, silent].into_iter().flatten().fold(self.keep_alive_due, Instant::min)
+    }
+
+    /// When the board counts as silent.
+    fn silent_due(&self) -> Instant {
+        (self.heard + SILENT_AFTER).min(self.beat + BEATLESS_AFTER)
     }
 
     fn command(&mut self, command: Command) {
@@ -252,10 +277,8 @@ impl Conversation {
 
     fn overdue(&mut self) {
         let now = Instant::now();
-        if self.session.is_some() && now >= self.heard + SILENT_AFTER {
-            self.session = None;
-            let silent = now - self.heard;
-            self.fail_all(&BoardError::Silent { silent });
+        if self.session.is_some() && now >= self.silent_due() {
+            self.silent(now);
         }
         self.greet_again(now);
         self.ask_again(now);
@@ -267,9 +290,24 @@ impl Conversation {
         }
     }
 
+    fn silent(&mut self, now: Instant) {
+        if now >= self.silent_due() + STALLED {
+            self.heard = self.heard.max(now + AFTER_A_STALL - SILENT_AFTER);
+            self.beat = self.beat.max(now + AFTER_A_STALL - BEATLESS_AFTER);
+            return;
+        }
+        self.session = None;
+        let silent = now - self.beat.min(self.heard);
+        let error = match now - self.heard >= SILENT_AFTER {
+            true => BoardError::Silent { silent },
+            false => BoardError::NoHeartbeat { silent },
+        };
+        self.fail_all(&error);
+    }
+
     fn greet_again(&mut self, now: Instant) {
         let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
-        if greeting.asked >= HELLO_TRIES {
+        if now - greeting.since > HELLO_FOR {
             let error = BoardError::NoAnswer { what: "HELLO", asked: greeting.asked, waited: now - greeting.since };
             if let Some(greeting) = self.greeting.take() {
                 let _ = greeting.answer.send(Err(error));
@@ -277,7 +315,8 @@ impl Conversation {
             return;
         }
         greeting.asked += 1;
-        greeting.due = now + HELLO_EVERY;
+        // At 115,200 baud and below it is half a second or more.
+        greeting.due = now + HELLO_EVERY.max(self.link.exchange_time(HELLO_BYTES) * 5);
         let nonce = greeting.nonce;
         self.say_hello(nonce);
     }
@@ -374,6 +413,8 @@ impl Conversation {
         }
         self.session = Some((hello.nonce, hello.boot_id));
         self.in_doubt = false;
+        self.beat = Instant::now();
+        self.before.get_or_insert_with(|| self.link.counters());
         self.link.restart_sequence();
         self.pulse.send_replace(Pulse::default());
         let _ = greeting.answer.send(Ok(hello));
@@ -457,6 +498,7 @@ impl Conversation {
                 if beat.boot_id != before {
                     return self.restarted(before, beat.boot_id);
                 }
+                self.beat = Instant::now();
                 self.pulse.send_modify(|pulse| {
                     pulse.board_time_us = beat.board_time_us;
                     pulse.beats += 1;
