@@ -1,6 +1,7 @@
 //! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
 
 mod ad;
+mod calibration;
 mod can;
 mod cpu;
 mod flash;
@@ -145,5 +146,22 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         ItemId::Spi => spi::run(bench, params, report).await,
         ItemId::Sci => sci::run(bench, params, report).await,
         ItemId::Can => can::run(bench, report).await,
+        ItemId::SixPosition
+        | ItemId::GyroStill
+        | ItemId::Rotation
+        | ItemId::GyroBias
+        | ItemId::AccelBias
+        | ItemId::BiasStability
+        | ItemId::BiasRepeatability
+        | ItemId::ScaleFactorRepeatability
+        | ItemId::CrossCoupling
+        | ItemId::Resolution
+        | ItemId::Allan
+        | ItemId::Psd
+        | ItemId::MagnetometerEllipse
+        | ItemId::MagnetometerEllipsoid
+        | ItemId::GnssAccuracy
+        | ItemId::CalibrationDownload
+        | ItemId::CalibrationCheck => calibration::run(item),
     }
 }
