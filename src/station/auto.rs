@@ -197,6 +197,8 @@ fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> Ru
             version: plan.version.clone(),
             sha256: digest::of_plan(plan.files()),
         },
+        site: setup.site.clone(),
+        recomputed: None,
         selection: args.only.clone(),
         looped: None,
     }

@@ -11,9 +11,12 @@ pub mod figures;
 mod files;
 pub mod fixture;
 pub mod link;
+pub mod motion;
 mod nmea;
 mod ports;
 pub mod procedure;
+pub mod raw;
+mod recompute;
 mod records;
 pub mod report;
 pub mod runner;
@@ -21,3 +24,4 @@ mod setup;
 mod statistics;
 
 pub mod store;
+pub mod turntable;

@@ -97,6 +97,6 @@ fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
 }
 
 /// A run's folder as the user named it: from here, or below the records folder.
-fn resolve(records: &Path, run: &Path) -> PathBuf {
+pub(crate) fn resolve(records: &Path, run: &Path) -> PathBuf {
     if run.exists() { run.to_owned() } else { records.join(run) }
 }
