@@ -108,7 +108,7 @@ fn one_changed_sample_is_noticed() {
 #[test]
 fn what_was_captured_survives_a_kill() {
     let place = Place::new(STATION);
-    place.write("p.toml", &SHORT.replace("10 s", "3600 s").replace("settle = \"1 s\"", "settle = \"0 s\""));
+    place.write("p.toml", &SHORT.replace("10 s", "1200 s").replace("settle = \"1 s\"", "settle = \"0 s\""));
     let args = ["--auto", "p.toml", "--sim", "--sim-speed", "10", "--serial-number", "C-1", "--only", "six-position"];
     let mut station = place.station(args).stdout(Stdio::piped()).spawn().expect("the station");
     let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
