@@ -14,20 +14,7 @@ use gnc_tests::{Place, Run, bad_items, repository};
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
 /// Positions and turns, as short as they may be.
-const SHORT: &str = r#"
-name = "short"
-version = "1"
-[[item]]
-id = "six-position"
-params = { dwell = "10 s", settle = "1 s" }
-[item.limits]
-"bias_*" = "-100 mg .. 100 mg"
-[[item]]
-id = "rotation"
-params = { rest = "2 s", settle = "1 s" }
-[item.limits]
-"scale_error_*" = "-5 % .. 5 %"
-"#;
+const SHORT: &str = include_str!("raw/short.toml");
 
 fn run(place: &Place, more: &[&str]) -> Run {
     place.write("p.toml", SHORT);
