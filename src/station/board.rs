@@ -6,6 +6,8 @@
 mod conversation;
 mod desk;
 pub mod stream;
+#[cfg(test)]
+mod tests;
 
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
