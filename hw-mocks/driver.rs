@@ -1,4 +1,4 @@
-//! The simulated bench on a real pseudo-terminal, served by a thread of its own.
+//! The simulated bench on a real pseudo-terminal or serial port, served by a thread of its own.
 
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
@@ -9,14 +9,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, ppoll};
-use nix::pty::openpty;
-use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::sys::time::TimeSpec;
-use nix::unistd::ttyname;
 
 use crate::bench::{Bench, Options, Truth};
+use crate::port::Port;
 use crate::world::{Axis, Sign};
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
@@ -135,31 +132,31 @@ impl RunningBench {
     /// # Errors
     /// When the system has no pseudo-terminal or no thread left.
     pub fn start(options: &Options) -> io::Result<Self> {
-        let pty = openpty(None, None)?;
-        let mut settings = tcgetattr(&pty.slave)?;
-        cfmakeraw(&mut settings);
-        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings)?;
-        let port = ttyname(&pty.slave)?;
-        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL)?);
-        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
+        Self::serve(options, Port::pseudo_terminal()?)
+    }
+
+    /// Serves the bench on a serial port of this computer, at the rate of the options; the host opens the other end
+    /// of the cable.
+    ///
+    /// # Errors
+    /// When it is no port, does not have the rate, or the system has no thread left.
+    pub fn start_on(options: &Options, device: &Path) -> io::Result<Self> {
+        Self::serve(options, Port::device(device, options.rate_baud)?)
+    }
+
+    fn serve(options: &Options, Port { end, name, kept_open }: Port) -> io::Result<Self> {
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let driver = Driver {
-            bench: Bench::new(options),
-            master: pty.master,
-            _kept_open: pty.slave,
-            woken,
-            received,
-            started: Instant::now(),
-        };
+        let driver =
+            Driver { bench: Bench::new(options), end, _kept_open: kept_open, woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
-        Ok(Self { port, control, thread: Some(thread) })
+        Ok(Self { port: name, control, thread: Some(thread) })
     }
 
-    /// The pseudo-terminal that the host opens.
+    /// The pseudo-terminal that the host opens, or the device that the bench is served on.
     #[must_use]
     pub fn port(&self) -> &Path {
         &self.port
@@ -184,9 +181,8 @@ impl Drop for RunningBench {
 
 struct Driver {
     bench: Bench,
-    master: OwnedFd,
-    /// Without an open slave end the master reports an error whenever the host closes its own.
-    _kept_open: OwnedFd,
+    end: OwnedFd,
+    _kept_open: Option<OwnedFd>,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
     started: Instant,
@@ -235,7 +231,7 @@ impl Driver {
             if room == 0 {
                 return Ok(());
             }
-            match nix::unistd::read(&self.master, &mut buffer[..room]) {
+            match nix::unistd::read(&self.end, &mut buffer[..room]) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                 Ok(count) => self.bench.receive(&buffer[..count], now),
                 Err(Errno::EINTR) => {}
@@ -251,7 +247,7 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            match nix::unistd::write(&self.master, bytes) {
+            match nix::unistd::write(&self.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                 Ok(count) => self.bench.consume(count),
                 Err(Errno::EINTR) => {}
@@ -271,10 +267,15 @@ impl Driver {
         if full {
             wanted |= PollFlags::POLLOUT;
         }
-        let mut fds = [PollFd::new(self.master.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        let mut fds = [PollFd::new(self.end.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),
+        }
+        // A device that was pulled out would read as "no bytes" for ever; our own pseudo-terminal never hangs up, since
+        // its other end is kept open.
+        if fds[0].revents().is_some_and(|events| events.contains(PollFlags::POLLHUP)) {
+            return Err(Errno::ENXIO.into());
         }
         // Only the waking mattered; what it was for is in the channel.
         let mut rubbish = [0; 64];
