@@ -170,7 +170,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
             let refused = |pair: &[f64; 2]| pair[1] == 0.0 || pair.iter().any(|operand| !operand.is_finite());
             if let Some(index) = floats.pairs.iter().position(refused) {
                 let [a, b] = floats.pairs[index];
-                return Err(bad(format!("pair {index} ({a}, {b}): operands are finite and b is not 0")));
+                return Err(bad(format!("pair {index} ({a:e}, {b:e}): operands are finite and b is not 0")));
             }
             core(floats.core)
         }

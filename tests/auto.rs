@@ -112,7 +112,7 @@ fn optional_items_and_selections() {
 #[test]
 fn failing_rows_are_repeated_with_what_to_look_at() {
     let place = Place::new(STATION);
-    let board = gnc_tests::repository().join("hw-mocks/boards/stuck-gyro-axis.toml");
+    let board = gnc_tests::repository().join("hw-mocks/boards/gyro-stuck.toml");
     let run = place.functional(&format!("--sim={}", board.display()), &["--sim-speed", "max"]);
     assert_eq!(run.code, Some(1), "{}{}", run.stdout, run.stderr);
     let (_, end) = run.stdout.split_once("imu failed").expect("the failing rows");

@@ -70,3 +70,29 @@ fn every_board_ends_as_expected_at_full_speed() {
 fn every_board_ends_as_expected_at_true_speed() {
     check_all("1");
 }
+
+/// A fault with a size: half of the plan's limit passes, twice the limit fails, on either side, and nothing else
+/// is said of the module.
+#[test]
+fn faults_count_from_their_limit_on() {
+    type Sized = (&'static str, &'static str, fn(f64) -> String);
+    let boards: [Sized; 3] = [
+        // 0.5 % of the interval; a timer that is slow by so many ppm.
+        ("timers", "timers", |share| format!("[timers]\nrate_error_ppm = {:.1}\n", share * 5000.0)),
+        // 0.05 g along X and Y.
+        ("imu", "imu", |share| format!("[accel]\noffset_g = [{:.4}, 0.0, 0.0]\n", share * 0.05)),
+        // 2 % of 3.3 V.
+        ("ad", "rails", |share| format!("[rails]\nv3v3_v = {:.4}\n", 3.3 + share * 0.066)),
+    ];
+    for (item, name, board) in boards {
+        for (share, code) in [(-2.0, 1), (-0.5, 0), (0.5, 0), (2.0, 1)] {
+            let place = Place::new(STATION);
+            let text = format!("description = \"{name} at {share} of the limit\"\n{}", board(share));
+            let file = place.write("board.toml", &text);
+            let run = place.functional(&format!("--sim={}", file.display()), &["--sim-speed", "max"]);
+            assert_eq!(run.code, Some(code), "{text}{}{}", run.stdout, run.stderr);
+            let expected: &[&str] = if code == 0 { &[] } else { &[item] };
+            assert_eq!(bad_items(&place.record()), expected, "{text}{}", run.stdout);
+        }
+    }
+}

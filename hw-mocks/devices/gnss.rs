@@ -27,8 +27,8 @@ pub struct GnssFaults {
     pub no_sky: bool,
     /// The signals come through a repeater whose antenna stands so many metres to the north and east.
     pub antenna_offset_m: (f64, f64),
-    /// The sky is covered so many seconds after power-on.
-    pub covered_after_s: Option<f64>,
+    /// The antenna connection opens so many seconds after each fix.
+    pub covered_after_fix_s: Option<f64>,
     /// The 1PPS line is broken.
     pub pps_open: bool,
 }
@@ -37,7 +37,6 @@ pub struct GnssFaults {
 #[derive(Debug, Clone)]
 pub struct Receiver {
     faults: GnssFaults,
-    powered_at_s: f64,
     started_at_s: f64,
     time_known_s: f64,
     fix_at_s: f64,
@@ -61,7 +60,6 @@ impl Receiver {
         let velocity = [slow(0.03, 1.0), slow(0.03, 1.0)];
         Self {
             faults,
-            powered_at_s: 0.0,
             started_at_s: 0.0,
             time_known_s: 0.0,
             fix_at_s: 0.0,
@@ -78,7 +76,6 @@ impl Receiver {
 
     /// Power came on: a hot start.
     pub fn power_on(&mut self, now_s: f64) {
-        self.powered_at_s = now_s;
         self.restart(GnssStart::Hot, now_s);
     }
 
@@ -108,7 +105,7 @@ impl Receiver {
     }
 
     fn sees_sky(&self, now_s: f64) -> bool {
-        let covered = self.faults.covered_after_s.is_some_and(|after_s| now_s >= self.powered_at_s + after_s);
+        let covered = self.faults.covered_after_fix_s.is_some_and(|after_s| now_s >= self.fix_at_s + after_s);
         !self.faults.no_sky && !covered
     }
 

@@ -296,10 +296,12 @@ impl Sensors {
         }
     }
 
-    /// The magnetometer's analogue outputs, gauss as the sensors see it.
+    /// The magnetometer's analogue outputs, gauss as the sensors see it; they saturate where the codes do.
     #[must_use]
     pub fn analogue_gauss(&self, influence: &Influence) -> Vector3<f64> {
-        self.mag.output(&influence.field_gauss, influence.temperature_c)
+        let range_gauss = f64::from(SATURATION) / MAG_LSB_PER_GAUSS;
+        let output = self.mag.output(&influence.field_gauss, influence.temperature_c);
+        output.map(|gauss| gauss.clamp(-range_gauss, range_gauss))
     }
 
     /// The models, for tests that know the truth.

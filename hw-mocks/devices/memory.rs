@@ -15,6 +15,8 @@
 //! In the March elements both operations are done on a word before the next word's turn. `words` of the reply is
 //! `N`; `mismatches` counts comparisons; the first failed comparison in this order gives place, expected and got.
 
+use std::ops::Range;
+
 use gnc_protocol::message::{MismatchReply, RamPattern};
 
 /// What is wrong with a memory.
@@ -70,6 +72,7 @@ impl Memory {
     }
 
     /// Writes a word through the lines.
+    #[inline]
     pub fn write(&mut self, index: u32, value: u32) {
         let value = (value & self.mask | self.forced_high) & !self.forced_low;
         if self.plain {
@@ -81,12 +84,14 @@ impl Memory {
 
     /// Reads a word through the lines.
     #[must_use]
+    #[inline]
     pub fn read(&self, index: u32) -> u32 {
         let index = if self.plain { index } else { self.decode(index) };
         (self.cells[index as usize] | self.forced_high) & !self.forced_low
     }
 
     /// Where the address lines really lead.
+    #[cold]
     fn decode(&self, mut index: u32) -> u32 {
         if let Some((a, b)) = self.faults.shorted_address_lines {
             let both = (index >> a) & (index >> b) & 1;
@@ -98,6 +103,7 @@ impl Memory {
         index
     }
 
+    #[cold]
     fn write_faulty(&mut self, index: u32, mut value: u32) {
         let index = self.decode(index);
         for &(cell, bit, level) in &self.faults.stuck_cells {
@@ -219,20 +225,16 @@ impl PatternRun {
         while left > 0 && !self.is_done() {
             let element = self.elements[self.element];
             let end = memory.words().min(self.step.saturating_add(left));
-            for step in self.step..end {
-                let index = if element.down { memory.words() - 1 - step } else { step };
-                for operation in element.operations {
-                    match *operation {
-                        Operation::Write(value) => memory.write(index, word(value, index, memory.width)),
-                        Operation::Read(value) => {
-                            let expected = word(value, index, memory.width) & memory.mask;
-                            let got = memory.read(index);
-                            if got != expected {
-                                self.note(index, expected, got);
-                            }
-                        }
-                    }
-                }
+            let steps = self.step..end;
+            match *element.operations {
+                [one] => self.pass(memory, element.down, steps, |run, memory, index| {
+                    run.carry_out(one, memory, index);
+                }),
+                [one, other] => self.pass(memory, element.down, steps, |run, memory, index| {
+                    run.carry_out(one, memory, index);
+                    run.carry_out(other, memory, index);
+                }),
+                _ => {}
             }
             accesses += u64::from(end - self.step) * element.operations.len() as u64;
             left -= end - self.step;
@@ -243,6 +245,35 @@ impl PatternRun {
             }
         }
         accesses
+    }
+
+    /// Goes over a range of words; written so that what does not change from word to word leaves the loop.
+    #[inline]
+    fn pass(
+        &mut self,
+        memory: &mut Memory,
+        down: bool,
+        steps: Range<u32>,
+        mut each: impl FnMut(&mut Self, &mut Memory, u32),
+    ) {
+        let last = memory.words() - 1;
+        for step in steps {
+            each(self, memory, if down { last - step } else { step });
+        }
+    }
+
+    #[inline]
+    fn carry_out(&mut self, operation: Operation, memory: &mut Memory, index: u32) {
+        match operation {
+            Operation::Write(value) => memory.write(index, word(value, index, memory.width)),
+            Operation::Read(value) => {
+                let expected = word(value, index, memory.width) & memory.mask;
+                let got = memory.read(index);
+                if got != expected {
+                    self.note(index, expected, got);
+                }
+            }
+        }
     }
 
     #[cold]
@@ -260,7 +291,8 @@ impl PatternRun {
 fn word(value: Value, index: u32, width: u32) -> u32 {
     match value {
         Value::Same(word) => word,
-        Value::Walking => 1 << (index % width),
+        // Widths are powers of two; a division for each of a million words would be felt.
+        Value::Walking => 1 << (index & (width - 1)),
         Value::Index => index,
         Value::NotIndex => !index,
     }

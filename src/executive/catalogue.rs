@@ -301,6 +301,17 @@ pub enum Resource {
 }
 
 impl Resource {
+    /// All of them.
+    pub const ALL: [Resource; 7] = [
+        Resource::Still,
+        Resource::Attitude,
+        Resource::IoPins,
+        Resource::Flash,
+        Resource::Processor,
+        Resource::Link,
+        Resource::CanBus,
+    ];
+
     /// Whether one item with this resource and one with the other cannot run at once.
     pub fn excludes(self, other: Resource) -> bool {
         match (self, other) {

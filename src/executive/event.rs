@@ -329,6 +329,9 @@ pub struct AttemptError {
     pub text: String,
     /// What the operator can try; may be empty.
     pub hint: String,
+    /// The trouble of another item ended it, so that it does not count as an attempt of this one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub again: bool,
 }
 
 /// How much a note matters.

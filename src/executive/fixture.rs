@@ -184,6 +184,7 @@ pub(crate) fn small_run(header: RunHeader) -> Run {
     let error = AttemptError {
         text: "the slave board restarted during the request".to_owned(),
         hint: "check its supply".to_owned(),
+        again: false,
     };
     run.emit(EventKind::AttemptEnded {
         item: "imu".to_owned(),

@@ -1,12 +1,12 @@
 //! A plan on a bench: what can be run, what is chosen, and what comes next.
 
-use crate::catalogue::Device;
+use crate::catalogue::{Device, Resource};
 use crate::event::{PlannedItem, StopHow};
 use crate::mistake::{Mistake, Mistakes};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
 use crate::printable::quoted;
-use crate::state::{Row, RunState};
+use crate::state::{Attempt, Row, RunState};
 use crate::suggest::nearest;
 
 /// What a bench can do.
@@ -31,6 +31,9 @@ impl BenchAbilities {
         }
     }
 }
+
+/// Attempts of one item that others may spoil before it ends as it stands: a board that restarts more often is ill.
+const MAX_SPOILT: usize = 3;
 
 /// A plan that a bench can run, with the items that were chosen.
 #[derive(Clone, Debug, PartialEq)]
@@ -156,6 +159,44 @@ impl Job {
         self.decide(state)
     }
 
+    /// The least time that this job can take, whatever the order: the longest chain of items that wait for one another,
+    /// or the items that exclude one another together. `busy_s` is the time that the item at a position needs; items
+    /// without one count for nothing. `None` if no item has one.
+    pub fn critical_path(&self, busy_s: &dyn Fn(usize) -> Option<f64>) -> Option<CriticalPath> {
+        let items = self.plan.items();
+        let needs_s = |position: usize| busy_s(position).unwrap_or(0.0);
+        // An item's requirements stand before it, so that one pass in order finds the longest chain up to each.
+        let mut chains: Vec<CriticalPath> = Vec::with_capacity(items.len());
+        for (position, item) in items.iter().enumerate() {
+            let before = item.requires.iter().filter_map(|required| chains.get(*required)).max_by(longer);
+            let mut chain = before.cloned().unwrap_or_default();
+            if busy_s(position).is_some() {
+                chain.items.push(position);
+                chain.span_s += needs_s(position);
+            }
+            chains.push(chain);
+        }
+        let exclusive =
+            Resource::ALL.into_iter().filter(|resource| resource.excludes(*resource)).filter_map(|resource| {
+                let has = |position: &usize, resource| items[*position].id.spec().resources.contains(&resource);
+                let mut together: Vec<usize> =
+                    (0..items.len()).filter(|at| busy_s(*at).is_some() && has(at, resource)).collect();
+                if resource == Resource::Attitude && !together.is_empty() {
+                    // Items that need stillness may overlap each other, but none of these: the longest one counts.
+                    let still = (0..items.len()).filter(|at| has(at, Resource::Still));
+                    together.extend(still.max_by(|a, b| needs_s(*a).total_cmp(&needs_s(*b))));
+                }
+                // Before the first of them there is at least the shortest of their ways to begin.
+                let begin = together.iter().map(|at| (chains[*at].span_s - needs_s(*at), *at));
+                let (begin_s, first) = begin.min_by(|a, b| a.0.total_cmp(&b.0))?;
+                let way = chains[first].items.iter().copied().filter(|at| *at != first);
+                let span_s = begin_s + together.iter().map(|at| needs_s(*at)).sum::<f64>();
+                Some(CriticalPath { span_s, items: way.chain(together.iter().copied()).collect() })
+            });
+        let longest = chains.iter().cloned().chain(exclusive).max_by(|a, b| longer(&a, &b))?;
+        (!longest.items.is_empty()).then_some(longest)
+    }
+
     fn decide(&self, state: &RunState) -> Next {
         // Ends first: an attempt that is over may set others free.
         let over = |(position, row)| self.ended(state, position, self.item(position)?, row);
@@ -200,14 +241,17 @@ impl Job {
     /// The end of an item whose last attempt is over and is not tried again.
     fn ended(&self, state: &RunState, position: usize, item: &PlanItem, row: &Row) -> Option<Next> {
         let outcome = row.attempts.last()?.outcome?;
-        let tried = u32::try_from(row.attempts.len()).unwrap_or(u32::MAX);
+        let spoilt = |attempt: &&Attempt| attempt.error.as_ref().is_some_and(|error| error.again);
+        let not_counted = row.attempts.iter().filter(spoilt).count();
+        let tried = u32::try_from(row.attempts.len() - not_counted).unwrap_or(u32::MAX);
         let again = match outcome {
-            Outcome::Errored => true,
-            Outcome::Failed => item.retry_failed,
+            _ if row.attempts.last().as_ref().is_some_and(spoilt) => not_counted <= MAX_SPOILT,
+            Outcome::Errored => tried < item.attempts,
+            Outcome::Failed => item.retry_failed && tried < item.attempts,
             _ => false,
         };
         let may_go_on = state.stop().is_none() || item.phase == Phase::Teardown;
-        (!(again && tried < item.attempts && may_go_on)).then_some(Next::End { item: position, outcome })
+        (!(again && may_go_on)).then_some(Next::End { item: position, outcome })
     }
 
     /// The next attempt of an item, or why it is skipped; `None` while it must wait for others.
@@ -259,6 +303,19 @@ impl Job {
         }
         condition
     }
+}
+
+/// The items that decide how long a job takes at least.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CriticalPath {
+    /// Their time together.
+    pub span_s: f64,
+    /// Their positions in [`Plan::items`].
+    pub items: Vec<usize>,
+}
+
+fn longer(a: &&CriticalPath, b: &&CriticalPath) -> std::cmp::Ordering {
+    a.span_s.total_cmp(&b.span_s)
 }
 
 enum Condition {

@@ -15,7 +15,6 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use tokio::sync::watch;
 
-use crate::board::Advance;
 use crate::cli::{RunArgs, complain, refuse};
 use crate::files;
 use crate::runner::journal::Journal;
@@ -104,6 +103,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         rate_baud: setup.rate_baud,
         fixture: setup.fixture,
         site: setup.site,
+        one_by_one: args.one_by_one,
     };
     // The simulated bench ends with this scope.
     let _simulation = setup.simulation;
@@ -131,7 +131,7 @@ async fn one_round(
     let folder = RunFolder::create(records, Local::now().fixed_offset(), &order.header.serial_number, &plan.name)
         .map_err(store_refusal)?;
     let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-    let live = Live { doing: watch::channel(None).0, advance: watch::channel(Advance::default()).0 };
+    let live: Live = watch::channel(Vec::new()).0;
     let face = Face::start(events, &live, args.events, folder.path().to_owned())
         .map_err(|error| Refusal::new(format!("cannot start: {error}"), ""))?;
     let scribe = Scribe::start(folder, plan, vec![watcher]).map_err(store_refusal)?;

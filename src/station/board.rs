@@ -4,13 +4,15 @@
 //! lost and keeps the board's watchdog quiet.
 
 mod conversation;
+mod desk;
 pub mod stream;
 
+use std::cell::{Cell, RefCell};
 use std::time::Duration;
 
-use gnc_protocol::message::{self, BoardHello, Call};
+use gnc_protocol::message::BoardHello;
 use gnc_protocol::stream::StreamId;
-use gnc_protocol::wire::{Wire as _, WireError};
+use gnc_protocol::wire::WireError;
 use gnc_protocol::{FaultCode, NakCode};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
@@ -18,12 +20,10 @@ use tokio::task::JoinHandle;
 use crate::link::serial::SerialLink;
 pub use conversation::{Answer, LinkReport};
 use conversation::{Command, Conversation};
-use stream::Stream;
+pub use desk::Desk;
 
 /// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;
-/// Frames waiting for whoever reads a stream: a second of 1 kHz in single samples.
-const STREAM_FRAMES: usize = 1024;
 
 /// Why the board did not do what it was asked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -64,7 +64,9 @@ pub enum BoardError {
     /// The board restarted; it was another boot id before.
     #[error("the board restarted during {during} (boot id {before:08x} became {after:08x})")]
     Restarted {
-        /// The request in flight.
+        /// Whether a request of whoever hears this was in flight, and not only a stream.
+        asked: bool,
+        /// The requests in flight.
         during: String,
         /// Boot id before.
         before: u32,
@@ -186,82 +188,44 @@ pub struct Advance {
 pub struct Board {
     commands: mpsc::Sender<Command>,
     pulse: watch::Receiver<Pulse>,
-    hello: BoardHello,
+    hello: RefCell<BoardHello>,
+    next_request: Cell<u16>,
     task: JoinHandle<LinkReport>,
 }
 
 impl Board {
-    /// Says HELLO over a link and keeps the conversation going; tells `advance` how far the running request is.
+    /// Says HELLO over a link and keeps the conversation going.
     ///
     /// # Errors
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
-    pub async fn connect(link: SerialLink, nonce: u32, advance: watch::Sender<Advance>) -> Result<Self, BoardError> {
+    pub async fn connect(link: SerialLink, nonce: u32) -> Result<Self, BoardError> {
         let (commands, receiver) = mpsc::channel(COMMANDS);
         let (pulse_sender, pulse) = watch::channel(Pulse::default());
-        let conversation = Conversation::new(link, receiver, pulse_sender, advance);
+        let conversation = Conversation::new(link, receiver, pulse_sender);
         let task = tokio::spawn(conversation.run());
-        let mut board = Self { commands, pulse, hello: BoardHello::default(), task };
+        let hello = RefCell::new(BoardHello::default());
+        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task };
         board.reopen(nonce).await?;
         Ok(board)
     }
 
-    /// Opens a new session on the same link, after a restart of the board.
+    /// Opens a new session on the same link, after a restart of the board. Returns the board's boot id.
     ///
     /// # Errors
     /// As [`Board::connect`].
-    pub async fn reopen(&mut self, nonce: u32) -> Result<&BoardHello, BoardError> {
+    pub async fn reopen(&self, nonce: u32) -> Result<u32, BoardError> {
         let (answer, answered) = oneshot::channel();
         self.send(Command::Hello { nonce, answer }).await?;
-        self.hello = answered.await.map_err(|_| gone())??;
-        Ok(&self.hello)
+        let hello = answered.await.map_err(|_| gone())??;
+        let boot_id = hello.boot_id;
+        self.hello.replace(hello);
+        Ok(boot_id)
     }
 
     /// What the board said of itself.
     #[must_use]
-    pub fn hello(&self) -> &BoardHello {
-        &self.hello
-    }
-
-    /// Asks and waits for the result.
-    ///
-    /// # Errors
-    /// [`BoardError`].
-    pub async fn call<C: Call>(&self, call: &C) -> Result<C::Reply, BoardError> {
-        self.ask(call).await.map(|(reply, _)| reply)
-    }
-
-    /// Asks and waits for the result; tells the number of the request too.
-    ///
-    /// # Errors
-    /// [`BoardError`].
-    pub async fn ask<C: Call>(&self, call: &C) -> Result<(C::Reply, Answer), BoardError> {
-        let payload = Box::new(call.to_payload().map_err(|_| BoardError::TooLong { what: C::NAME })?);
-        let (answer, answered) = oneshot::channel();
-        self.send(Command::Ask { message: C::ID, what: C::NAME, payload, answer }).await?;
-        let answer = answered.await.map_err(|_| gone())??;
-        let reply =
-            C::Reply::from_payload(&answer.body).map_err(|source| BoardError::BadAnswer { what: C::NAME, source })?;
-        Ok((reply, answer))
-    }
-
-    /// Listens to a stream from now on; start it with [`message::StreamStart`] after that.
-    ///
-    /// # Errors
-    /// [`BoardError::Gone`].
-    pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
-        let (sender, frames) = mpsc::channel(STREAM_FRAMES);
-        self.send(Command::Listen { stream, sender }).await?;
-        Ok(Stream::new(stream, frames, self.pulse.clone()))
-    }
-
-    /// Ends a stream and listens no longer.
-    ///
-    /// # Errors
-    /// [`BoardError`].
-    pub async fn stop_stream(&self, stream: Stream) -> Result<message::StreamStopReply, BoardError> {
-        let id = stream.id();
-        drop(stream);
-        self.call(&message::StreamStop { stream: id as u8 }).await
+    pub fn hello(&self) -> BoardHello {
+        self.hello.borrow().clone()
     }
 
     /// The board's clock as of its last heartbeat.
@@ -275,6 +239,13 @@ impl Board {
         let Self { commands, task, .. } = self;
         drop(commands);
         task.await.unwrap_or_default()
+    }
+
+    /// A number for the next request; 0 belongs to frames without one.
+    fn number(&self) -> u16 {
+        let number = self.next_request.get();
+        self.next_request.set(number.checked_add(1).unwrap_or(1));
+        number
     }
 
     async fn send(&self, command: Command) -> Result<(), BoardError> {

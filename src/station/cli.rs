@@ -30,6 +30,11 @@ pub struct Cli {
 enum Command {
     /// Lists the serial ports that are there.
     Ports,
+    /// Looks at plans without running them.
+    Plan {
+        #[command(subcommand)]
+        what: PlanCommand,
+    },
     /// Looks through the records.
     Records {
         #[command(subcommand)]
@@ -37,6 +42,23 @@ enum Command {
         /// The records folder.
         #[arg(long, value_name = "DIR", default_value = "records", global = true)]
         records: PathBuf,
+    },
+}
+
+/// What to do with plans.
+#[derive(Debug, Subcommand)]
+pub enum PlanCommand {
+    /// Reports all mistakes at once, each with line and column, also what the bench lacks.
+    Check {
+        /// The plans.
+        #[arg(required = true, value_name = "FILE")]
+        plans: Vec<PathBuf>,
+        /// The bench that is to run them; `bench.toml` if that is there.
+        #[arg(long, value_name = "FILE", conflicts_with = "sim")]
+        bench: Option<PathBuf>,
+        /// The simulated bench is to run them.
+        #[arg(long)]
+        sim: bool,
     },
 }
 
@@ -93,6 +115,9 @@ pub struct RunArgs {
     /// Runs the plan so many times, each with a record of its own.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub loops: u32,
+    /// Runs one item after the other, also where the plan's items could run at once.
+    #[arg(long)]
+    pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
     #[arg(long)]
     pub events: bool,
@@ -109,6 +134,9 @@ pub fn main() -> ExitCode {
     };
     match cli.command {
         Some(Command::Ports) => crate::ports::run(),
+        Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {
+            crate::check::run(&plans, bench.as_deref(), sim)
+        }
         Some(Command::Records { what, records }) => crate::records::run(&what, &records),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
         None => refuse("nothing to do", "give a plan with --auto PLAN; --help shows all there is"),

@@ -2,6 +2,7 @@
 
 mod auto;
 pub mod board;
+mod check;
 pub mod cli;
 mod files;
 pub mod fixture;

@@ -104,6 +104,9 @@ impl Sentences {
             // Without a time of its own it belongs to the epoch that is open.
             Ok(ParseResult::GSA(gsa)) => self.gsa = Some(gsa),
             Ok(_) | Err(nmea::Error::DisabledSentence | nmea::Error::Unsupported(_)) => {}
+            // The parser refuses some sentences that receivers do send (GSV without satellites); those of which
+            // nothing is used must only have a good checksum.
+            Err(nmea::Error::ParsingError(_)) if !used(text) => {}
             Err(_) => self.errors += 1,
         }
     }
@@ -137,6 +140,11 @@ impl Sentences {
             vdop: gsa.and_then(|gsa| gsa.vdop),
         })
     }
+}
+
+/// Whether anything of a sentence of this kind is used.
+fn used(sentence: &str) -> bool {
+    sentence.get(3..6).is_some_and(|kind| matches!(kind, "GGA" | "GSA" | "RMC"))
 }
 
 /// The parser takes any number for a latitude.

@@ -17,7 +17,7 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::{ParamError, Params};
 
 use crate::board::stream::Losses;
-use crate::board::{Board, BoardError};
+use crate::board::{BoardError, Desk};
 use crate::fixture::{Fixture, FixtureError};
 use crate::runner::report::Report;
 use crate::store::StoreError;
@@ -26,7 +26,7 @@ use crate::store::StoreError;
 #[derive(Debug)]
 pub struct Bench<'a> {
     /// The slave board.
-    pub board: &'a Board,
+    pub board: &'a Desk<'a>,
     /// Whoever turns the module and flips switches.
     pub fixture: &'a Fixture,
     /// Where the bench stands, if its file says so.

@@ -12,7 +12,7 @@ use crate::files;
 use crate::fixture::{Fixture, Operator};
 
 /// The bench file that is taken where none is named.
-const BENCH_FILE: &str = "bench.toml";
+pub(crate) const BENCH_FILE: &str = "bench.toml";
 /// Where records go if nobody says otherwise.
 const RECORDS: &str = "records";
 
@@ -81,12 +81,20 @@ fn real(args: &RunArgs) -> Result<Setup, Refusal> {
         bench,
         port: socket.port.into(),
         rate_baud: socket.rate_bps,
-        abilities: BenchAbilities { rs422: true, can: false, operator: fixture.is_there() },
+        abilities: abilities(&file, fixture.is_there()),
         fixture,
         site: file.site,
         simulation: None,
     })
 }
+
+/// What a real bench can do. With somebody at it: that is known only when a plan is run.
+pub(crate) fn abilities(_file: &BenchFile, operator: bool) -> BenchAbilities {
+    BenchAbilities { rs422: true, can: false, operator }
+}
+
+/// What the simulated bench can do.
+pub(crate) const SIMULATED: BenchAbilities = BenchAbilities { rs422: true, can: false, operator: true };
 
 #[cfg(not(feature = "sim"))]
 fn simulated(_: &RunArgs, _: &Path, _: &str) -> Result<Setup, Refusal> {
@@ -135,7 +143,7 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
         bench,
         port,
         rate_baud,
-        abilities: BenchAbilities { rs422: true, can: false, operator: true },
+        abilities: SIMULATED,
         fixture: Fixture::Simulated(running.control()),
         site: file.site,
         simulation: Some(running),

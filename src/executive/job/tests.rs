@@ -394,3 +394,39 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn an_attempt_that_others_spoilt_does_not_count() {
+    let job = job("name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\n[item.limits]\nwrong_reads = \"== 0\"\n");
+    let mut run = Run::new(&job, header());
+    let outcome = Outcome::Errored;
+    for attempt in 1..=4 {
+        // One try is all that the plan grants; those that another item spoilt come on top, up to three.
+        assert_eq!(run.settle(&job), Next::Run { item: 0, attempt });
+        run.emit(EventKind::ItemStarted { item: "io".to_owned(), attempt });
+        let error = crate::event::AttemptError { text: String::new(), hint: String::new(), again: attempt < 4 };
+        run.emit(EventKind::AttemptEnded { item: "io".to_owned(), attempt, outcome, error: Some(error) });
+    }
+    assert_eq!(job.next(&run.state), Next::End { item: 0, outcome });
+}
+
+/// identity 0.2, then processor items 0.5 + 1.0, imu 2.0 and ad 0.3 (which exclude each other), gnss 1.9.
+#[test]
+fn the_critical_path_is_the_longest_chain_or_the_fullest_resource() {
+    let plan = "name = \"p\"\nversion = \"1\"\n\
+        [[item]]\nid = \"identity\"\nlimits.part = \"== X\"\n\
+        [[item]]\nid = \"timers\"\nrequires = [\"identity\"]\nlimits.timer0_interrupts_missing = \"== 0\"\n\
+        [[item]]\nid = \"sdram\"\nrequires = [\"identity\"]\nlimits.mismatches_solid = \"== 0\"\n\
+        [[item]]\nid = \"imu\"\nrequires = [\"identity\"]\nlimits.gyro_x = \"0 +- 1 deg/s\"\n\
+        [[item]]\nid = \"ad\"\nrequires = [\"identity\"]\nlimits.ad4_on = \"5 V +- 2 %\"\n\
+        [[item]]\nid = \"gnss\"\nrequires = [\"identity\"]\nlimits.fix_type = \"== 3D\"\n";
+    let job = job(plan);
+    let path = |times: [f64; 6]| job.critical_path(&|at| times.get(at).copied()).unwrap();
+    let imu_and_ad = path([0.2, 0.5, 1.0, 2.0, 0.3, 1.9]);
+    assert!((imu_and_ad.span_s - 2.5).abs() < 1e-12, "{imu_and_ad:?}");
+    let gnss = path([0.2, 0.5, 1.0, 2.0, 0.3, 2.4]);
+    assert_eq!((gnss.items.as_slice(), (gnss.span_s * 10.0).round()), ([0, 5].as_slice(), 26.0));
+    let processor = path([0.2, 1.5, 1.0, 2.0, 0.1, 1.9]);
+    assert_eq!((processor.items.as_slice(), (processor.span_s * 10.0).round()), ([0, 1, 2].as_slice(), 27.0));
+    assert_eq!(job.critical_path(&|_| None), None);
+}

@@ -11,16 +11,16 @@ use gnc_executive::printable::printable;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::state::RunState;
 use gnc_executive::text;
+use terminal_size::terminal_size_of;
 use tokio::sync::watch;
 
-use crate::board::Advance;
 use crate::runner::{Doing, Live};
 
 /// How often a bar moves.
 const BAR_EVERY: Duration = Duration::from_millis(100);
 /// How often a line says how far it is, where there is no terminal to draw a bar on.
 const LINE_EVERY: Duration = Duration::from_secs(2);
-const BAR_WIDTH: usize = 24;
+const BAR_WIDTH: usize = 12;
 
 /// The thread that writes.
 #[derive(Debug)]
@@ -38,12 +38,9 @@ impl Face {
         let writer = Writer {
             events_to_stdout,
             terminal: if events_to_stdout { io::stderr().is_terminal() } else { io::stdout().is_terminal() },
-            doing: live.doing.subscribe(),
-            advance: live.advance.subscribe(),
-            began: Instant::now(),
+            live: live.subscribe(),
             line_due: Instant::now() + LINE_EVERY,
             bar_drawn: false,
-            shown: None,
             state: RunState::new(),
             folder,
         };
@@ -60,12 +57,9 @@ impl Face {
 struct Writer {
     events_to_stdout: bool,
     terminal: bool,
-    doing: watch::Receiver<Option<Doing>>,
-    advance: watch::Receiver<Advance>,
-    began: Instant,
+    live: watch::Receiver<Vec<Doing>>,
     line_due: Instant,
     bar_drawn: bool,
-    shown: Option<Doing>,
     state: RunState,
     folder: PathBuf,
 }
@@ -156,27 +150,27 @@ impl Writer {
 
     /// A bar on a terminal, else a line now and then.
     fn progress(&mut self) {
-        let doing = self.doing.borrow().clone();
-        if doing != self.shown {
-            self.began = Instant::now();
-            self.line_due = self.began + LINE_EVERY;
-            self.shown.clone_from(&doing);
+        let doing = self.live.borrow().clone();
+        if doing.is_empty() {
+            self.line_due = Instant::now() + LINE_EVERY;
+            return self.wipe();
         }
-        let Some(doing) = doing else { return };
-        let advance = *self.advance.borrow();
-        let (item, elapsed) = (printable(&doing.item), text::duration(self.began.elapsed().as_secs_f64()));
-        let known = advance.expected_ms > 0;
+        let each: Vec<String> = doing.iter().map(|doing| describe(doing, self.terminal)).collect();
+        let line = each.join("   ");
         if self.terminal {
-            let done = usize::from(advance.done_permille.min(1000));
-            let filled = if known { done * BAR_WIDTH / 1000 } else { 0 };
-            let (full, empty) = ("#".repeat(filled), "-".repeat(BAR_WIDTH - filled));
-            self.write(&format!("\r\x1b[K[{full}{empty}] {item}  {elapsed}"));
+            // One line, or it could not be wiped.
+            let line: String = line.chars().take(self.columns()).collect();
+            self.write(&format!("\r\x1b[K{line}"));
             self.bar_drawn = true;
         } else if Instant::now() >= self.line_due {
             self.line_due = Instant::now() + LINE_EVERY;
-            let share = if known { format!(", {} % of this step", advance.done_permille / 10) } else { String::new() };
-            self.say(&format!("  {item} at work for {elapsed}{share}"));
+            self.say(&format!("  at work: {line}"));
         }
+    }
+
+    fn columns(&self) -> usize {
+        let size = if self.events_to_stdout { terminal_size_of(io::stderr()) } else { terminal_size_of(io::stdout()) };
+        size.map_or(80, |(width, _)| usize::from(width.0)).saturating_sub(1)
     }
 
     fn say(&mut self, line: &str) {
@@ -199,5 +193,20 @@ impl Writer {
             let mut out = io::stdout().lock();
             let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
         }
+    }
+}
+
+/// An item that runs, with a bar or a share where its length is known.
+fn describe(doing: &Doing, bar: bool) -> String {
+    let advance = *doing.advance.borrow();
+    let (item, elapsed) = (printable(&doing.item), text::duration(doing.began.elapsed().as_secs_f64()));
+    let done = usize::from(advance.done_permille.min(1000));
+    if advance.expected_ms == 0 {
+        format!("{item} {elapsed}")
+    } else if bar {
+        let filled = done * BAR_WIDTH / 1000;
+        format!("[{}{}] {item} {elapsed}", "#".repeat(filled), "-".repeat(BAR_WIDTH - filled))
+    } else {
+        format!("{item} {elapsed}, {} % of this step", done / 10)
     }
 }

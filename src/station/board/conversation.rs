@@ -35,9 +35,22 @@ type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
 /// What is asked of the conversation.
 #[derive(Debug)]
 pub(super) enum Command {
-    Hello { nonce: u32, answer: oneshot::Sender<Result<BoardHello, BoardError>> },
-    Ask { message: u16, what: &'static str, payload: Box<Payload>, answer: AnswerSender },
-    Listen { stream: StreamId, sender: StreamSender },
+    Hello {
+        nonce: u32,
+        answer: oneshot::Sender<Result<BoardHello, BoardError>>,
+    },
+    Ask {
+        request: u16,
+        message: u16,
+        what: &'static str,
+        payload: Box<Payload>,
+        answer: AnswerSender,
+        advance: watch::Sender<Advance>,
+    },
+    Listen {
+        stream: StreamId,
+        sender: StreamSender,
+    },
 }
 
 /// A RESULT with its status taken off.
@@ -71,6 +84,7 @@ struct Pending {
     what: &'static str,
     payload: Box<Payload>,
     answer: AnswerSender,
+    advance: watch::Sender<Advance>,
     asked: u32,
     since: Instant,
     due: Instant,
@@ -93,7 +107,6 @@ pub(super) struct Conversation {
     outgoing: BytesMut,
     commands: mpsc::Receiver<Command>,
     pulse: watch::Sender<Pulse>,
-    advance: watch::Sender<Advance>,
     greeting: Option<Greeting>,
     /// Nonce and boot id of the open session.
     session: Option<(u32, u32)>,
@@ -103,7 +116,6 @@ pub(super) struct Conversation {
     streams: Vec<(StreamId, StreamSender)>,
     /// Frames for a listener who is behind; the line is not read meanwhile.
     held: VecDeque<(StreamId, Box<StreamFrame>)>,
-    next_request: u16,
     sequence: u16,
     keep_alive_due: Instant,
     heard: Instant,
@@ -111,26 +123,19 @@ pub(super) struct Conversation {
 }
 
 impl Conversation {
-    pub(super) fn new(
-        link: SerialLink,
-        commands: mpsc::Receiver<Command>,
-        pulse: watch::Sender<Pulse>,
-        advance: watch::Sender<Advance>,
-    ) -> Self {
+    pub(super) fn new(link: SerialLink, commands: mpsc::Receiver<Command>, pulse: watch::Sender<Pulse>) -> Self {
         let now = Instant::now();
         Self {
             link,
             outgoing: BytesMut::with_capacity(MAX_ON_WIRE),
             commands,
             pulse,
-            advance,
             greeting: None,
             session: None,
             in_doubt: false,
             pending: Vec::new(),
             streams: Vec::new(),
             held: VecDeque::new(),
-            next_request: 1,
             sequence: 0,
             keep_alive_due: now,
             heard: now,
@@ -192,20 +197,18 @@ impl Conversation {
                 self.session = None;
                 self.greeting = Some(Greeting { nonce, answer, asked: 0, since: now, due: now });
             }
-            Command::Ask { message, what, payload, answer } => {
+            Command::Ask { request, message, what, payload, answer, advance } => {
                 if self.session.is_none() {
                     let _ = answer.send(Err(BoardError::SessionEnded));
                     return;
                 }
-                let request = self.next_request;
-                // 0 belongs to frames without a request.
-                self.next_request = self.next_request.checked_add(1).unwrap_or(1);
                 self.pending.push(Pending {
                     request,
                     message,
                     what,
                     payload,
                     answer,
+                    advance,
                     asked: 0,
                     since: now,
                     due: now,
@@ -344,7 +347,7 @@ impl Conversation {
         pending.due = now + timing::PROGRESS_LOST_AFTER;
         if let Ok(accept) = Accept::from_payload(payload) {
             pending.expected_ms = accept.expected_ms;
-            self.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
+            pending.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
         }
     }
 
@@ -355,14 +358,14 @@ impl Conversation {
         pending.asked = 1;
         if let Ok(Progress { done_permille, elapsed_ms }) = Progress::from_payload(payload) {
             let expected_ms = pending.expected_ms;
-            self.advance.send_replace(Advance { done_permille, elapsed_ms, expected_ms });
+            pending.advance.send_replace(Advance { done_permille, elapsed_ms, expected_ms });
         }
     }
 
     fn finished(&mut self, request: u16, message: u16, payload: &[u8]) {
         // A result that nobody waits for was repeated once too often: not an error.
         let Some(pending) = self.take(request, message) else { return };
-        self.advance.send_replace(Advance::default());
+        pending.advance.send_replace(Advance::default());
         let what = pending.what;
         let mut reader = Reader::new(payload);
         let answer = match ResultHead::get(&mut reader) {
@@ -423,7 +426,11 @@ impl Conversation {
         self.session = None;
         let during = self.pending.iter().map(|pending| pending.what).collect::<Vec<_>>().join(", ");
         let during = if during.is_empty() { "no request".to_owned() } else { during };
-        self.fail_all(&BoardError::Restarted { during, before, after });
+        for pending in self.pending.drain(..) {
+            let during = during.clone();
+            let _ = pending.answer.send(Err(BoardError::Restarted { asked: true, during, before, after }));
+        }
+        self.fail_all(&BoardError::Restarted { asked: false, during, before, after });
     }
 
     fn streamed(&mut self, payload: &[u8]) {

@@ -1,5 +1,7 @@
 //! The GNSS receiver: its raw sentences and 1PPS edges come through the board; they are read and weighed here.
 
+use std::time::Duration;
+
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
@@ -35,6 +37,7 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
         [StreamId::Pps, StreamId::Gnss].map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
     tokio::try_join!(bench.board.call(&start_pulses), bench.board.call(&start_bytes))?;
     let heard = listen(&mut bytes, &mut pulses, window_s, timeout_s).await?;
+    bench.board.spent(heard.listened);
     let losses = bytes.losses();
     let (sent, _) = tokio::try_join!(bench.board.stop_stream(bytes), bench.board.stop_stream(pulses))?;
     if losses.any() || sent.dropped > 0 {
@@ -56,6 +59,8 @@ struct Heard {
     fixes_lost: u32,
     sentence_errors: u32,
     pulses_ns: Vec<u64>,
+    /// Board time from the first sentence to the last.
+    listened: Duration,
 }
 
 /// Listens until the window after the fix is over, or the time for a fix is. Both go by the board's clock.
@@ -64,12 +69,13 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
     let mut sentences = Sentences::default();
     let mut began_us = None;
     let mut fixed_us = None;
-    let mut now_us = bytes.board_time_us();
+    let mut now_us = 0;
     loop {
         tokio::select! {
             frame = bytes.next() => match frame? {
                 Some(frame) => {
                     now_us = frame.head.board_time_us;
+                    began_us.get_or_insert(now_us);
                     for epoch in sentences.push(&frame.samples) {
                         if epoch.has_fix() {
                             fixed_us.get_or_insert(now_us);
@@ -81,7 +87,10 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                     }
                 }
                 // The receiver is mute, while the board's clock goes on.
-                None => now_us = bytes.board_time_us(),
+                None => {
+                    now_us = bytes.board_time_us();
+                    began_us.get_or_insert(now_us);
+                }
             },
             frame = pulses.next() => {
                 let Some(frame) = frame? else { continue };
@@ -93,11 +102,12 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                 }
             }
         }
-        let began_us = *began_us.get_or_insert(now_us);
+        let Some(began_us) = began_us else { continue };
         let waited_s = |since: u64| now_us.saturating_sub(since) as f64 * 1e-6;
         heard.time_to_fix_s = fixed_us.map(|fixed: u64| fixed.saturating_sub(began_us) as f64 * 1e-6);
         if fixed_us.map_or(waited_s(began_us) > timeout_s, |fixed| waited_s(fixed) > window_s) {
             heard.sentence_errors = sentences.errors();
+            heard.listened = Duration::from_secs_f64(waited_s(began_us));
             return Ok(heard);
         }
     }

@@ -1,5 +1,7 @@
 //! Gyroscopes and accelerometers of a module at rest and level, at nominal scale.
 
+use std::time::Duration;
+
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::StreamStart;
@@ -59,10 +61,12 @@ async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<Vec<Imu
                 .map_err(|error| Trouble::Nonsense { what: "the IMU stream", why: error.to_string() })?;
             samples.push(sample);
         }
+        bench.board.captured(samples.len() as u32, wanted, rate_hz);
         if frame.head.first.saturating_add(frame.head.count.into()) >= wanted {
             break;
         }
     }
+    bench.board.spent(Duration::from_secs_f64(f64::from(wanted) / f64::from(rate_hz.max(1))));
     let losses = stream.losses();
     let end = bench.board.stop_stream(stream).await?;
     if samples.len() as u32 == wanted && !losses.any() && end.dropped == 0 {

@@ -1,17 +1,11 @@
-//! Personalities: what a board and its module are like, as TOML.
-//!
-//! A personality says how the world, the devices and the wire differ from those of a good module; a file that says
-//! nothing is a good module. `[expect.PLAN]` tables say for people and for tests how a plan should end; the bench
-//! carries them and never looks at them.
+//! From the file as written to a model: every value in its range, every refusal with its place.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use nalgebra::Vector3;
-use serde::Deserialize;
 use toml::Spanned;
 
-use crate::boards::BOARDS;
+use super::{Model, RebootTrigger, WireFaults, raw};
 use crate::devices::ad::Rails;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
@@ -23,90 +17,6 @@ use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
 use crate::world::Axis;
-
-/// A personality, checked.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Personality {
-    /// Its name: the file's, without `.toml`.
-    pub name: String,
-    /// What it is, for people.
-    pub description: String,
-    /// How plans should end with it, by the plan's name.
-    pub expect: BTreeMap<String, Expectation>,
-    pub(crate) model: Model,
-}
-
-/// How a plan should end with a personality.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Expectation {
-    /// An outcome in the records' words: passed, failed, errored.
-    pub outcome: String,
-    /// The items that do not pass.
-    #[serde(default)]
-    pub items: Vec<String>,
-}
-
-/// Why a text is no personality.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{name}:{line}:{column}: {message}")]
-pub struct PersonalityError {
-    /// Name of the personality.
-    pub name: String,
-    /// Line, from 1.
-    pub line: usize,
-    /// Column, from 1, in characters.
-    pub column: usize,
-    /// What is wrong.
-    pub message: String,
-}
-
-/// When the board restarts by itself.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct RebootTrigger {
-    pub(crate) on: Option<String>,
-    pub(crate) nth: Option<u32>,
-    pub(crate) after_ms: f64,
-    pub(crate) at_board_time_s: Option<f64>,
-}
-
-/// Faults of the line between board and host.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct WireFaults {
-    pub(crate) silent: bool,
-    pub(crate) answer_delay_ms: f64,
-    pub(crate) lost_to_host_per_million: f64,
-    pub(crate) lost_to_board_per_million: f64,
-}
-
-/// Everything about board and module that a personality may set.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Model {
-    pub(crate) serial_number: Option<String>,
-    pub(crate) part: String,
-    pub(crate) hardware: String,
-    pub(crate) firmware: String,
-    pub(crate) protocol: u8,
-    pub(crate) board_serial: String,
-    pub(crate) board_firmware: String,
-    pub(crate) clock_error_ppm: f64,
-    pub(crate) supply: SupplyModel,
-    pub(crate) rails: Rails,
-    pub(crate) cpu: CpuFaults,
-    pub(crate) timers: TimerModel,
-    pub(crate) internal_ram: MemoryFaults,
-    pub(crate) sdram: MemoryFaults,
-    pub(crate) spi_flash: FlashFaults,
-    pub(crate) internal_flash: FlashFaults,
-    pub(crate) sensors: SensorModels,
-    pub(crate) sensor_faults: SensorFaults,
-    pub(crate) gnss: GnssFaults,
-    pub(crate) unwired_switches: [bool; 5],
-    pub(crate) lines: LineFaults,
-    pub(crate) sci: SciFaults,
-    pub(crate) wire: WireFaults,
-    pub(crate) reboot: Option<RebootTrigger>,
-}
 
 /// Names of devices that a trigger may wait for.
 const DEVICES: [&str; 14] = [
@@ -126,93 +36,11 @@ const DEVICES: [&str; 14] = [
     "sci",
 ];
 
-impl Personality {
-    /// The good module that the bench has in its socket unless told otherwise.
-    #[must_use]
-    pub fn good() -> Self {
-        let (name, text) = BOARDS[0];
-        // A test holds every embedded personality to be well formed; without a text it is good anyway.
-        Self::from_toml(name, text).unwrap_or_else(|_| Self {
-            name: name.to_owned(),
-            description: String::new(),
-            expect: BTreeMap::new(),
-            model: Model::default(),
-        })
-    }
-
-    /// An embedded personality by its name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        let (name, text) = BOARDS.iter().find(|(known, _)| *known == name)?;
-        Self::from_toml(name, text).ok()
-    }
-
-    /// Reads a personality.
-    ///
-    /// # Errors
-    /// [`PersonalityError`] for a text that is not TOML, has keys unknown here or values out of their range.
-    pub fn from_toml(name: &str, text: &str) -> Result<Self, PersonalityError> {
-        let at = |offset: usize, message: &str| {
-            let before = text.get(..offset).unwrap_or(text);
-            let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-            PersonalityError {
-                name: name.to_owned(),
-                line: before.matches('\n').count() + 1,
-                column: before[line_start..].chars().count() + 1,
-                message: message.trim().replace('\n', "; "),
-            }
-        };
-        let raw: raw::Personality =
-            toml::from_str(text).map_err(|error| at(error.span().map_or(0, |span| span.start), error.message()))?;
-        let raw::Personality { description, expect, .. } = &raw;
-        let (description, expect) = (description.clone(), expect.clone());
-        let model = raw.check().map_err(|Mistake { span, message }| at(span.start, &message))?;
-        Ok(Self { name: name.to_owned(), description, expect, model })
-    }
-}
-
-/// The personalities in this library: name and text, the good module first.
-#[must_use]
-pub fn boards() -> &'static [(&'static str, &'static str)] {
-    BOARDS
-}
-
-impl Default for Model {
-    fn default() -> Self {
-        Self {
-            serial_number: None,
-            part: "GNC-POP-26".to_owned(),
-            hardware: "C".to_owned(),
-            firmware: "1.4.0".to_owned(),
-            protocol: 1,
-            board_serial: "SIM-BOARD-1".to_owned(),
-            board_firmware: "sim 1.0.0".to_owned(),
-            clock_error_ppm: 3.0,
-            supply: SupplyModel::default(),
-            rails: Rails::default(),
-            cpu: CpuFaults::default(),
-            timers: TimerModel::default(),
-            internal_ram: MemoryFaults::default(),
-            sdram: MemoryFaults::default(),
-            spi_flash: FlashFaults::default(),
-            internal_flash: FlashFaults::default(),
-            sensors: SensorModels::default(),
-            sensor_faults: SensorFaults::default(),
-            gnss: GnssFaults::default(),
-            unwired_switches: [false; 5],
-            lines: LineFaults::default(),
-            sci: SciFaults::default(),
-            wire: WireFaults::default(),
-            reboot: None,
-        }
-    }
-}
-
 /// A value that a personality must not have, and where it stands.
 #[derive(Debug)]
-struct Mistake {
-    span: Range<usize>,
-    message: String,
+pub(super) struct Mistake {
+    pub(super) span: Range<usize>,
+    pub(super) message: String,
 }
 
 fn mistake<T>(value: &Spanned<T>, message: String) -> Mistake {
@@ -284,7 +112,7 @@ fn line_pair(pair: &[Spanned<u32>; 2], name: &str, high: u8) -> Result<(u8, u8),
 }
 
 impl raw::Personality {
-    fn check(self) -> Result<Model, Mistake> {
+    pub(super) fn check(self) -> Result<Model, Mistake> {
         let d = Model::default();
         let raw::Module { serial_number, part, hardware, firmware, protocol } = self.module;
         let raw::Board { serial, firmware: board_firmware, clock_error_ppm } = self.board;
@@ -452,14 +280,16 @@ impl raw::Triad {
 impl raw::Gnss {
     fn check(&self) -> Result<GnssFaults, Mistake> {
         let metres = |value: Option<&Spanned<f64>>, name| number(value, name, -1e6, 1e6, 0.0);
-        let covered = self.covered_after_s.as_ref();
+        let covered = self.covered_after_fix_s.as_ref();
         Ok(GnssFaults {
             no_sky: self.no_sky,
             antenna_offset_m: (
                 metres(self.repeater_north_m.as_ref(), "repeater_north_m")?,
                 metres(self.repeater_east_m.as_ref(), "repeater_east_m")?,
             ),
-            covered_after_s: covered.map(|after| number(Some(after), "covered_after_s", 0.0, 1e6, 0.0)).transpose()?,
+            covered_after_fix_s: covered
+                .map(|after| number(Some(after), "covered_after_fix_s", 0.0, 1e6, 0.0))
+                .transpose()?,
             pps_open: self.pps_open,
         })
     }
@@ -516,206 +346,5 @@ impl raw::Reboot {
             after_ms: number(self.after_ms.as_ref(), "after_ms", 0.0, 1e6, 0.0)?,
             at_board_time_s: at.map(|at| number(Some(at), "at_board_time_s", 0.0, 1e6, 0.0)).transpose()?,
         })
-    }
-}
-
-/// The file as written, before anything is checked.
-mod raw {
-    use super::{BTreeMap, Deserialize, Expectation, Spanned};
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Personality {
-        pub(super) description: String,
-        pub(super) expect: BTreeMap<String, Expectation>,
-        pub(super) module: Module,
-        pub(super) board: Board,
-        pub(super) supply: Supply,
-        pub(super) rails: Rails,
-        pub(super) cpu: Cpu,
-        pub(super) timers: Timers,
-        pub(super) internal_ram: Memory,
-        pub(super) sdram: Memory,
-        pub(super) spi_flash: Flash,
-        pub(super) internal_flash: Flash,
-        pub(super) gyro: Triad,
-        pub(super) accel: Triad,
-        pub(super) mag: Triad,
-        pub(super) gnss: Gnss,
-        pub(super) ad: Ad,
-        pub(super) io: Io,
-        pub(super) spi: Spi,
-        pub(super) sci: Sci,
-        pub(super) wire: Wire,
-        pub(super) reboot: Option<Reboot>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Module {
-        pub(super) serial_number: Option<Spanned<String>>,
-        pub(super) part: Option<Spanned<String>>,
-        pub(super) hardware: Option<Spanned<String>>,
-        pub(super) firmware: Option<Spanned<String>>,
-        pub(super) protocol: Option<Spanned<u32>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Board {
-        pub(super) serial: Option<Spanned<String>>,
-        pub(super) firmware: Option<Spanned<String>>,
-        pub(super) clock_error_ppm: Option<Spanned<f64>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Supply {
-        pub(super) voltage_v: Option<Spanned<f64>>,
-        pub(super) current_a: Option<Spanned<f64>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Rails {
-        pub(super) v5_v: Option<Spanned<f64>>,
-        pub(super) v3v3_v: Option<Spanned<f64>>,
-        pub(super) v1v2_v: Option<Spanned<f64>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Cpu {
-        pub(super) dead_cores: Vec<Spanned<u32>>,
-        pub(super) multiplier_bit_of_core_2: Option<Spanned<u32>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Timers {
-        pub(super) rate_error_ppm: Option<Spanned<f64>>,
-        pub(super) jitter_ns: Option<Spanned<f64>>,
-        pub(super) miss_every: Option<Spanned<u32>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Memory {
-        pub(super) stuck_data_line: Option<StuckLine>,
-        pub(super) stuck_address_line: Option<StuckLine>,
-        pub(super) shorted_address_lines: Option<[Spanned<u32>; 2]>,
-        pub(super) stuck_cells: Vec<Cell>,
-        pub(super) coupled_cells: Vec<Coupling>,
-    }
-
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub(super) struct StuckLine {
-        pub(super) line: Spanned<u32>,
-        pub(super) level: Spanned<u32>,
-    }
-
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub(super) struct Cell {
-        pub(super) index: Spanned<u32>,
-        pub(super) bit: Spanned<u32>,
-        pub(super) level: Spanned<u32>,
-    }
-
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub(super) struct Coupling {
-        pub(super) aggressor: Spanned<u32>,
-        pub(super) victim: Spanned<u32>,
-        pub(super) bit: Spanned<u32>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Flash {
-        pub(super) bad_bits: Vec<BadBit>,
-        pub(super) erase_factor: Option<Spanned<f64>>,
-    }
-
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub(super) struct BadBit {
-        pub(super) sector: Spanned<u32>,
-        pub(super) word: Spanned<u32>,
-        pub(super) bit: Spanned<u32>,
-        pub(super) level: Spanned<u32>,
-    }
-
-    /// Three sensors. Units: gyro deg/s with stability and repeatability in deg/h; accel g with those in mg; mag
-    /// gauss, without them.
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Triad {
-        #[serde(alias = "bias_stability_dph", alias = "bias_stability_mg")]
-        pub(super) bias_stability: Option<Spanned<f64>>,
-        #[serde(alias = "bias_repeatability_dph", alias = "bias_repeatability_mg")]
-        pub(super) bias_repeatability: Option<Spanned<f64>>,
-        pub(super) stuck_axes: Vec<Spanned<String>>,
-        pub(super) dead_axes: Vec<Spanned<String>>,
-        pub(super) swapped_axes: Option<[Spanned<String>; 2]>,
-        pub(super) noise_factor: Option<Spanned<f64>>,
-        #[serde(alias = "offset_dps", alias = "offset_g", alias = "offset_gauss")]
-        pub(super) offset: Option<[Spanned<f64>; 3]>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Gnss {
-        pub(super) no_sky: bool,
-        pub(super) repeater_north_m: Option<Spanned<f64>>,
-        pub(super) repeater_east_m: Option<Spanned<f64>>,
-        pub(super) covered_after_s: Option<Spanned<f64>>,
-        pub(super) pps_open: bool,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Ad {
-        pub(super) unwired_switches: Vec<Spanned<u32>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Io {
-        pub(super) shorted: Vec<[Spanned<u32>; 2]>,
-        pub(super) open: Vec<Spanned<u32>>,
-        pub(super) stuck: Vec<StuckLine>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Spi {
-        pub(super) flip_every_bits: Option<Spanned<u32>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Sci {
-        pub(super) lose_every: Option<Spanned<u32>>,
-        pub(super) flip_every: Option<Spanned<u32>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Wire {
-        pub(super) silent: bool,
-        pub(super) answer_delay_ms: Option<Spanned<f64>>,
-        pub(super) lost_to_host_per_million: Option<Spanned<f64>>,
-        pub(super) lost_to_board_per_million: Option<Spanned<f64>>,
-    }
-
-    #[derive(Debug, Default, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
-    pub(super) struct Reboot {
-        pub(super) on: Option<Spanned<String>>,
-        pub(super) nth: Option<Spanned<u32>>,
-        pub(super) after_ms: Option<Spanned<f64>>,
-        pub(super) at_board_time_s: Option<Spanned<f64>>,
     }
 }

@@ -1,0 +1,129 @@
+//! Streams at work: what the sensors and the receiver give, as the board's clock passes their moments.
+
+use gnc_protocol::Payload;
+use gnc_protocol::error::FaultCode;
+use gnc_protocol::message::{StreamStart, StreamStartReply, StreamStopReply};
+use gnc_protocol::slave::{Fault, Output, Refusal};
+use gnc_protocol::stream::{PpsCapture, StreamFrame, StreamId};
+
+use super::finish::body;
+use super::{CAPTURE_NS, SimulatedBoard};
+use crate::devices::gnss::{EPOCHS_HZ, LATENCY_S};
+use crate::requests::{self, samples_per_frame};
+use crate::streams::{Stream, format_of};
+
+impl SimulatedBoard {
+    pub(super) fn start_stream(&mut self, start: &StreamStart) -> Result<Payload, Fault> {
+        let refused = |refusal: Refusal| Fault { code: FaultCode::DeviceFault, text: refusal.text };
+        let load_permille = self.check_stream(start).map_err(refused)?;
+        let id = requests::stream_of(start.stream).map_err(refused)?;
+        let utc_s = self.world.utc_s(self.true_s(self.now_ns));
+        let tick = match id {
+            StreamId::Imu => 0,
+            StreamId::Gnss => (utc_s * EPOCHS_HZ).floor().max(0.0) as u64 + 1,
+            StreamId::Pps => utc_s.floor().max(0.0) as u64 + 1,
+        };
+        self.ended.retain(|(ended, _)| *ended != id);
+        self.streams.push(Stream::new(start, id, load_permille, self.now_ns, tick));
+        body(&StreamStartReply {
+            format: format_of(id) as u8,
+            samples_per_frame: match id {
+                StreamId::Imu => samples_per_frame(start),
+                StreamId::Gnss => 0,
+                StreamId::Pps => 1,
+            },
+            load_permille: u16::try_from(load_permille).unwrap_or(u16::MAX),
+        })
+    }
+
+    pub(super) fn stop_stream(&mut self, number: u8) -> Result<Payload, Fault> {
+        if let Some(index) = self.streams.iter().position(|stream| stream.id as u8 == number) {
+            let mut stream = self.streams.swap_remove(index);
+            if let Some(frame) = stream.take_frame() {
+                self.send(&mut stream, frame);
+            }
+            self.ended.retain(|(ended, _)| *ended != stream.id);
+            self.ended.push((stream.id, stream.stopped()));
+        }
+        let ended = self.ended.iter().find(|(id, _)| *id as u8 == number);
+        body(&ended.map_or_else(StreamStopReply::default, |(_, reply)| reply.clone()))
+    }
+
+    pub(super) fn end_complete_streams(&mut self) {
+        while let Some(index) = self.streams.iter().position(Stream::is_complete) {
+            let stream = self.streams.swap_remove(index);
+            self.ended.push((stream.id, stream.stopped()));
+        }
+    }
+
+    /// When a stream has something to do.
+    pub(super) fn stream_due_ns(&self, stream: &Stream) -> u64 {
+        match stream.id {
+            StreamId::Imu => stream.frame_full_ns(),
+            StreamId::Gnss => {
+                self.bench_ns(stream.tick as f64 / EPOCHS_HZ + LATENCY_S - self.world.utc_start_s).ceil() as u64
+            }
+            // A little after the second, so that the scatter of the edge cannot put it into the future.
+            StreamId::Pps => self.bench_ns(stream.tick as f64 + 1e-6 - self.world.utc_start_s).ceil() as u64,
+        }
+    }
+
+    pub(super) fn run_stream(&mut self, index: usize) {
+        // Taken out while it runs, since its samples come from the rest of the board.
+        let mut stream = self.streams.swap_remove(index);
+        match stream.id {
+            StreamId::Imu => self.run_imu(&mut stream),
+            StreamId::Gnss => self.run_gnss(&mut stream),
+            StreamId::Pps => self.run_pps(&mut stream),
+        }
+        self.streams.push(stream);
+        let last = self.streams.len() - 1;
+        self.streams.swap(index, last);
+    }
+
+    fn run_imu(&mut self, stream: &mut Stream) {
+        while !stream.is_complete() && stream.next_imu_ns() <= self.now_ns {
+            let time_ns = stream.next_imu_ns();
+            let now_s = self.true_s(time_ns);
+            let influence = self.world.influence(now_s);
+            let sample = self.module.sensors.sample(&influence, now_s, stream.rate_hz() as f64);
+            if let Some(frame) = stream.add_imu(&sample, self.board_us(time_ns)) {
+                self.send(stream, frame);
+            }
+        }
+    }
+
+    fn run_gnss(&mut self, stream: &mut Stream) {
+        while !stream.is_complete() && self.stream_due_ns(stream) <= self.now_ns {
+            let epoch_s = stream.tick as f64 / EPOCHS_HZ - self.world.utc_start_s;
+            let time_us = self.board_us(self.stream_due_ns(stream));
+            stream.tick += 1;
+            let sentences = self.module.gnss.epoch(&self.world, epoch_s);
+            for frame in stream.add_bytes(sentences.as_bytes(), time_us) {
+                self.send(stream, frame);
+            }
+        }
+    }
+
+    fn run_pps(&mut self, stream: &mut Stream) {
+        while !stream.is_complete() && self.stream_due_ns(stream) <= self.now_ns {
+            let second_s = stream.tick as f64 - self.world.utc_start_s;
+            stream.tick += 1;
+            let Some(scatter_s) = self.module.gnss.pps_scatter_s(second_s) else { continue };
+            let edge_ns = self.bench_ns(second_s + scatter_s).max(0.0) as u64;
+            let captured_ns = edge_ns.saturating_sub(self.booted_ns) / CAPTURE_NS * CAPTURE_NS;
+            let capture = PpsCapture { board_time_ns: captured_ns };
+            if let Some(frame) = stream.add_pps(&capture, captured_ns / 1000) {
+                self.send(stream, frame);
+            }
+        }
+    }
+
+    fn send(&mut self, stream: &mut Stream, frame: StreamFrame) {
+        if self.line_full {
+            stream.drop_frame(&frame);
+        } else {
+            self.outputs.push_back(Output::Stream(stream.id, frame));
+        }
+    }
+}

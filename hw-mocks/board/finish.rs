@@ -1,0 +1,184 @@
+//! What comes out of a request when its time has passed.
+
+use gnc_protocol::Payload;
+use gnc_protocol::error::FaultCode;
+use gnc_protocol::message::{
+    AdReadReply, CpuFloatsReply, CpuIntegersReply, CpuWordsReply, DurationReply, ErrorKind, Flash, FlashIdReply,
+    GnssStart, IoTestReply, MismatchReply, Request, SpiDirection, SpiTransferReply,
+};
+use gnc_protocol::slave::{Done, Fault, Output};
+use gnc_protocol::wire::{Wire, text};
+
+use super::{Job, SUPPLY_UV, SimulatedBoard};
+use crate::devices::flash::FlashMemory;
+use crate::records::{Finder, Finding};
+use crate::requests::Task;
+
+impl SimulatedBoard {
+    pub(super) fn finish(&mut self, job: Job) {
+        let Job { request, message, started_ns, task, .. } = job;
+        let finder = Finder { request: request.unwrap_or(0), message, board_time_us: self.board_us(self.now_ns) };
+        let outcome = match task {
+            Task::AtEnd(what) => self.carry_out(what, finder),
+            Task::Flash { request, duration_us } => self.finish_flash(&request, duration_us, finder),
+            Task::Timers { request, reply } => {
+                if reply.interrupts != request.count {
+                    let (expected, got) = (u32::from(request.count), u32::from(reply.interrupts));
+                    let place = u32::from(request.timer);
+                    self.log.note(finder, [Finding { kind: ErrorKind::TimerInterrupts, place, expected, got }]);
+                }
+                body(&reply)
+            }
+            Task::Pattern { run, .. } => {
+                self.note_mismatch(ErrorKind::MemoryMismatch, run.reply(), finder);
+                body(run.reply())
+            }
+        };
+        let Some(request) = request else { return };
+        let elapsed_us = u32::try_from((self.now_ns - started_ns) / 1000).unwrap_or(u32::MAX);
+        self.outputs.push_back(Output::Done(Done { request, elapsed_us, outcome }));
+    }
+
+    fn carry_out(&mut self, what: Request, finder: Finder) -> Result<Payload, Fault> {
+        match what {
+            // The conversation answers these two itself.
+            Request::MakeSafe(_) | Request::Abort(_) => body(&()),
+            Request::ErrorRecords(request) => body(&self.log.from(request.from)),
+            Request::LinkCounters(_) => body(&self.link_counters),
+            Request::ModulePower(power) => {
+                self.set_power(power.on == 1);
+                let reply = self.module.supply(self.powered);
+                if self.powered && !SUPPLY_UV.contains(&reply.supply_uv) {
+                    let got = reply.supply_uv;
+                    let finding = Finding { kind: ErrorKind::Supply, place: 0, expected: 5_000_000, got };
+                    self.log.note(finder, [finding]);
+                }
+                body(&reply)
+            }
+            Request::Identity(_) => body(&self.module.identity),
+            Request::CpuWords(request) => {
+                self.core_answers(request.core)?;
+                body(&CpuWordsReply { words: self.module.cpu.words(&request) })
+            }
+            Request::CpuIntegers(request) => {
+                self.core_answers(request.core)?;
+                body(&CpuIntegersReply { results: self.module.cpu.integers(&request) })
+            }
+            Request::CpuFloats(request) => {
+                self.core_answers(request.core)?;
+                body(&CpuFloatsReply { results: self.module.cpu.floats(&request) })
+            }
+            Request::FlashId(request) => {
+                let part = self.flash(request.flash)?.part;
+                body(&FlashIdReply {
+                    jedec: part.jedec,
+                    sector_bytes: part.sector_bytes,
+                    scratch_sectors: part.scratch_sectors,
+                })
+            }
+            Request::FlashBlankCheck(request) => {
+                let reply = self.flash(request.flash)?.blank_check(request.sector);
+                self.note_mismatch(ErrorKind::FlashNotBlank, &reply, finder);
+                body(&reply)
+            }
+            Request::FlashVerify(request) => {
+                let reply = self.flash(request.flash)?.verify(request.sector, request.seed);
+                self.note_mismatch(ErrorKind::FlashMismatch, &reply, finder);
+                body(&reply)
+            }
+            Request::AdRead(request) => {
+                let influence = self.world.influence(self.true_s(self.now_ns));
+                let gauss = self.module.sensors.analogue_gauss(&influence);
+                body(&AdReadReply { channels: self.module.ad.read(request.channels, request.samples, &gauss) })
+            }
+            Request::IoTest(request) => {
+                let levels = self.module.lines.io_test(&request);
+                let pair = 1 << request.driver | 1 << request.reader;
+                let expected = if request.level == 1 { pair } else { 0b1111 & !pair };
+                if levels != expected {
+                    let place = u32::from(request.driver) * 16 + u32::from(request.reader);
+                    let (expected, got) = (u32::from(expected), u32::from(levels));
+                    self.log.note(finder, [Finding { kind: ErrorKind::IoMismatch, place, expected, got }]);
+                }
+                body(&IoTestReply { levels })
+            }
+            Request::SpiTransfer(request) => {
+                let direction = SpiDirection::from_number(request.direction).unwrap_or(SpiDirection::FromModule);
+                let data = self.module.lines.spi(direction, &request.data);
+                self.note_bytes(ErrorKind::SpiMismatch, &request.data, &data, finder);
+                body(&SpiTransferReply { data })
+            }
+            Request::SciEcho(request) => {
+                let reply = self.module.sci.echo(&request);
+                self.note_bytes(ErrorKind::SciMismatch, &request.data, &reply.data, finder);
+                body(&reply)
+            }
+            Request::GnssRestart(request) => {
+                let start = GnssStart::from_number(request.start).unwrap_or(GnssStart::Hot);
+                let now_s = self.true_s(self.now_ns);
+                self.module.gnss.restart(start, now_s);
+                body(&())
+            }
+            Request::StreamStart(start) => self.start_stream(&start),
+            Request::StreamStop(stop) => self.stop_stream(stop.stream),
+            // Prepared with tasks of their own, so that they never come here.
+            Request::TimerMeasure(_) | Request::RamTest(_) | Request::FlashErase(_) | Request::FlashWrite(_) => {
+                Err(fault(FaultCode::DeviceFault, "the board lost track of the request"))
+            }
+        }
+    }
+
+    fn core_answers(&self, core: u8) -> Result<(), Fault> {
+        let dead = || fault(FaultCode::DeviceTimeout, &format!("core {core} did not answer"));
+        self.module.cpu.answers(core).then_some(()).ok_or_else(dead)
+    }
+
+    fn flash(&mut self, number: u8) -> Result<&mut FlashMemory, Fault> {
+        let flash = Flash::from_number(number).ok_or_else(|| fault(FaultCode::DeviceFault, "no such flash"))?;
+        Ok(self.module.flash(flash))
+    }
+
+    fn finish_flash(&mut self, what: &Request, duration_us: u32, finder: Finder) -> Result<Payload, Fault> {
+        let limit_ms = match what {
+            Request::FlashErase(erase) => {
+                let flash = self.flash(erase.flash)?;
+                flash.erase(erase.sector);
+                flash.part.erase_limit_ms
+            }
+            Request::FlashWrite(write) => {
+                let flash = self.flash(write.flash)?;
+                flash.write(write.sector, write.seed);
+                flash.part.write_limit_ms
+            }
+            _ => f64::INFINITY,
+        };
+        if f64::from(duration_us) > limit_ms * 1000.0 {
+            let expected = (limit_ms * 1000.0) as u32;
+            let finding = Finding { kind: ErrorKind::FlashSlow, place: 0, expected, got: duration_us };
+            self.log.note(finder, [finding]);
+        }
+        body(&DurationReply { duration_us })
+    }
+
+    fn note_mismatch(&mut self, kind: ErrorKind, reply: &MismatchReply, finder: Finder) {
+        let finding = Finding { kind, place: reply.first_place, expected: reply.expected, got: reply.got };
+        self.log.note(finder, (reply.mismatches > 0).then_some(finding));
+    }
+
+    fn note_bytes(&mut self, kind: ErrorKind, sent: &[u8], got: &[u8], finder: Finder) {
+        let compare = |(place, &expected): (usize, &u8)| {
+            let got = got.get(place).map_or(0x100, |byte| u32::from(*byte));
+            let finding = Finding { kind, place: place as u32, expected: u32::from(expected), got };
+            (got != u32::from(expected)).then_some(finding)
+        };
+        self.log.note(finder, sent.iter().enumerate().filter_map(compare));
+    }
+}
+
+pub(super) fn body(reply: &impl Wire) -> Result<Payload, Fault> {
+    reply.to_payload().map_err(|overflow| fault(FaultCode::DeviceFault, &overflow.to_string()))
+}
+
+pub(super) fn fault(code: FaultCode, why: &str) -> Fault {
+    Fault { code, text: text(why) }
+}

@@ -1,0 +1,347 @@
+//! The slave board: its clock, the requests that run on it, its streams, its restarts.
+//!
+//! Bench time counts nanoseconds of the board's oscillator since the bench was started and never goes back; board
+//! time is bench time since the board's last start. True time differs from bench time by the oscillator's error.
+
+mod feed;
+mod finish;
+
+use std::collections::VecDeque;
+
+use gnc_protocol::error::NakCode;
+use gnc_protocol::message::{Flash, LinkCountersReply, Progress, Request, StreamStart, StreamStopReply, capability};
+use gnc_protocol::slave::{Board, BoardIdentity, Output, Refusal};
+use gnc_protocol::stream::StreamId;
+use gnc_protocol::wire::text;
+
+use crate::module::Module;
+use crate::noise::{Dice, Source};
+use crate::personality::{Personality, RebootTrigger};
+use crate::records::ErrorLog;
+use crate::requests::{self, MS, Task, Work, check, check_load, device, needs_power, prepare, uses};
+use crate::streams::Stream;
+use crate::world::World;
+
+/// Resolution of the board's capture timer.
+const CAPTURE_NS: u64 = 10;
+/// A pattern over a RAM advances in pieces of this much board time, so that the board stays able to answer.
+const PIECE_NS: u64 = 2 * MS;
+/// From a restart to the first answer.
+const BOOT_NS: u64 = 200 * MS;
+/// Supply that the board finds right when it switches power on, in microvolts.
+const SUPPLY_UV: std::ops::RangeInclusive<u32> = 4_500_000..=5_500_000;
+
+#[derive(Debug)]
+struct Job {
+    /// `None` once the host gave it up: the device still finishes.
+    request: Option<u16>,
+    message: u16,
+    uses: u32,
+    started_ns: u64,
+    expected_ns: u64,
+    ends_ns: u64,
+    task: Task,
+}
+
+/// A slave board with a module in its socket, in a world.
+#[derive(Debug)]
+pub struct SimulatedBoard {
+    /// The world around it.
+    pub world: World,
+    /// The module.
+    pub module: Module,
+    /// Counters of the link, kept up to date by whoever owns the link.
+    pub link_counters: LinkCountersReply,
+    /// Whether the line has no room for samples: they are dropped and counted.
+    pub line_full: bool,
+    now_ns: u64,
+    booted_ns: u64,
+    boot_id: u32,
+    boot_dice: Dice,
+    clock_error_ppm: f64,
+    rate_baud: u32,
+    powered: bool,
+    jobs: Vec<Job>,
+    streams: Vec<Stream>,
+    ended: Vec<(StreamId, StreamStopReply)>,
+    log: ErrorLog,
+    outputs: VecDeque<Output>,
+    reboot: Option<RebootTrigger>,
+    triggers_seen: u32,
+    reboot_at_ns: Option<u64>,
+    restarted: bool,
+    restarts: u32,
+    serial: String,
+    firmware: String,
+}
+
+impl SimulatedBoard {
+    /// A board just started.
+    #[must_use]
+    pub fn new(personality: &Personality, serial_number: &str, world: World, rate_baud: u32, seed: u64) -> Self {
+        let mut boot_dice = Dice::new(seed, Source::Boot);
+        let model = &personality.model;
+        let at_time = |trigger: &RebootTrigger| trigger.at_board_time_s.map(|time_s| (time_s * 1e9) as u64);
+        Self {
+            module: Module::new(personality, serial_number, seed),
+            world,
+            link_counters: LinkCountersReply::default(),
+            line_full: false,
+            now_ns: 0,
+            booted_ns: 0,
+            boot_id: boot_dice.word(),
+            boot_dice,
+            clock_error_ppm: model.clock_error_ppm,
+            rate_baud,
+            powered: false,
+            jobs: Vec::new(),
+            streams: Vec::new(),
+            ended: Vec::new(),
+            log: ErrorLog::default(),
+            outputs: VecDeque::new(),
+            reboot_at_ns: model.reboot.as_ref().and_then(at_time),
+            reboot: model.reboot.clone(),
+            triggers_seen: 0,
+            restarted: false,
+            restarts: 0,
+            serial: model.board_serial.clone(),
+            firmware: model.board_firmware.clone(),
+        }
+    }
+
+    /// Bench time, ns.
+    #[must_use]
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// True seconds since the bench was started.
+    #[must_use]
+    pub fn true_s(&self, bench_ns: u64) -> f64 {
+        bench_ns as f64 * 1e-9 / (1.0 + self.clock_error_ppm * 1e-6)
+    }
+
+    /// Bench time of a true moment.
+    fn bench_ns(&self, true_s: f64) -> f64 {
+        true_s * 1e9 * (1.0 + self.clock_error_ppm * 1e-6)
+    }
+
+    /// Whether the module is under power.
+    #[must_use]
+    pub fn is_powered(&self) -> bool {
+        self.powered
+    }
+
+    /// Whether anything is under way that needs time to pass.
+    #[must_use]
+    pub fn has_work(&self) -> bool {
+        !self.jobs.is_empty() || !self.streams.is_empty() || self.is_booting()
+    }
+
+    /// Whether it does not listen yet after a restart.
+    #[must_use]
+    pub fn is_booting(&self) -> bool {
+        self.restarts > 0 && self.now_ns < self.booted_ns + BOOT_NS
+    }
+
+    /// Restarts since the bench was started.
+    #[must_use]
+    pub fn restarts(&self) -> u32 {
+        self.restarts
+    }
+
+    /// Whether it restarted since the last time this was asked.
+    pub fn take_restarted(&mut self) -> bool {
+        std::mem::take(&mut self.restarted)
+    }
+
+    /// The next moment at which something happens, in bench time.
+    #[must_use]
+    pub fn next_event_ns(&self) -> Option<u64> {
+        let job = |job: &Job| match job.task {
+            Task::Pattern { .. } => job.ends_ns.min(self.now_ns + PIECE_NS),
+            _ => job.ends_ns,
+        };
+        let boot = self.is_booting().then_some(self.booted_ns + BOOT_NS);
+        let streams = self.streams.iter().map(|stream| self.stream_due_ns(stream));
+        self.jobs.iter().map(job).chain(streams).chain(boot).chain(self.reboot_at_ns).min()
+    }
+
+    /// Lets time pass up to `to_ns`: everything due until then happens in its order.
+    pub fn advance(&mut self, to_ns: u64) {
+        while let Some(next_ns) = self.next_event_ns().filter(|next_ns| *next_ns <= to_ns) {
+            self.now_ns = self.now_ns.max(next_ns);
+            self.happen();
+        }
+        self.now_ns = self.now_ns.max(to_ns);
+    }
+
+    /// What is due now.
+    fn happen(&mut self) {
+        if self.reboot_at_ns.is_some_and(|at_ns| at_ns <= self.now_ns) {
+            self.restart();
+            return;
+        }
+        for index in 0..self.streams.len() {
+            self.run_stream(index);
+        }
+        self.end_complete_streams();
+        self.run_patterns();
+        while let Some(index) = self.jobs.iter().position(|job| job.ends_ns <= self.now_ns) {
+            let job = self.jobs.swap_remove(index);
+            self.finish(job);
+        }
+    }
+
+    /// The board lost its supply for a moment, or its watchdog fired.
+    fn restart(&mut self) {
+        self.reboot_at_ns = None;
+        self.jobs.clear();
+        self.streams.clear();
+        self.ended.clear();
+        self.outputs.clear();
+        self.log = ErrorLog::default();
+        self.set_power(false);
+        self.boot_id = self.boot_dice.word();
+        self.booted_ns = self.now_ns;
+        self.restarted = true;
+        self.restarts += 1;
+    }
+
+    fn set_power(&mut self, on: bool) {
+        if on == self.powered {
+            return;
+        }
+        self.powered = on;
+        let now_s = self.true_s(self.now_ns);
+        self.world.set_powered(on, now_s);
+        if on {
+            self.module.power_on(now_s);
+        } else {
+            self.streams.clear();
+        }
+    }
+
+    fn board_us(&self, bench_ns: u64) -> u64 {
+        bench_ns.saturating_sub(self.booted_ns) / 1000
+    }
+
+    fn arm_reboot(&mut self, request: &Request) {
+        let Some(trigger) = &self.reboot else { return };
+        if trigger.on.as_deref() != Some(device(request)) {
+            return;
+        }
+        self.triggers_seen += 1;
+        if trigger.nth.is_none_or(|nth| nth == self.triggers_seen) {
+            self.reboot_at_ns = Some(self.now_ns + (trigger.after_ms * MS as f64) as u64);
+        }
+    }
+
+    fn begin(&mut self, request: u16, what: Request) -> Result<u32, Refusal> {
+        if !self.powered && needs_power(&what) {
+            return Err(Refusal::new(NakCode::NotPowered, "switch the module's supply on first"));
+        }
+        let message = what.id();
+        let trigger = what.clone();
+        // The stream is checked before anything is drawn or reserved.
+        if let Request::StreamStart(start) = &what {
+            self.check_stream(start)?;
+        }
+        let held = self.jobs.iter().fold(0, |held, job| held | job.uses);
+        let wanted = check(&what, &mut self.module)?;
+        if held & wanted != 0 {
+            let why = format!("in use by another request: {}", uses::names(held & wanted));
+            return Err(Refusal::new(NakCode::Busy, &why));
+        }
+        let Work { expected_ns, takes_ns, task } = prepare(what, &mut self.module);
+        let (started_ns, ends_ns) = (self.now_ns, self.now_ns + takes_ns);
+        self.jobs.push(Job { request: Some(request), message, uses: wanted, started_ns, expected_ns, ends_ns, task });
+        self.arm_reboot(&trigger);
+        Ok(u32::try_from(expected_ns.div_ceil(MS)).unwrap_or(u32::MAX))
+    }
+
+    fn check_stream(&self, start: &StreamStart) -> Result<u32, Refusal> {
+        let id = requests::stream_of(start.stream)?;
+        if self.streams.iter().any(|stream| stream.id == id) {
+            return Err(Refusal::new(NakCode::Busy, "this stream is running"));
+        }
+        let taken = self.streams.iter().map(|stream| stream.load_permille).sum();
+        check_load(start, taken, self.rate_baud)
+    }
+
+    fn run_patterns(&mut self) {
+        for job in &mut self.jobs {
+            let Task::Pattern { ram, run, done, accesses } = &mut job.task else { continue };
+            let span_ns = job.ends_ns.saturating_sub(job.started_ns).max(1);
+            let passed_ns = self.now_ns.min(job.ends_ns).saturating_sub(job.started_ns);
+            let target = (u128::from(*accesses) * u128::from(passed_ns) / u128::from(span_ns)) as u64;
+            let memory = self.module.ram(*ram);
+            while !run.is_done() && (*done < target || passed_ns == span_ns) {
+                *done += run.run(memory, 4096);
+            }
+        }
+    }
+}
+
+impl Board for SimulatedBoard {
+    fn identity(&self) -> BoardIdentity {
+        BoardIdentity {
+            boot_id: self.boot_id,
+            capabilities: capability::POWER,
+            serial: text(&self.serial),
+            firmware: text(&self.firmware),
+        }
+    }
+
+    fn start(&mut self, request: u16, what: Request) -> Result<u32, Refusal> {
+        self.begin(request, what)
+    }
+
+    fn poll(&mut self) -> Option<Output> {
+        self.outputs.pop_front()
+    }
+
+    fn progress(&self, request: u16) -> Progress {
+        let Some(job) = self.jobs.iter().find(|job| job.request == Some(request)) else { return Progress::default() };
+        let passed_ns = self.now_ns - job.started_ns;
+        // A job that takes longer than expected stays just short of done.
+        let done_permille = (passed_ns * 1000 / job.expected_ns.max(1)).min(999) as u16;
+        Progress { done_permille, elapsed_ms: u32::try_from(passed_ns / MS).unwrap_or(u32::MAX) }
+    }
+
+    fn abort(&mut self, request: u16) {
+        for job in &mut self.jobs {
+            if job.request == Some(request) {
+                job.request = None;
+            }
+        }
+        // A flash cannot be stopped in an erase; everything else can.
+        self.jobs.retain(|job| job.request.is_some() || matches!(job.task, Task::Flash { .. }));
+    }
+
+    fn make_safe(&mut self) {
+        for job in std::mem::take(&mut self.jobs) {
+            if let Task::Flash { request: Request::FlashErase(erase), .. } = job.task
+                && let Some(flash) = Flash::from_number(erase.flash)
+            {
+                self.module.flash(flash).interrupt_erase(erase.sector);
+            }
+        }
+        self.outputs.clear();
+        self.streams.clear();
+        self.set_power(false);
+    }
+
+    fn new_session(&mut self) {
+        self.log = ErrorLog::default();
+        self.ended.clear();
+    }
+
+    fn board_time_us(&self) -> u64 {
+        self.board_us(self.now_ns)
+    }
+
+    fn state_bits(&self) -> u8 {
+        u8::from(self.powered) << 1 | u8::from(!self.streams.is_empty()) << 3
+    }
+}

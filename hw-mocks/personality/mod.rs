@@ -1,0 +1,287 @@
+//! Personalities: what a board and its module are like, as TOML.
+//!
+//! A personality says how the world, the devices and the wire differ from those of a good module; a file that says
+//! nothing is a good module. `[expect.PLAN]` tables say for people and for tests how a plan should end; the bench
+//! carries them and never looks at them. All that a file may hold, with units last in the names:
+//!
+//! ```
+//! # let text = r#"
+//! description = "Everything at once."
+//!
+//! [expect.functional]                  # ignored by the bench
+//! outcome = "failed"
+//! items = ["sdram"]
+//!
+//! [module]                             # what it says about itself
+//! serial_number = "GNC-7"              # else the one that was scanned
+//! part = "GNC-POP-26"
+//! hardware = "C"
+//! firmware = "1.4.0"
+//! protocol = 1
+//!
+//! [board]                              # the slave board
+//! serial = "SIM-BOARD-1"
+//! firmware = "sim 1.0.0"
+//! clock_error_ppm = 3.0                # of its oscillator, against true time
+//!
+//! [supply]                             # at the socket
+//! voltage_v = 5.012
+//! current_a = 0.487
+//!
+//! [rails]                              # of the module; the 5 V rail is never above the supply
+//! v5_v = 4.985
+//! v3v3_v = 3.306
+//! v1v2_v = 1.203
+//!
+//! [cpu]
+//! dead_cores = [2]
+//! multiplier_bit_of_core_2 = 3         # stays at 0
+//!
+//! [timers]
+//! rate_error_ppm = 12.0                # positive: intervals too long
+//! jitter_ns = 60.0
+//! miss_every = 10                      # interrupts; 0: none is missed
+//!
+//! [sdram]                              # [internal_ram] alike
+//! stuck_data_line = { line = 7, level = 0 }
+//! stuck_address_line = { line = 14, level = 0 }
+//! shorted_address_lines = [5, 12]
+//! stuck_cells = [{ index = 40000, bit = 11, level = 0 }]
+//! coupled_cells = [{ aggressor = 700000, victim = 700001, bit = 9 }]
+//!
+//! [spi_flash]                          # [internal_flash] alike
+//! bad_bits = [{ sector = 0, word = 17, bit = 3, level = 0 }]
+//! erase_factor = 10.0                  # times as long as usual
+//!
+//! [gyro]                               # [accel] alike, in mg and g; [mag] without noise figures, in gauss
+//! bias_stability_dph = 4.5995
+//! bias_repeatability_dph = 1.2403
+//! stuck_axes = ["x"]
+//! dead_axes = ["y"]
+//! swapped_axes = ["x", "z"]
+//! noise_factor = 20.0
+//! offset_dps = [0.0, 0.0, 1.0]
+//!
+//! [gnss]
+//! no_sky = true
+//! repeater_north_m = 500.0             # the signals are those of a place so far away
+//! repeater_east_m = 0.0
+//! covered_after_fix_s = 1.0
+//! pps_open = true
+//!
+//! [ad]
+//! unwired_switches = [2]
+//!
+//! [io]
+//! shorted = [[2, 3]]
+//! open = [1]
+//! stuck = [{ line = 0, level = 1 }]
+//!
+//! [spi]
+//! flip_every_bits = 1000
+//!
+//! [sci]
+//! lose_every = 200                     # bytes, with a framing error
+//! flip_every = 300                     # bytes, unnoticed
+//!
+//! [wire]                               # between board and host
+//! silent = true
+//! answer_delay_ms = 80.0               # link time
+//! lost_to_host_per_million = 100.0     # bytes
+//! lost_to_board_per_million = 100.0
+//!
+//! [reboot]
+//! on = "sdram"                         # at a request to this device ...
+//! nth = 1                              # ... the first only; without it, each time
+//! after_ms = 20.0                      # of board time
+//! at_board_time_s = 60.0               # once, whatever runs
+//! # "#;
+//! # hw_mocks::Personality::from_toml("everything", text).unwrap();
+//! ```
+
+mod check;
+mod raw;
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use check::Mistake;
+
+use crate::boards::BOARDS;
+use crate::devices::ad::Rails;
+use crate::devices::cpu::CpuFaults;
+use crate::devices::flash::FlashFaults;
+use crate::devices::gnss::GnssFaults;
+use crate::devices::inertial::{SensorFaults, SensorModels};
+use crate::devices::lines::LineFaults;
+use crate::devices::memory::MemoryFaults;
+use crate::devices::sci::SciFaults;
+use crate::devices::timer::TimerModel;
+use crate::module::SupplyModel;
+
+/// A personality, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Personality {
+    /// Its name: the file's, without `.toml`.
+    pub name: String,
+    /// What it is, for people.
+    pub description: String,
+    /// How plans should end with it, by the plan's name.
+    pub expect: BTreeMap<String, Expectation>,
+    pub(crate) model: Model,
+}
+
+/// How a plan should end with a personality.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Expectation {
+    /// An outcome in the records' words: passed, failed, errored.
+    pub outcome: String,
+    /// The items that do not pass.
+    #[serde(default)]
+    pub items: Vec<String>,
+}
+
+/// Why a text is no personality.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name}:{line}:{column}: {message}")]
+pub struct PersonalityError {
+    /// Name of the personality.
+    pub name: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column, from 1, in characters.
+    pub column: usize,
+    /// What is wrong.
+    pub message: String,
+}
+
+/// When the board restarts by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RebootTrigger {
+    pub(crate) on: Option<String>,
+    pub(crate) nth: Option<u32>,
+    pub(crate) after_ms: f64,
+    pub(crate) at_board_time_s: Option<f64>,
+}
+
+/// Faults of the line between board and host.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct WireFaults {
+    pub(crate) silent: bool,
+    pub(crate) answer_delay_ms: f64,
+    pub(crate) lost_to_host_per_million: f64,
+    pub(crate) lost_to_board_per_million: f64,
+}
+
+/// Everything about board and module that a personality may set.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Model {
+    pub(crate) serial_number: Option<String>,
+    pub(crate) part: String,
+    pub(crate) hardware: String,
+    pub(crate) firmware: String,
+    pub(crate) protocol: u8,
+    pub(crate) board_serial: String,
+    pub(crate) board_firmware: String,
+    pub(crate) clock_error_ppm: f64,
+    pub(crate) supply: SupplyModel,
+    pub(crate) rails: Rails,
+    pub(crate) cpu: CpuFaults,
+    pub(crate) timers: TimerModel,
+    pub(crate) internal_ram: MemoryFaults,
+    pub(crate) sdram: MemoryFaults,
+    pub(crate) spi_flash: FlashFaults,
+    pub(crate) internal_flash: FlashFaults,
+    pub(crate) sensors: SensorModels,
+    pub(crate) sensor_faults: SensorFaults,
+    pub(crate) gnss: GnssFaults,
+    pub(crate) unwired_switches: [bool; 5],
+    pub(crate) lines: LineFaults,
+    pub(crate) sci: SciFaults,
+    pub(crate) wire: WireFaults,
+    pub(crate) reboot: Option<RebootTrigger>,
+}
+
+impl Personality {
+    /// The good module that the bench has in its socket unless told otherwise.
+    #[must_use]
+    pub fn good() -> Self {
+        let (name, text) = BOARDS[0];
+        // A test holds every embedded personality to be well formed; without a text it is good anyway.
+        Self::from_toml(name, text).unwrap_or_else(|_| Self {
+            name: name.to_owned(),
+            description: String::new(),
+            expect: BTreeMap::new(),
+            model: Model::default(),
+        })
+    }
+
+    /// An embedded personality by its name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let (name, text) = BOARDS.iter().find(|(known, _)| *known == name)?;
+        Self::from_toml(name, text).ok()
+    }
+
+    /// Reads a personality.
+    ///
+    /// # Errors
+    /// [`PersonalityError`] for a text that is not TOML, has keys unknown here or values out of their range.
+    pub fn from_toml(name: &str, text: &str) -> Result<Self, PersonalityError> {
+        let at = |offset: usize, message: &str| {
+            let before = text.get(..offset).unwrap_or(text);
+            let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+            PersonalityError {
+                name: name.to_owned(),
+                line: before.matches('\n').count() + 1,
+                column: before[line_start..].chars().count() + 1,
+                message: message.trim().replace('\n', "; "),
+            }
+        };
+        let raw: raw::Personality =
+            toml::from_str(text).map_err(|error| at(error.span().map_or(0, |span| span.start), error.message()))?;
+        let raw::Personality { description, expect, .. } = &raw;
+        let (description, expect) = (description.clone(), expect.clone());
+        let model = raw.check().map_err(|Mistake { span, message }| at(span.start, &message))?;
+        Ok(Self { name: name.to_owned(), description, expect, model })
+    }
+}
+
+/// The personalities in this library: name and text, the good module first.
+#[must_use]
+pub fn boards() -> &'static [(&'static str, &'static str)] {
+    BOARDS
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Self {
+            serial_number: None,
+            part: "GNC-POP-26".to_owned(),
+            hardware: "C".to_owned(),
+            firmware: "1.4.0".to_owned(),
+            protocol: 1,
+            board_serial: "SIM-BOARD-1".to_owned(),
+            board_firmware: "sim 1.0.0".to_owned(),
+            clock_error_ppm: 3.0,
+            supply: SupplyModel::default(),
+            rails: Rails::default(),
+            cpu: CpuFaults::default(),
+            timers: TimerModel::default(),
+            internal_ram: MemoryFaults::default(),
+            sdram: MemoryFaults::default(),
+            spi_flash: FlashFaults::default(),
+            internal_flash: FlashFaults::default(),
+            sensors: SensorModels::default(),
+            sensor_faults: SensorFaults::default(),
+            gnss: GnssFaults::default(),
+            unwired_switches: [false; 5],
+            lines: LineFaults::default(),
+            sci: SciFaults::default(),
+            wire: WireFaults::default(),
+            reboot: None,
+        }
+    }
+}

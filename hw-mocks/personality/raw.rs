@@ -1,0 +1,204 @@
+//! The file as written, before anything is checked.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::Expectation;
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Personality {
+    pub(super) description: String,
+    pub(super) expect: BTreeMap<String, Expectation>,
+    pub(super) module: Module,
+    pub(super) board: Board,
+    pub(super) supply: Supply,
+    pub(super) rails: Rails,
+    pub(super) cpu: Cpu,
+    pub(super) timers: Timers,
+    pub(super) internal_ram: Memory,
+    pub(super) sdram: Memory,
+    pub(super) spi_flash: Flash,
+    pub(super) internal_flash: Flash,
+    pub(super) gyro: Triad,
+    pub(super) accel: Triad,
+    pub(super) mag: Triad,
+    pub(super) gnss: Gnss,
+    pub(super) ad: Ad,
+    pub(super) io: Io,
+    pub(super) spi: Spi,
+    pub(super) sci: Sci,
+    pub(super) wire: Wire,
+    pub(super) reboot: Option<Reboot>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Module {
+    pub(super) serial_number: Option<Spanned<String>>,
+    pub(super) part: Option<Spanned<String>>,
+    pub(super) hardware: Option<Spanned<String>>,
+    pub(super) firmware: Option<Spanned<String>>,
+    pub(super) protocol: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Board {
+    pub(super) serial: Option<Spanned<String>>,
+    pub(super) firmware: Option<Spanned<String>>,
+    pub(super) clock_error_ppm: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Supply {
+    pub(super) voltage_v: Option<Spanned<f64>>,
+    pub(super) current_a: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Rails {
+    pub(super) v5_v: Option<Spanned<f64>>,
+    pub(super) v3v3_v: Option<Spanned<f64>>,
+    pub(super) v1v2_v: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Cpu {
+    pub(super) dead_cores: Vec<Spanned<u32>>,
+    pub(super) multiplier_bit_of_core_2: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Timers {
+    pub(super) rate_error_ppm: Option<Spanned<f64>>,
+    pub(super) jitter_ns: Option<Spanned<f64>>,
+    pub(super) miss_every: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Memory {
+    pub(super) stuck_data_line: Option<StuckLine>,
+    pub(super) stuck_address_line: Option<StuckLine>,
+    pub(super) shorted_address_lines: Option<[Spanned<u32>; 2]>,
+    pub(super) stuck_cells: Vec<Cell>,
+    pub(super) coupled_cells: Vec<Coupling>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StuckLine {
+    pub(super) line: Spanned<u32>,
+    pub(super) level: Spanned<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Cell {
+    pub(super) index: Spanned<u32>,
+    pub(super) bit: Spanned<u32>,
+    pub(super) level: Spanned<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Coupling {
+    pub(super) aggressor: Spanned<u32>,
+    pub(super) victim: Spanned<u32>,
+    pub(super) bit: Spanned<u32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Flash {
+    pub(super) bad_bits: Vec<BadBit>,
+    pub(super) erase_factor: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BadBit {
+    pub(super) sector: Spanned<u32>,
+    pub(super) word: Spanned<u32>,
+    pub(super) bit: Spanned<u32>,
+    pub(super) level: Spanned<u32>,
+}
+
+/// Three sensors. Units: gyro deg/s with stability and repeatability in deg/h; accel g with those in mg; mag
+/// gauss, without them.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Triad {
+    #[serde(alias = "bias_stability_dph", alias = "bias_stability_mg")]
+    pub(super) bias_stability: Option<Spanned<f64>>,
+    #[serde(alias = "bias_repeatability_dph", alias = "bias_repeatability_mg")]
+    pub(super) bias_repeatability: Option<Spanned<f64>>,
+    pub(super) stuck_axes: Vec<Spanned<String>>,
+    pub(super) dead_axes: Vec<Spanned<String>>,
+    pub(super) swapped_axes: Option<[Spanned<String>; 2]>,
+    pub(super) noise_factor: Option<Spanned<f64>>,
+    #[serde(alias = "offset_dps", alias = "offset_g", alias = "offset_gauss")]
+    pub(super) offset: Option<[Spanned<f64>; 3]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Gnss {
+    pub(super) no_sky: bool,
+    pub(super) repeater_north_m: Option<Spanned<f64>>,
+    pub(super) repeater_east_m: Option<Spanned<f64>>,
+    pub(super) covered_after_fix_s: Option<Spanned<f64>>,
+    pub(super) pps_open: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Ad {
+    pub(super) unwired_switches: Vec<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Io {
+    pub(super) shorted: Vec<[Spanned<u32>; 2]>,
+    pub(super) open: Vec<Spanned<u32>>,
+    pub(super) stuck: Vec<StuckLine>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Spi {
+    pub(super) flip_every_bits: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Sci {
+    pub(super) lose_every: Option<Spanned<u32>>,
+    pub(super) flip_every: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Wire {
+    pub(super) silent: bool,
+    pub(super) answer_delay_ms: Option<Spanned<f64>>,
+    pub(super) lost_to_host_per_million: Option<Spanned<f64>>,
+    pub(super) lost_to_board_per_million: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Reboot {
+    pub(super) on: Option<Spanned<String>>,
+    pub(super) nth: Option<Spanned<u32>>,
+    pub(super) after_ms: Option<Spanned<f64>>,
+    pub(super) at_board_time_s: Option<Spanned<f64>>,
+}

@@ -1,0 +1,83 @@
+//! Personality files: what comes with the library is well formed, what is wrong is refused with its place.
+
+use hw_mocks::{Personality, boards};
+
+const ITEMS: [&str; 14] = [
+    "identity",
+    "cpu",
+    "timers",
+    "internal-ram",
+    "sdram",
+    "spi-flash",
+    "internal-flash",
+    "imu",
+    "gnss",
+    "ad",
+    "io",
+    "spi",
+    "sci",
+    "can",
+];
+
+#[test]
+fn embedded_boards_are_well_formed_and_expect_known_items() {
+    assert!(boards().len() >= 30);
+    assert_eq!(boards()[0].0, "good");
+    assert_eq!(Personality::good().name, "good");
+    for (name, text) in boards() {
+        let personality = Personality::from_toml(name, text).unwrap_or_else(|error| panic!("{error}"));
+        assert!(!personality.description.is_empty(), "{name}");
+        let expected = &personality.expect["functional"];
+        assert!(["passed", "failed", "errored"].contains(&expected.outcome.as_str()), "{name}");
+        assert_eq!(expected.outcome == "failed", !expected.items.is_empty(), "{name}");
+        assert!(expected.items.iter().all(|item| ITEMS.contains(&item.as_str())), "{name}");
+    }
+}
+
+#[test]
+fn every_file_in_the_folder_is_embedded() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/boards");
+    let mut files: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    files.sort();
+    let mut embedded: Vec<&str> = boards().iter().map(|(name, _)| *name).collect();
+    embedded.sort_unstable();
+    assert_eq!(files, embedded);
+}
+
+fn refused(text: &str, expected: &str) {
+    let error = Personality::from_toml("mine", text).unwrap_err();
+    assert_eq!(error.to_string(), expected);
+}
+
+#[test]
+fn mistakes_are_told_with_line_and_column() {
+    refused("[timers]\nrate_error_ppm = 1e9\n", "mine:2:18: rate_error_ppm 1000000000 is not in -500000 to 500000");
+    refused("[timers]\nrate_error_ppm = nan\n", "mine:2:18: rate_error_ppm NaN is not in -500000 to 500000");
+    refused("[io]\nshorted = [[2, 2]]\n", "mine:2:16: line 2 twice: two different ones are needed");
+    refused("[gyro]\nstuck_axes = [\"x\", \"w\"]\n", "mine:2:20: axis \"w\" is not one of x, y, z");
+    refused(
+        "[reboot]\non = \"dram\"\n",
+        "mine:2:6: \"dram\" is not one of power, identity, cpu, timers, internal-ram, sdram, spi-flash, \
+         internal-flash, imu, gnss, ad, io, spi, sci",
+    );
+    refused(
+        "[gyro]\nbias_stability_dph = 3.0\n",
+        "mine:2:22: bias_stability and bias_repeatability belong together: the noise follows from both",
+    );
+    refused("[internal_ram]\nstuck_data_line = { line = 16, level = 0 }\n", "mine:2:28: line 16 is not in 0 to 15");
+    let unknown = Personality::from_toml("mine", "[timers]\n\nspeed = 3\n").unwrap_err();
+    assert_eq!((unknown.line, unknown.column), (3, 1));
+    assert!(unknown.message.contains("unknown field `speed`"), "{unknown}");
+    let syntax = Personality::from_toml("mine", "[timers\n").unwrap_err();
+    assert_eq!(syntax.line, 1);
+}
+
+#[test]
+fn units_in_names_are_those_of_the_sensor() {
+    for text in ["[accel]\noffset_g = [0.0, 0.0, 0.025]\n", "[gyro]\noffset_dps = [1, 0, 0]\n"] {
+        assert!(Personality::from_toml("mine", text).is_ok(), "{text}");
+    }
+}

@@ -1,0 +1,281 @@
+//! Sensors against the truth computed another way, and against the published noise figures.
+
+use gnc_protocol::message::{AdRead, StreamStart, StreamStop};
+use gnc_protocol::stream::ImuSample;
+use gnc_protocol::wire::Wire;
+use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadModel};
+use hw_mocks::world::{Influence, Site, World, attitude};
+use hw_mocks::{Axis, Sign};
+use nalgebra::Vector3;
+
+use crate::host::Host;
+
+const G: f64 = 9.80665;
+
+/// Gravity by the international formula of 1980 and the free-air gradient: another formula than the world's, good to
+/// 1e-6 at such heights.
+fn gravity_1980(latitude_deg: f64, height_m: f64) -> f64 {
+    let latitude = latitude_deg.to_radians();
+    let sea = 9.780_327 * (1.0 + 0.005_302_4 * latitude.sin().powi(2) - 0.000_005_8 * (2.0 * latitude).sin().powi(2));
+    sea - 3.085e-6 * height_m
+}
+
+#[test]
+fn gravity_agrees_with_the_international_formula() {
+    for (latitude_deg, height_m) in [(0.0, 0.0), (34.2321, 412.0), (-52.0, 30.0), (90.0, 1000.0)] {
+        let site = Site { latitude_deg, height_m, ..Site::default() };
+        assert!((site.gravity() / gravity_1980(latitude_deg, height_m) - 1.0).abs() < 2e-6);
+    }
+}
+
+/// With Z up, X at a heading clockwise from north: earth rate is 15.041 deg/h cos(lat) along north, sin(lat) up; the
+/// field's north component shows on X as cos(heading).
+#[test]
+fn attitude_resolves_earth_rate_gravity_and_field() {
+    let mut world = World::new(Site::default(), std::time::Duration::from_secs(1_795_329_015), 23.0);
+    let latitude = world.site.latitude_deg.to_radians();
+    let (north_dph, up_dph) = (15.041_07 * latitude.cos(), 15.041_07 * latitude.sin());
+    for heading_deg in [0.0, 90.0, 200.0] {
+        world.set_heading_deg(heading_deg);
+        let seen = world.influence(0.0);
+        let heading = f64::to_radians(heading_deg);
+        let rate_dph = seen.rate_rps.map(f64::to_degrees) * 3600.0;
+        // Y is 90 deg to the left of X when Z is up.
+        let expected = Vector3::new(north_dph * heading.cos(), north_dph * heading.sin(), up_dph);
+        assert!((rate_dph - expected).norm() < 1e-3, "{heading_deg}: {rate_dph} {expected}");
+        assert!((seen.force - Vector3::new(0.0, 0.0, world.site.gravity())).norm() < 1e-9);
+        let [north, east, down] = world.site.field_ned_gauss;
+        let x = north * heading.cos() + east * heading.sin();
+        let y = north * heading.sin() - east * heading.cos();
+        assert!((seen.field_gauss - Vector3::new(x, y, -down)).norm() < 1e-12);
+    }
+    for axis in Axis::ALL {
+        for sign in [Sign::Plus, Sign::Minus] {
+            let rotation = attitude(axis, sign, 77.0);
+            let matrix = rotation.matrix();
+            assert!((matrix.determinant() - 1.0).abs() < 1e-12 && (matrix * matrix.transpose()).trace() - 3.0 < 1e-12);
+            let up = rotation * Vector3::z();
+            assert!((up[axis.index()] - sign.factor()).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn turning_right_handed_reads_positive_and_turns_the_field_back() {
+    let mut world = World::new(Site::default(), std::time::Duration::ZERO, 23.0);
+    world.set_turn(Axis::Z, 30.0, 1.0);
+    let seen = world.influence(4.0);
+    assert!((seen.rate_rps.z.to_degrees() - 30.0).abs() < 0.01);
+    // After 3 s at 30 deg/s X points west: the north field is on -Y.
+    let [north, east, _] = world.site.field_ned_gauss;
+    assert!((seen.field_gauss - Vector3::new(-east, -north, seen.field_gauss.z)).norm() < 1e-9, "{}", seen.field_gauss);
+}
+
+fn imu(host: &mut Host, rate_hz: u16, count: u32) -> Vec<ImuSample> {
+    host.frames.clear();
+    host.ask(&StreamStart { stream: 1, rate_hz, count, samples_per_frame: 0 });
+    let mut samples = Vec::new();
+    while samples.len() < count as usize {
+        host.run_until(|frame| frame.header.kind == gnc_protocol::Kind::Stream);
+        samples.clear();
+        for frame in host.streamed(1) {
+            assert_eq!((frame.head.first as usize, frame.head.dropped), (samples.len(), 0));
+            samples.extend(frame.samples.chunks(40).map(|bytes| ImuSample::from_payload(bytes).unwrap()));
+        }
+    }
+    let stopped = host.ask(&StreamStop { stream: 1 });
+    assert_eq!((stopped.produced, stopped.dropped), (count, 0));
+    samples
+}
+
+fn mean_and_deviation(samples: &[ImuSample], pick: impl Fn(&ImuSample) -> i32) -> (f64, f64) {
+    let count = samples.len() as f64;
+    let mean = samples.iter().map(|s| f64::from(pick(s))).sum::<f64>() / count;
+    let variance = samples.iter().map(|s| (f64::from(pick(s)) - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (mean, variance.sqrt())
+}
+
+/// `N = M f + b` written out by hand for the published conventions, with the model's numbers and the truth.
+#[test]
+fn sensors_at_rest_read_the_truth_within_their_noise() {
+    let mut host = Host::powered("good");
+    host.bench.set_axis_up(Axis::X, Sign::Minus);
+    host.bench.set_heading_deg(123.0);
+    let samples = imu(&mut host, 200, 4000);
+    let truth = host.bench.truth();
+    let force_g = truth.influence.force / G;
+    let rate_dps = truth.influence.rate_rps.map(f64::to_degrees);
+    assert!((force_g.x + gravity_1980(34.2321, 412.0) / G).abs() < 1e-5);
+    for axis in 0..3 {
+        let row =
+            |matrix: &nalgebra::Matrix3<f64>, v: &Vector3<f64>| (0..3).map(|j| matrix[(axis, j)] * v[j]).sum::<f64>();
+        let models = &truth.sensors;
+        let gyro = row(&models.gyro.response, &rate_dps) + models.gyro.bias[axis] + row(&models.gyro_per_g, &force_g);
+        let (mean, deviation) = mean_and_deviation(&samples, |s| s.gyro[axis]);
+        // Bounds: five deviations of the slow bias (4 deg/h) and of the white noise's mean, and the temperature.
+        assert!((mean / 20_000.0 - gyro).abs() < 5.0 * 0.0012 + 0.004, "gyro {axis}: {} {gyro}", mean / 20_000.0);
+        // 9 deg/h sqrt(s) at 200 Hz is 0.0354 deg/s.
+        assert!((deviation / 20_000.0 / 0.035_36 - 1.0).abs() < 0.06, "gyro {axis}: {deviation}");
+        let accel = row(&models.accel.response, &force_g) + models.accel.bias[axis];
+        let (mean, deviation) = mean_and_deviation(&samples, |s| s.accel[axis]);
+        assert!((mean / 160_000.0 - accel).abs() < 5.0 * 0.3e-3, "accel {axis}: {} {accel}", mean / 160_000.0);
+        assert!((deviation / 160_000.0 / 1.414e-3 - 1.0).abs() < 0.06, "accel {axis}: {deviation}");
+        let mag = row(&models.mag.response, &truth.influence.field_gauss) + models.mag.bias[axis];
+        let (mean, deviation) = mean_and_deviation(&samples, |s| s.mag[axis]);
+        assert!((mean / 1.25e6 - mag).abs() < 5e-6, "mag {axis}: {} {mag}", mean / 1.25e6);
+        assert!((deviation / 1.25e6 / 60e-6 - 1.0).abs() < 0.06, "mag {axis}: {deviation}");
+    }
+    let temperature = f64::from(samples[0].gyro_temperature) / 100.0;
+    assert!((23.0..24.5).contains(&temperature), "{temperature}");
+}
+
+/// White noise from first differences (Allan deviation at one sample), which drifts cannot raise: it grows with the
+/// root of the rate.
+#[test]
+fn white_noise_follows_the_density_at_every_rate() {
+    let mut host = Host::powered("good");
+    for (rate_hz, count) in [(50, 4000), (1000, 8000)] {
+        let samples = imu(&mut host, rate_hz, count);
+        let sum: f64 = samples.windows(2).map(|pair| f64::from(pair[1].accel[1] - pair[0].accel[1]).powi(2)).sum();
+        let allan_g = (sum / (2.0 * f64::from(count - 1))).sqrt() / 160_000.0;
+        let expected_g = 0.1e-3 * f64::from(rate_hz).sqrt();
+        assert!((allan_g / expected_g - 1.0).abs() < 0.05, "{rate_hz} Hz: {allan_g} {expected_g}");
+    }
+}
+
+fn still() -> Influence {
+    Influence {
+        rate_rps: Vector3::zeros(),
+        force: Vector3::new(0.0, 0.0, G),
+        field_gauss: Vector3::zeros(),
+        temperature_c: 25.0,
+    }
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (values.len() as f64 - 1.0)).sqrt()
+}
+
+fn models(stability_dph: f64, repeatability_dph: f64, stability_mg: f64, repeatability_mg: f64) -> SensorModels {
+    SensorModels {
+        gyro: TriadModel::gyroscopes(stability_dph, repeatability_dph),
+        accel: TriadModel::accelerometers(stability_mg, repeatability_mg),
+        ..SensorModels::default()
+    }
+}
+
+/// The mean over a span of the three gyros (deg/h) and accelerometers (mg), sampled at 20 Hz.
+fn means(sensors: &mut Sensors, from_s: f64, span_s: f64) -> [f64; 6] {
+    let count = (span_s * 20.0) as u32;
+    let mut sums = [0.0; 6];
+    for index in 1..=count {
+        let sample = sensors.sample(&still(), from_s + f64::from(index) / 20.0, 20.0);
+        for axis in 0..3 {
+            sums[axis] += f64::from(sample.gyro[axis]) / 20_000.0 * 3600.0;
+            sums[axis + 3] += f64::from(sample.accel[axis]) / 160_000.0 * 1000.0;
+        }
+    }
+    sums.map(|sum| sum / f64::from(count))
+}
+
+/// An hour of 10 s means has the published deviation. Three axes, 360 means each: the estimate scatters by 3 %, and
+/// by the slow bias's correlation a little more.
+#[test]
+fn an_hour_has_the_published_bias_stability() {
+    for (number, (gyro, accel)) in [
+        (1, (4.5995, 0.2423)),
+        (2, (9.1226, 0.0769)),
+        (3, (7.1639, 0.0984)),
+        (4, (3.5815, 0.1241)),
+        (5, (8.2676, 0.0891)),
+    ] {
+        let mut sensors = Sensors::new(models(gyro, 1.0, accel, 0.01), SensorFaults::default(), number);
+        let blocks: Vec<[f64; 6]> = (0..360).map(|k| means(&mut sensors, f64::from(k) * 10.0, 10.0)).collect();
+        let of = |axis: usize| deviation(&blocks.iter().map(|block| block[axis]).collect::<Vec<_>>());
+        let root_mean = |from: usize| ((from..from + 3).map(|axis| of(axis).powi(2)).sum::<f64>() / 3.0).sqrt();
+        assert!((root_mean(0) / gyro - 1.0).abs() < 0.1, "module {number}: {} deg/h", root_mean(0));
+        assert!((root_mean(3) / accel - 1.0).abs() < 0.1, "module {number}: {} mg", root_mean(3));
+    }
+}
+
+/// Forty power cycles of 10 min: the estimate over three axes scatters by 7 %.
+#[test]
+fn power_cycles_have_the_published_bias_repeatability() {
+    for (number, gyro, accel) in [(1, (4.5995, 1.2403), (0.2423, 0.0726)), (4, (3.5815, 4.7739), (0.1241, 0.0286))] {
+        let mut sensors = Sensors::new(models(gyro.0, gyro.1, accel.0, accel.1), SensorFaults::default(), number);
+        let mut cycles = Vec::new();
+        for cycle in 0..40 {
+            sensors.power_on();
+            cycles.push(means(&mut sensors, f64::from(cycle) * 1200.0, 600.0));
+        }
+        let of = |axis: usize| deviation(&cycles.iter().map(|block| block[axis]).collect::<Vec<_>>());
+        let root_mean = |from: usize| ((from..from + 3).map(|axis| of(axis).powi(2)).sum::<f64>() / 3.0).sqrt();
+        assert!((root_mean(0) / gyro.1 - 1.0).abs() < 0.25, "module {number}: {} deg/h", root_mean(0));
+        assert!((root_mean(3) / accel.1 - 1.0).abs() < 0.25, "module {number}: {} mg", root_mean(3));
+    }
+}
+
+#[test]
+fn codes_saturate_at_24_bits() {
+    let mut sensors = Sensors::new(SensorModels::default(), SensorFaults::default(), 3);
+    let fast = Influence { rate_rps: Vector3::new(10.0, -10.0, 0.0), ..still() };
+    let sample = sensors.sample(&fast, 1.0, 200.0);
+    assert_eq!((sample.gyro[0], sample.gyro[1]), (8_388_607, -8_388_608));
+}
+
+#[test]
+fn the_seed_alone_decides_the_samples() {
+    let take = |seed| {
+        let mut sensors = Sensors::new(SensorModels::default(), SensorFaults::default(), seed);
+        sensors.power_on();
+        (1..50).map(|k| sensors.sample(&still(), f64::from(k) * 0.005, 200.0)).collect::<Vec<_>>()
+    };
+    assert_eq!(take(8), take(8));
+    assert_ne!(take(8), take(9));
+}
+
+#[test]
+fn faults_sit_in_the_axis_they_name() {
+    let stuck = imu(&mut Host::powered("gyro-stuck"), 200, 100);
+    assert!(stuck.iter().all(|s| s.gyro[0] == stuck[0].gyro[0]));
+    assert!(stuck.iter().any(|s| s.gyro[1] != stuck[0].gyro[1]));
+    let good = imu(&mut Host::powered("good"), 200, 100);
+    assert_eq!(good.iter().map(|s| s.gyro[1]).collect::<Vec<_>>(), stuck.iter().map(|s| s.gyro[1]).collect::<Vec<_>>());
+    let saturated = imu(&mut Host::powered("accel-saturated"), 200, 20);
+    assert!(saturated.iter().all(|s| s.accel[2] == 8_388_607));
+    let dead = imu(&mut Host::powered("gyro-dead"), 200, 20);
+    assert!(dead.iter().all(|s| s.gyro[1] == 0));
+}
+
+/// 2.5 V at zero, 0.35 V per gauss of what the sensor sees; converter errors below 1 mV.
+#[test]
+fn ad_reads_the_magnetometer_and_the_switches() {
+    let mut host = Host::powered("good");
+    host.bench.set_heading_deg(40.0);
+    let truth = host.bench.truth();
+    let seen = truth.sensors.mag.response * truth.influence.field_gauss + truth.sensors.mag.bias;
+    let volts = |host: &mut Host| {
+        let reply = host.ask(&AdRead { channels: 0xff, samples: 100 });
+        assert_eq!(reply.channels.iter().map(|c| c.channel).collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6, 7, 8]);
+        reply.channels.iter().map(|c| f64::from(c.mean_uv) * 1e-6).collect::<Vec<_>>()
+    };
+    let off = volts(&mut host);
+    for axis in 0..3 {
+        assert!((off[axis] - 2.5 - 0.35 * seen[axis]).abs() < 1e-3);
+    }
+    assert!(off[3..].iter().all(|v| (v - 2.0).abs() < 0.04), "{off:?}");
+    for (index, nominal_v) in [5.0, 3.3, 1.2, 0.0, 0.0].into_iter().enumerate() {
+        host.bench.set_switch(index as u8 + 1, true);
+        let on = volts(&mut host);
+        assert!((on[index + 3] - nominal_v).abs() < 0.05, "switch {}: {on:?}", index + 1);
+        host.bench.set_switch(index as u8 + 1, false);
+        assert!((volts(&mut host)[index + 3] - 2.0).abs() < 0.04);
+    }
+    let mut unwired = Host::powered("dip-unwired");
+    unwired.bench.set_switch(2, true);
+    assert!((volts(&mut unwired)[4] - 2.0).abs() < 0.04);
+    let mut low = Host::powered("rail-low");
+    low.bench.set_switch(2, true);
+    assert!((volts(&mut low)[4] - 2.9).abs() < 0.002);
+}

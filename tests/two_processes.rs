@@ -1,0 +1,130 @@
+//! Station and board as two programs with only a pseudo-terminal between them.
+
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use gnc_tests::{Place, bad_items, functional_plan};
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
+/// All items that need nobody at the bench and no sky over simulated minutes.
+const ITEMS: &str = "identity,cpu,timers,internal-ram,sdram,spi-flash,internal-flash,imu,io,spi,sci,gnss";
+
+/// The board as a program; ended with the test.
+struct Board {
+    child: Child,
+    stdin: ChildStdin,
+    stdout: BufReader<ChildStdout>,
+    port: String,
+}
+
+impl Board {
+    fn start(args: &[&str]) -> Self {
+        let mut child = Command::new(MOCK)
+            .args(args)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the board");
+        let stdin = child.stdin.take().expect("its input");
+        let mut line = String::new();
+        let mut stdout = BufReader::new(child.stdout.take().expect("its output"));
+        stdout.read_line(&mut line).expect("its first line");
+        let port = line.strip_prefix("port ").expect("port PATH").trim().to_owned();
+        Self { child, stdin, stdout, port }
+    }
+
+    /// Types a command and waits until it is done.
+    fn command(&mut self, command: &str) {
+        writeln!(self.stdin, "{command}").expect("alive");
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).expect("its answer");
+        assert_eq!(line.trim(), "ok", "{command}");
+    }
+
+    fn bench_file(&self) -> String {
+        format!("[station]\nid = \"two\"\n[socket]\nport = \"{}\"\n", self.port)
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn args(only: &str) -> Vec<String> {
+    let plan = functional_plan();
+    let args = ["--auto", &plan.to_string_lossy(), "--serial-number", "SIM-0001", "--only", only];
+    args.map(str::to_owned).to_vec()
+}
+
+#[test]
+fn a_station_tests_a_board_in_another_process() {
+    let board = Board::start(&["--serial-number", "SIM-0001", "--speed", "max"]);
+    let place = Place::new(STATION);
+    // The plan's limits on the antenna's place need the site.
+    let site = "[site]\nlatitude = \"34.2321 deg\"\nlongitude = \"108.9154 deg\"\nheight = \"412 m\"\n";
+    place.write("bench.toml", &format!("{}{site}", board.bench_file()));
+    for run in 1..=2 {
+        let outcome = place.run(args(ITEMS));
+        assert_eq!(outcome.code, Some(0), "run {run}: {}{}", outcome.stdout, outcome.stderr);
+    }
+    let record = gnc_tests::read_json(&place.runs()[0].join("run.json"));
+    assert_eq!(record["bench"]["kind"], "real", "the station does not know what stands behind a port");
+    assert_eq!(record["bench"]["port"], board.port.as_str());
+    assert_eq!(record["station"], "two");
+}
+
+/// What somebody does at the bench reaches the module, and through it the measurements.
+#[test]
+fn commands_turn_the_module() {
+    let mut board = Board::start(&["--serial-number", "SIM-0001", "--speed", "max"]);
+    board.command("up x+");
+    let place = Place::new(STATION);
+    place.write("bench.toml", &board.bench_file());
+    let outcome = place.run(args("imu"));
+    assert_eq!(outcome.code, Some(1), "{}{}", outcome.stdout, outcome.stderr);
+    let record = place.record();
+    assert_eq!(bad_items(&record), ["imu"]);
+    let items = record["items"].as_array().expect("items");
+    let imu = items.iter().find(|item| item["id"] == "imu").expect("imu");
+    let measurements = imu["attempts"][0]["measurements"].as_array().expect("measurements");
+    let value = |name: &str| {
+        let found = measurements.iter().find(|measurement| measurement["name"] == name).expect("measured");
+        found["value"].as_f64().expect("a number")
+    };
+    assert!((value("accel_x") - 1.0).abs() < 0.05 && value("accel_z").abs() < 0.05, "{measurements:?}");
+}
+
+/// The board's program dies in mid-run, as an adapter does that is pulled: the run is errored, not failed, and says so.
+#[test]
+fn a_port_that_vanishes_is_the_bench_s_fault() {
+    let mut board = Board::start(&["--serial-number", "SIM-0001"]);
+    let place = Place::new(STATION);
+    place.write("bench.toml", &board.bench_file());
+    let mut args = args("identity,cpu,sdram,io");
+    args.push("--events".into());
+    let mut station = place.station(args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the station");
+    let mut lines = BufReader::new(station.stdout.take().expect("its output")).lines();
+    let reached = lines.by_ref().any(|line| line.expect("a line").contains(r#""kind":"item_started","item":"sdram""#));
+    assert!(reached, "the SDRAM test begins");
+    board.child.kill().expect("alive");
+    lines.for_each(drop);
+    assert_eq!(station.wait().expect("its end").code(), Some(3));
+    let record = place.record();
+    assert_eq!(record["outcome"], "errored");
+    let outcome = |id: &str| {
+        let items = record["items"].as_array().into_iter().flatten();
+        items.filter(|item| item["id"] == id).map(|item| item["outcome"].clone()).next()
+    };
+    assert_eq!(outcome("cpu"), Some("passed".into()));
+    assert_eq!(outcome("sdram"), Some("errored".into()));
+    assert_eq!(outcome("io"), Some("not_run".into()));
+    let error = record["items"][4]["attempts"][0]["error"]["text"].as_str().expect("an error").to_owned();
+    assert!(error.contains("the port is gone"), "{error}");
+}
