@@ -147,7 +147,7 @@ impl Source {
     /// Too many bytes, or bytes that are not UTF-8.
     pub(crate) fn new(name: &str, bytes: Vec<u8>, max_bytes: usize) -> Result<Self, Mistakes> {
         if bytes.len() > max_bytes {
-            let what = format!("{} has {} bytes, and at most {max_bytes} are read", quoted(name), bytes.len());
+            let what = format!("{} has more than {max_bytes} bytes", quoted(name));
             return Err(Mistakes::one(Mistake::nowhere(what, "is this the right file?")));
         }
         match String::from_utf8(bytes) {

@@ -7,15 +7,16 @@ mod face;
 
 use std::process::ExitCode;
 use std::sync::mpsc;
+use std::time::Instant;
 
 use chrono::Local;
 use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
 use gnc_executive::job::Job;
 use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::Plan;
+use gnc_executive::plan::{OnFail, Plan};
 use tokio::sync::watch;
 
-use crate::cli::{RunArgs, complain, refuse};
+use crate::cli::{OnFailArg, RunArgs, complain, refuse};
 use crate::files;
 use crate::runner::journal::Journal;
 use crate::runner::{self, Live, Order, chain};
@@ -65,7 +66,12 @@ impl Refusal {
 fn prepare(args: &RunArgs) -> Result<(Plan, Setup, String), Refusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
     let path = args.auto.as_deref().unwrap_or_else(|| std::path::Path::new(""));
-    let plan = files::plan(path)?;
+    let mut plan = files::plan(path)?;
+    match args.on_fail {
+        Some(OnFailArg::Stop) => plan.on_fail = OnFail::Stop,
+        Some(OnFailArg::Continue) => plan.on_fail = OnFail::Continue,
+        None => {}
+    }
     let setup = setup::from_args(args, &serial_number)?;
     Ok((plan, setup, serial_number))
 }
@@ -107,16 +113,36 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
     };
     // The simulated bench ends with this scope.
     let _simulation = setup.simulation;
+    let began = Instant::now();
     let mut worst = None;
-    for round in 1..=args.loops {
-        order.header.looped = (args.loops > 1).then_some(Loop { index: round, count: Some(args.loops) });
+    let mut ends = Vec::new();
+    for round in 1.. {
+        let count = args.until.is_none().then_some(args.loops);
+        let looped = args.until.is_some() || args.loops > 1;
+        order.header.looped = looped.then_some(Loop { index: round, count });
         let outcome = one_round(args, &order, plan, &setup.records, &stop).await?;
         worst = Outcome::worst([Some(outcome), worst].into_iter().flatten());
-        if stop.asked().times > 0 {
+        ends.push(outcome);
+        let enough = match args.until {
+            Some(time) => began.elapsed() >= time,
+            None => round >= args.loops,
+        };
+        let bad = !outcome.is_good() && args.on_fail == Some(OnFailArg::Stop);
+        if enough || bad || stop.asked().times > 0 {
             break;
         }
     }
+    if ends.len() > 1 {
+        face::say(args.events, &format!("{} rounds: {}", ends.len(), counts(&ends)));
+    }
     Ok(worst.unwrap_or(Outcome::Errored))
+}
+
+/// "7 passed, 1 failed".
+fn counts(ends: &[Outcome]) -> String {
+    let count = |outcome: &Outcome| ends.iter().filter(|end| *end == outcome).count();
+    let present = Outcome::ALL.iter().filter(|outcome| count(outcome) > 0);
+    present.map(|outcome| format!("{} {outcome}", count(outcome))).collect::<Vec<_>>().join(", ")
 }
 
 async fn one_round(

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use gnc_executive::quantity::{Quantity, Unit};
 
 /// Exit code for a mistake on the command line or in a plan.
 pub const USAGE: u8 = 2;
@@ -115,12 +116,33 @@ pub struct RunArgs {
     /// Runs the plan so many times, each with a record of its own.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub loops: u32,
+    /// Runs the plan again and again until this time is over ("2 h", "30 min"); a round under way is finished.
+    #[arg(long, value_name = "TIME", conflicts_with = "loops", value_parser = parse_time)]
+    pub until: Option<std::time::Duration>,
+    /// Whether a bad item ends the run and its loop, whatever the plan says.
+    #[arg(long, value_name = "stop|continue")]
+    pub on_fail: Option<OnFailArg>,
     /// Runs one item after the other, also where the plan's items could run at once.
     #[arg(long)]
     pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
     #[arg(long)]
     pub events: bool,
+}
+
+/// What a bad item means for the rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum OnFailArg {
+    /// The rest is skipped.
+    Stop,
+    /// The rest is run.
+    Continue,
+}
+
+fn parse_time(text: &str) -> Result<std::time::Duration, String> {
+    let time = Quantity::parse(text).map_err(|error| format!("{error}; {}", error.hint()))?;
+    let seconds = time.in_unit(Unit::Second).ok_or_else(|| "it is no time; write 2 h, 30 min or 90 s".to_owned())?;
+    std::time::Duration::try_from_secs_f64(seconds).map_err(|_| "it is no time that can pass".to_owned())
 }
 
 /// Runs the program.

@@ -421,7 +421,7 @@ fn what_is_no_plan_at_all() {
        | ^
        = try: begin each item with a line [[item]]
 
-    "pl\u{1b}an.toml" has 4194305 bytes, and at most 4194304 are read
+    "pl\u{1b}an.toml" has more than 4194304 bytes
       try: is this the right file?
 
     pl\u{1b}an.toml:2:12: byte 0xff is not UTF-8

@@ -184,16 +184,20 @@ impl Writer {
         }
     }
 
-    /// A terminal that is gone is no reason to stop the test.
     fn write(&self, text: &str) {
-        if self.events_to_stdout {
-            let mut out = io::stderr().lock();
-            let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        } else {
-            let mut out = io::stdout().lock();
-            let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        }
+        write(self.events_to_stdout, text);
     }
+}
+
+/// A line for people, where no run is shown.
+pub(super) fn say(events_to_stdout: bool, line: &str) {
+    write(events_to_stdout, &format!("{line}\n"));
+}
+
+/// A terminal that is gone is no reason to stop the test.
+fn write(events_to_stdout: bool, text: &str) {
+    let mut out: Box<dyn Write> = if events_to_stdout { Box::new(io::stderr()) } else { Box::new(io::stdout()) };
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
 /// An item that runs, with a bar or a share where its length is known.

@@ -39,10 +39,12 @@ pub enum OpenError {
         port: PathBuf,
     },
     /// Another program holds it.
-    #[error("port {} is in use by another program", port.display())]
+    #[error("port {} is in use by {}", port.display(), holder.as_deref().unwrap_or("another program"))]
     Busy {
         /// The port.
         port: PathBuf,
+        /// Who holds it, if the system lets us see that.
+        holder: Option<String>,
     },
     /// The user may not open it.
     #[error("no permission to open port {}", port.display())]
@@ -82,7 +84,7 @@ impl OpenError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Missing { .. } => "is the adapter plugged in? `gnc-station ports` lists what is there",
-            Self::Busy { .. } => "end the other program (`fuser` with the port's name shows it) and start again",
+            Self::Busy { .. } => "wait for it or end it, then start again",
             Self::Denied { .. } => "add the user to the group of the port (often `dialout`) and log in again",
             Self::NotAPort { .. } => "check [socket] port in the bench file; `gnc-station ports` lists what is there",
             Self::Rate { .. } => "choose a rate in the bench file that the adapter can produce",
@@ -113,10 +115,10 @@ fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
     match source.kind() {
         ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing { port },
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError::Denied { port },
-        ErrorKind::Io(io::ErrorKind::ResourceBusy | io::ErrorKind::WouldBlock) => OpenError::Busy { port },
+        ErrorKind::Io(io::ErrorKind::ResourceBusy | io::ErrorKind::WouldBlock) => busy(port),
         ErrorKind::NoDevice => match std::fs::metadata(&port) {
             Err(_) => OpenError::Missing { port },
-            Ok(_) => OpenError::Busy { port },
+            Ok(_) => busy(port),
         },
         // The crate keeps no error number, only its text.
         _ if source.description == Errno::ENOTTY.desc()
@@ -126,6 +128,25 @@ fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
         }
         _ => OpenError::System { port, source },
     }
+}
+
+fn busy(port: PathBuf) -> OpenError {
+    let holder = holder(&port);
+    OpenError::Busy { port, holder }
+}
+
+/// Name and number of the process that has locked the port, from the kernel's list of locks.
+fn holder(port: &Path) -> Option<String> {
+    use std::os::unix::fs::MetadataExt as _;
+    let file = std::fs::metadata(port).ok()?;
+    let (major, minor) = (nix::sys::stat::major(file.dev()), nix::sys::stat::minor(file.dev()));
+    let wanted = format!("{major:02x}:{minor:02x}:{}", file.ino());
+    let locks = std::fs::read_to_string("/proc/locks").ok()?;
+    // 1: FLOCK  ADVISORY  WRITE 1234 00:16:3 0 EOF
+    let holds = |line: &&str| line.contains(" FLOCK ") && line.split_whitespace().any(|word| word == wanted);
+    let number = locks.lines().find(holds)?.split_whitespace().nth(4)?;
+    let name = std::fs::read_to_string(format!("/proc/{number}/comm")).unwrap_or_default();
+    Some(format!("{} (process {number})", gnc_executive::printable::printable(name.trim())))
 }
 
 fn is_device(meta: &std::fs::Metadata) -> bool {
