@@ -9,12 +9,16 @@ use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
+use gnc_protocol::can::CanFrame;
 use gnc_protocol::frame::Frame;
-use gnc_protocol::serial::{Decoder, WireBytes, encode};
+use gnc_protocol::message::{HostHello, MAGIC};
+use gnc_protocol::serial::{Decoder, encode};
 use gnc_protocol::slave::{Board, Slave};
+use gnc_protocol::wire::Wire;
 use nalgebra::Matrix3;
 
 use crate::board::SimulatedBoard;
+use crate::can::{CanBus, Heard};
 use crate::devices::inertial::SensorModels;
 use crate::line::Line;
 use crate::noise::{Dice, Source};
@@ -116,16 +120,31 @@ struct Sleeper {
     done: Sender<()>,
 }
 
+/// The ways by which a host reaches the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Port {
+    Serial,
+    Can,
+}
+
 /// The simulated bench as a state machine.
 #[derive(Debug)]
 pub struct Bench {
+    /// The board's end of the conversation on RS-422.
     slave: Slave,
+    /// The same on CAN. A HELLO on one link ends the session on the other.
+    can_slave: Slave,
+    /// Where the last HELLO came.
+    session_on: Port,
+    can: CanBus,
+    /// The host's CAN adapter holds frames that it could not hand on yet.
+    pub(crate) can_held: bool,
     board: SimulatedBoard,
     decoder: Decoder,
     incoming: Line,
     outgoing: Line,
     /// Answers of a board that is late with them.
-    late: VecDeque<(Duration, WireBytes)>,
+    late: VecDeque<(Duration, Port, Frame)>,
     sleepers: Vec<Sleeper>,
     speed: Speed,
     wire: WireFaults,
@@ -139,12 +158,16 @@ impl Bench {
         let world = World::new(options.site, options.utc_start, options.ambient_c);
         let serial_number = options.serial_number.as_deref().unwrap_or("SIM-0001");
         // A line of a bench that runs N times as fast carries N times as much, or its streams would not fit.
-        let pace = match options.speed {
-            Speed::Times(times) => Some(f64::from(options.rate_baud) * times.max(1.0)),
-            Speed::Max => None,
+        let (pace, can_pace) = match options.speed {
+            Speed::Times(times) => (Some(f64::from(options.rate_baud) * times.max(1.0)), Some(times)),
+            Speed::Max => (None, None),
         };
         Self {
             slave: Slave::default(),
+            can_slave: Slave::default(),
+            session_on: Port::Serial,
+            can_held: false,
+            can: CanBus::new(can_pace, options.personality.model.wire.can_lose_every),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             decoder: Decoder::default(),
             incoming: Line::new(pace),
@@ -180,11 +203,30 @@ impl Bench {
         self.outgoing.consume(count);
     }
 
+    /// How many frames [`Bench::receive_can`] takes now.
+    #[must_use]
+    pub fn can_room(&self) -> usize {
+        self.can.room()
+    }
+
+    /// A frame from the host's CAN adapter.
+    pub fn receive_can(&mut self, frame: CanFrame) {
+        self.can.push(frame);
+    }
+
+    /// The next frame that the host's CAN adapter took off the bus.
+    pub fn output_can(&mut self) -> Option<CanFrame> {
+        self.can.pop()
+    }
+
     /// Lets link time pass up to `now`.
     pub fn advance(&mut self, now: Duration) {
         // Time first: what a request starts, starts now and not at the last look.
         if let Speed::Times(times) = self.speed {
-            self.board.line_full = self.outgoing.len() > SAMPLES_WAIT;
+            self.board.line_full = match self.session_on {
+                Port::Serial => self.outgoing.len() > SAMPLES_WAIT,
+                Port::Can => self.can.is_full(),
+            };
             let now_ns = (now.as_nanos() as f64 * times) as u64;
             // A computer too slow to run a memory test at this speed still hears the host and answers in link time:
             // the board's clock falls behind instead, until the test has ended.
@@ -193,6 +235,7 @@ impl Bench {
             self.after_time();
         }
         self.hear(now);
+        self.run_bus(now);
         if self.speed == Speed::Max
             && self.can_step()
             && let Some(next_ns) = self.next_ns()
@@ -201,6 +244,7 @@ impl Bench {
             self.after_time();
         }
         self.speak(now);
+        self.run_bus(now);
         self.wake_sleepers();
     }
 
@@ -211,10 +255,11 @@ impl Bench {
             Speed::Times(times) => self.next_ns().map(|ns| Duration::from_nanos((ns as f64 / times).ceil() as u64)),
             Speed::Max => (self.can_step() && self.next_ns().is_some()).then_some(now),
         };
-        let talk = (!self.wire.silent && !self.board.is_booting()).then(|| self.slave.next_due());
-        let late = self.late.front().map(|(due, _)| *due);
+        let talk = (!self.wire.silent && !self.board.is_booting())
+            .then(|| self.slave.next_due().min(self.can_slave.next_due()));
+        let late = self.late.front().map(|(due, ..)| *due);
         let idle = now + Duration::from_secs(1);
-        [events, talk, late, self.incoming.next_due(), self.outgoing.next_due()]
+        [events, talk, late, self.incoming.next_due(), self.outgoing.next_due(), self.can.next_due()]
             .into_iter()
             .flatten()
             .fold(idle, Duration::min)
@@ -280,7 +325,11 @@ impl Bench {
     /// At maximum speed: whether time may move.
     fn can_step(&self) -> bool {
         let pending = self.board.has_work() || !self.sleepers.is_empty();
-        pending && self.outgoing.is_empty() && self.late.is_empty() && self.incoming.is_empty()
+        let said = match self.session_on {
+            Port::Serial => self.outgoing.is_empty() && self.incoming.is_empty(),
+            Port::Can => self.can.is_quiet() && !self.can_held,
+        };
+        pending && said && self.late.is_empty()
     }
 
     /// The next event in bench time.
@@ -297,29 +346,69 @@ impl Bench {
             return;
         }
         let mut rest = bytes.as_slice();
-        let mut answers = Vec::new();
         while let Some(outcome) = self.decoder.next(&mut rest) {
             let Ok(frame) = outcome else { continue };
             if frame.header.kind == gnc_protocol::Kind::Hello {
                 self.decoder.restart_sequence();
             }
-            self.count_link();
-            self.slave.receive(&frame, now, &mut self.board, &mut |answer| answers.push(answer));
+            self.take(Port::Serial, &frame, now);
         }
-        self.send(answers, now);
+    }
+
+    /// Frames pass on the CAN bus: the module sends test frames back, the board hears the rest.
+    fn run_bus(&mut self, now: Duration) {
+        while let Some(heard) = self.can.step(now) {
+            let Heard::FromHost(frame) = heard else { continue };
+            if self.board.is_powered() {
+                self.board.module.can.echo(&frame).for_each(|echo| self.can.echo(echo));
+            }
+            if self.wire.silent || self.board.is_booting() {
+                continue;
+            }
+            if let Some(Ok(frame)) = self.can.understand(&frame, now) {
+                self.take(Port::Can, &frame, now);
+            }
+        }
+    }
+
+    /// A frame of the conversation that came on a link.
+    fn take(&mut self, port: Port, frame: &Frame, now: Duration) {
+        if HostHello::from_payload(&frame.payload).is_ok_and(|hello| hello.magic == MAGIC)
+            && frame.header.kind == gnc_protocol::Kind::Hello
+        {
+            self.session_on = port;
+            self.board.set_carrier(port);
+            match port {
+                Port::Serial => {
+                    self.can_slave.leave();
+                    self.can.drop_samples();
+                }
+                Port::Can => self.slave.leave(),
+            }
+        }
+        self.count_link();
+        let slave = match port {
+            Port::Serial => &mut self.slave,
+            Port::Can => &mut self.can_slave,
+        };
+        let mut answers = Vec::new();
+        slave.receive(frame, now, &mut self.board, &mut |answer| answers.push(answer));
+        self.send(port, answers, now);
     }
 
     /// What became due goes to the host.
     fn speak(&mut self, now: Duration) {
         if !self.wire.silent && !self.board.is_booting() {
-            let mut frames = Vec::new();
+            let (mut frames, mut can_frames) = (Vec::new(), Vec::new());
             self.count_link();
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
-            self.send(frames, now);
+            self.can_slave.tick(now, &mut self.board, &mut |frame| can_frames.push(frame));
+            self.send(Port::Serial, frames, now);
+            self.send(Port::Can, can_frames, now);
         }
-        while self.late.front().is_some_and(|(due, _)| *due <= now) {
-            if let Some((_, bytes)) = self.late.pop_front() {
-                self.transmit(&bytes, now);
+        while self.late.front().is_some_and(|(due, ..)| *due <= now) {
+            if let Some((_, port, frame)) = self.late.pop_front() {
+                self.transmit(port, &frame, now);
             }
         }
     }
@@ -328,6 +417,8 @@ impl Bench {
         if self.board.take_restarted() {
             // What was on its way is cut off in the middle of a frame, as by any reset.
             self.slave = Slave::default();
+            self.can_slave = Slave::default();
+            self.can.restart();
             self.decoder = Decoder::default();
             self.outgoing.clear();
             self.incoming.clear();
@@ -336,29 +427,35 @@ impl Bench {
     }
 
     fn count_link(&mut self) {
-        let counters = self.decoder.counters();
+        let (counters, sent) = match self.session_on {
+            Port::Serial => (self.decoder.counters(), self.slave.sent()),
+            Port::Can => (self.can.counters(), self.can_slave.sent()),
+        };
         let reply = &mut self.board.link_counters;
         (reply.frames, reply.bad_checksum) = (counters.frames, counters.bad_checksum);
         (reply.malformed, reply.missing) = (counters.malformed, counters.missing);
-        reply.sent = self.slave.sent();
+        reply.sent = sent;
     }
 
-    fn send(&mut self, frames: Vec<Frame>, now: Duration) {
+    fn send(&mut self, port: Port, frames: Vec<Frame>, now: Duration) {
         for frame in frames {
-            let bytes = encode(&frame);
             if self.wire.answer_delay_ms > 0.0 {
                 let due = now + Duration::from_secs_f64(self.wire.answer_delay_ms * 1e-3);
-                self.late.push_back((due, bytes));
+                self.late.push_back((due, port, frame));
             } else {
-                self.transmit(&bytes, now);
+                self.transmit(port, &frame, now);
             }
         }
     }
 
-    fn transmit(&mut self, bytes: &[u8], now: Duration) {
+    fn transmit(&mut self, port: Port, frame: &Frame, now: Duration) {
+        if port == Port::Can {
+            return self.can.send(frame);
+        }
+        let bytes = encode(frame);
         if self.outgoing.len() + bytes.len() <= FRAMES_WAIT {
             let share = self.wire.lost_to_host_per_million;
-            let kept = lose(bytes, share, &mut self.line_dice);
+            let kept = lose(&bytes, share, &mut self.line_dice);
             self.outgoing.push(kept, now);
         }
     }

@@ -1,7 +1,8 @@
-//! The simulated bench on a real pseudo-terminal or serial port, served by a thread of its own.
+//! The simulated bench on real ports (a pseudo-terminal or a serial port for RS-422, another pseudo-terminal or an
+//! interface for CAN), served by a thread of its own.
 
 use std::io::{self, Read, Write};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -12,8 +13,9 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
 
+use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
-use crate::port::Port;
+use crate::port::Tty;
 use crate::world::{Axis, Sign};
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
@@ -122,6 +124,7 @@ impl Control {
 #[derive(Debug)]
 pub struct RunningBench {
     port: PathBuf,
+    can_port: String,
     control: Control,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
@@ -132,34 +135,53 @@ impl RunningBench {
     /// # Errors
     /// When the system has no pseudo-terminal or no thread left.
     pub fn start(options: &Options) -> io::Result<Self> {
-        Self::serve(options, Port::pseudo_terminal()?)
+        Self::start_with(options, None)
     }
 
-    /// Serves the bench on a serial port of this computer, at the rate of the options; the host opens the other end
-    /// of the cable.
+    /// As [`RunningBench::start`], with the CAN bus on an interface of the kernel instead of an slcan adapter.
     ///
     /// # Errors
-    /// When it is no port, does not have the rate, or the system has no thread left.
-    pub fn start_on(options: &Options, device: &Path) -> io::Result<Self> {
-        Self::serve(options, Port::device(device, options.rate_baud)?)
+    /// As [`RunningBench::start`]; or there is no such interface.
+    pub fn start_with(options: &Options, interface: Option<&str>) -> io::Result<Self> {
+        Self::serve(options, Tty::pseudo_terminal()?, interface)
     }
 
-    fn serve(options: &Options, Port { end, name, kept_open }: Port) -> io::Result<Self> {
+    /// As [`RunningBench::start_with`], on a serial port of this computer at the rate of the options; the host opens
+    /// the other end of the cable.
+    ///
+    /// # Errors
+    /// As [`RunningBench::start_with`]; or it is no port, or does not have the rate.
+    pub fn start_on(options: &Options, device: &Path, interface: Option<&str>) -> io::Result<Self> {
+        Self::serve(options, Tty::device(device, options.rate_baud)?, interface)
+    }
+
+    fn serve(options: &Options, tty: Tty, interface: Option<&str>) -> io::Result<Self> {
+        let port = tty.name.clone();
+        let can = match interface {
+            Some(interface) => CanPort::socket(interface)?,
+            None => CanPort::slcan()?,
+        };
+        let can_port = can.name(interface);
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let driver =
-            Driver { bench: Bench::new(options), end, _kept_open: kept_open, woken, received, started: Instant::now() };
+        let driver = Driver { bench: Bench::new(options), tty, can, woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
-        Ok(Self { port: name, control, thread: Some(thread) })
+        Ok(Self { port, can_port, control, thread: Some(thread) })
     }
 
     /// The pseudo-terminal that the host opens, or the device that the bench is served on.
     #[must_use]
     pub fn port(&self) -> &Path {
         &self.port
+    }
+
+    /// The CAN adapter or interface that the host opens, as a bench file names it.
+    #[must_use]
+    pub fn can_port(&self) -> &str {
+        &self.can_port
     }
 
     /// The operator's hands.
@@ -181,8 +203,8 @@ impl Drop for RunningBench {
 
 struct Driver {
     bench: Bench,
-    end: OwnedFd,
-    _kept_open: Option<OwnedFd>,
+    tty: Tty,
+    can: CanPort,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
     started: Instant,
@@ -196,9 +218,13 @@ impl Driver {
             }
             let now = self.started.elapsed();
             self.read(now)?;
+            self.can.read(&mut self.bench)?;
+            // What the adapter has not handed on yet was said and has not left: time must not pass by it.
+            self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);
             let full = self.write(now)?;
-            self.wait(full)?;
+            let can_full = self.can.write(&mut self.bench)?;
+            self.wait(full, can_full)?;
         }
     }
 
@@ -231,7 +257,7 @@ impl Driver {
             if room == 0 {
                 return Ok(());
             }
-            match nix::unistd::read(&self.end, &mut buffer[..room]) {
+            match nix::unistd::read(&self.tty.end, &mut buffer[..room]) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                 Ok(count) => self.bench.receive(&buffer[..count], now),
                 Err(Errno::EINTR) => {}
@@ -247,7 +273,7 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            match nix::unistd::write(&self.end, bytes) {
+            match nix::unistd::write(&self.tty.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                 Ok(count) => self.bench.consume(count),
                 Err(Errno::EINTR) => {}
@@ -256,10 +282,10 @@ impl Driver {
         }
     }
 
-    fn wait(&mut self, full: bool) -> io::Result<()> {
+    fn wait(&mut self, full: bool, can_full: bool) -> io::Result<()> {
         let now = self.started.elapsed();
         let until_due = self.bench.next_due(now).saturating_sub(now);
-        let timeout = if full { until_due.clamp(Duration::from_micros(200), FULL_PORT) } else { until_due };
+        let timeout = if full || can_full { until_due.clamp(Duration::from_micros(200), FULL_PORT) } else { until_due };
         let mut wanted = PollFlags::empty();
         if self.bench.room() > 0 {
             wanted |= PollFlags::POLLIN;
@@ -267,7 +293,18 @@ impl Driver {
         if full {
             wanted |= PollFlags::POLLOUT;
         }
-        let mut fds = [PollFd::new(self.end.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        let mut can_wanted = PollFlags::empty();
+        if self.bench.can_room() > 0 {
+            can_wanted |= PollFlags::POLLIN;
+        }
+        if can_full {
+            can_wanted |= PollFlags::POLLOUT;
+        }
+        let mut fds = [
+            PollFd::new(self.tty.end.as_fd(), wanted),
+            PollFd::new(self.can.as_fd(), can_wanted),
+            PollFd::new(self.woken.as_fd(), PollFlags::POLLIN),
+        ];
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),

@@ -8,9 +8,11 @@
 /// The bench file of the simulated bench, as a surveyor and its builder would write it.
 pub const BENCH_FILE: &str = include_str!("bench.toml");
 
+mod adapter;
 pub mod bench;
 pub mod board;
 mod boards;
+mod can;
 pub mod devices;
 pub mod driver;
 mod line;

@@ -4,6 +4,7 @@ use gnc_protocol::message::{IdentityReply, PowerReply, Ram};
 use gnc_protocol::wire::text;
 
 use crate::devices::ad::Ad;
+use crate::devices::can::Can;
 use crate::devices::cpu::Cpu;
 use crate::devices::flash::{FlashMemory, INTERNAL_FLASH, SPI_FLASH};
 use crate::devices::gnss::Receiver;
@@ -64,6 +65,8 @@ pub struct Module {
     pub lines: Lines,
     /// RS-422.
     pub sci: Sci,
+    /// CAN.
+    pub can: Can,
     supply: SupplyModel,
     supply_dice: Dice,
 }
@@ -99,6 +102,7 @@ impl Module {
             ad: Ad::new(rails, model.unwired_switches, seed),
             lines: Lines::new(model.lines.clone()),
             sci: Sci::new(model.sci),
+            can: Can::new(model.can),
             supply: model.supply,
             supply_dice: Dice::new(seed, Source::Supply),
         }
@@ -107,6 +111,7 @@ impl Module {
     /// Power came on at `now_s`.
     pub fn power_on(&mut self, now_s: f64) {
         self.sensors.power_on();
+        self.can.power_on();
         self.gnss.power_on(now_s);
     }
 

@@ -14,7 +14,7 @@ use nix::unistd::ttyname;
 
 /// The board's end of the line, raw and without blocking.
 #[derive(Debug)]
-pub(crate) struct Port {
+pub(crate) struct Tty {
     /// Read and written by the board.
     pub(crate) end: OwnedFd,
     /// What the host opens, or the device itself.
@@ -23,7 +23,7 @@ pub(crate) struct Port {
     pub(crate) kept_open: Option<OwnedFd>,
 }
 
-impl Port {
+impl Tty {
     /// A new pseudo-terminal.
     pub(crate) fn pseudo_terminal() -> io::Result<Self> {
         let pty = openpty(None, None)?;
@@ -54,6 +54,15 @@ impl Port {
         // What the line said before the board was there is nothing to it.
         tcflush(&end, FlushArg::TCIOFLUSH)?;
         Ok(Self { end, name: name.to_owned(), kept_open: None })
+    }
+}
+
+impl Drop for Tty {
+    fn drop(&mut self) {
+        // Closing a serial port waits up to 30 s for bytes that the other end does not take; nobody listens any more.
+        if self.kept_open.is_none() {
+            let _ = tcflush(&self.end, FlushArg::TCOFLUSH);
+        }
     }
 }
 
@@ -90,8 +99,9 @@ mod tests {
     fn a_device_is_raw() {
         let all: Vec<u8> = (0..=255).collect();
         let cable = openpty(None, None).unwrap();
-        let port = Port::device(&ttyname(&cable.slave).unwrap(), 115_200).unwrap();
-        let (mut host, mut board) = (std::fs::File::from(cable.master), std::fs::File::from(port.end));
+        let port = Tty::device(&ttyname(&cable.slave).unwrap(), 115_200).unwrap();
+        let (mut host, mut board) =
+            (std::fs::File::from(cable.master), std::fs::File::from(port.end.try_clone().unwrap()));
         let mut read = vec![0; all.len()];
         host.write_all(&all).unwrap();
         board.read_exact(&mut read).unwrap();
@@ -104,7 +114,7 @@ mod tests {
 
     #[test]
     fn what_is_no_port_or_no_rate_is_refused() {
-        let why = |name: &str, rate_baud| Port::device(Path::new(name), rate_baud).unwrap_err().to_string();
+        let why = |name: &str, rate_baud| Tty::device(Path::new(name), rate_baud).unwrap_err().to_string();
         assert!(why("/dev/null", 115_200).contains("ioctl"), "{}", why("/dev/null", 115_200));
         assert!(why("/dev/does-not-exist", 115_200).contains("No such file"));
         assert!(why("/dev/null", 123_456).contains("not a standard rate"));

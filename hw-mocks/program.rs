@@ -13,7 +13,7 @@ use clap::Parser;
 use nix::sys::signal::{SigSet, Signal};
 
 use crate::bench::{Options, Speed, Truth};
-use crate::driver::{BenchGone, Control, RunningBench};
+use crate::driver::{BenchGone, RunningBench};
 use crate::personality::{Personality, boards};
 use crate::world::{Axis, Sign};
 
@@ -27,6 +27,7 @@ up AXIS           lay the module down: x+ x- y+ y- z+ z-
 turn AXIS DPS     turn steadily about x, y or z, in deg/s
 sleep T s|ms      wait for so much bench time; later commands wait too
 truth             what really is
+can               where the CAN bus is: slcan:PATH or an interface
 quit              end";
 
 /// Serves a simulated slave board with a module in its socket on a pseudo-terminal or a serial port.
@@ -57,6 +58,9 @@ struct Arguments {
     /// Also put a symbolic link to the pseudo-terminal there.
     #[arg(long, value_name = "PATH", conflicts_with = "port")]
     link: Option<PathBuf>,
+    /// Put the CAN bus on this interface of the kernel; without it, on an slcan adapter on a pseudo-terminal.
+    #[arg(long, value_name = "INTERFACE")]
+    can: Option<String>,
     /// List the boards that come with the program, and end.
     #[arg(long)]
     boards: bool,
@@ -90,7 +94,7 @@ enum ProgramError {
     Unknown { name: String },
     #[error(transparent)]
     Personality(#[from] crate::personality::PersonalityError),
-    #[error("cannot open a pseudo-terminal")]
+    #[error("cannot open the ports")]
     Start(#[source] io::Error),
     #[error("cannot serve {} at {rate_baud} baud", port.display())]
     Port { port: PathBuf, rate_baud: u32, source: io::Error },
@@ -154,9 +158,10 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
     signals.add(Signal::SIGINT);
     signals.add(Signal::SIGTERM);
     signals.thread_block().map_err(|error| ProgramError::Signals(error.into()))?;
+    let can = arguments.can.as_deref();
     let bench = match &arguments.port {
-        None => RunningBench::start(&options).map_err(ProgramError::Start)?,
-        Some(port) => RunningBench::start_on(&options, port).map_err(|source| {
+        None => RunningBench::start_with(&options, can).map_err(ProgramError::Start)?,
+        Some(port) => RunningBench::start_on(&options, port, can).map_err(|source| {
             let (port, rate_baud) = (port.clone(), arguments.rate);
             ProgramError::Port { port, rate_baud, source }
         })?,
@@ -182,7 +187,7 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
             }
         }
         while !asleep && let Some(line) = waiting.pop_front() {
-            match obey(&line, &bench.control()) {
+            match obey(&line, &bench) {
                 Ok(Answer::Text(text)) => say(&text)?,
                 Ok(Answer::Sleep(span)) => {
                     asleep = true;
@@ -205,7 +210,8 @@ enum Answer {
     Quit,
 }
 
-fn obey(line: &str, control: &Control) -> Result<Answer, String> {
+fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
+    let control = bench.control();
     let words: Vec<&str> = line.split_whitespace().collect();
     let done = |outcome: Result<(), BenchGone>| {
         outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
@@ -214,6 +220,7 @@ fn obey(line: &str, control: &Control) -> Result<Answer, String> {
         [] => Ok(Answer::Text("ok".to_owned())),
         ["quit"] => Ok(Answer::Quit),
         ["help"] => Ok(Answer::Text(format!("ok\n{HELP}"))),
+        ["can"] => Ok(Answer::Text(format!("ok {}", bench.can_port()))),
         ["truth"] => control.truth().map(|truth| Answer::Text(describe(&truth))).map_err(|error| error.to_string()),
         ["switch", number, state @ ("on" | "off")] => match number.parse() {
             Ok(number @ 1..=5_u8) => done(control.set_switch(number, *state == "on")),

@@ -5,6 +5,7 @@
 //! clocks a byte; SCI 0.5 ms and 10 bits a byte, one byte of delay; GNSS restart 50 ms; streams 1 ms; power on 150 ms,
 //! off 20 ms; timers what they time.
 
+use gnc_protocol::can;
 use gnc_protocol::error::NakCode;
 use gnc_protocol::message::{
     Flash, GnssStart, Ram, RamPattern, Request, SpiDirection, StreamStart, TimerMeasure, TimerMeasureReply, WordTarget,
@@ -42,6 +43,7 @@ pub(crate) mod uses {
     pub(crate) const IMU_STREAM: u32 = 1 << 12;
     pub(crate) const GNSS_STREAM: u32 = 1 << 13;
     pub(crate) const PPS_STREAM: u32 = 1 << 14;
+    pub(crate) const CAN: u32 = 1 << 15;
     /// The supply feeds everything.
     pub(crate) const SUPPLY: u32 = u32::MAX;
 
@@ -56,7 +58,7 @@ pub(crate) mod uses {
 
     /// The devices of a set, for texts.
     pub(crate) fn names(set: u32) -> String {
-        const NAMES: [&str; 15] = [
+        const NAMES: [&str; 16] = [
             "identity",
             "core 1",
             "core 2",
@@ -72,8 +74,9 @@ pub(crate) mod uses {
             "IMU stream",
             "GNSS stream",
             "1PPS stream",
+            "CAN",
         ];
-        let of_set: Vec<&str> = (0..13).filter(|bit| set >> bit & 1 == 1).map(|bit| NAMES[bit]).collect();
+        let of_set: Vec<&str> = (0..NAMES.len()).filter(|bit| set >> bit & 1 == 1).map(|bit| NAMES[bit]).collect();
         of_set.join(", ")
     }
 }
@@ -155,6 +158,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
             Ok(uses::SUPPLY)
         }
         Request::Identity(_) => Ok(uses::IDENTITY),
+        Request::CanCounters(_) => Ok(uses::CAN),
         Request::CpuWords(words) => {
             let target = WordTarget::from_number(words.target);
             known("target", words.target, target, "0 (registers), 1 (memory)")?;
@@ -278,7 +282,11 @@ pub(crate) fn prepare(request: Request, module: &mut Module) -> Work {
         Request::FlashBlankCheck(check) => ms(part_of(module, check.flash).read_ms),
         Request::FlashVerify(verify) => ms(part_of(module, verify.flash).read_ms),
         Request::AdRead(read) => MS + bits_ns(usize::from(read.samples), ad::RATE_HZ),
-        Request::FlashId(_) | Request::IoTest(_) | Request::StreamStart(_) | Request::StreamStop(_) => MS,
+        Request::CanCounters(_)
+        | Request::FlashId(_)
+        | Request::IoTest(_)
+        | Request::StreamStart(_)
+        | Request::StreamStop(_) => MS,
         Request::SpiTransfer(spi) => MS / 5 + bits_ns(spi.data.len() * 8, spi.clock_hz),
         Request::SciEcho(sci) => MS / 2 + bits_ns((sci.data.len() + 1) * 10, sci.rate_baud),
         Request::GnssRestart(_) => 50 * MS,
@@ -324,6 +332,7 @@ pub(crate) fn device(request: &Request) -> &'static str {
         Request::IoTest(_) => "io",
         Request::SpiTransfer(_) => "spi",
         Request::SciEcho(_) => "sci",
+        Request::CanCounters(_) => "can",
         Request::GnssRestart(_) => "gnss",
         Request::StreamStart(start) if start.stream == StreamId::Imu as u8 => "imu",
         Request::StreamStop(stop) if stop.stream == StreamId::Imu as u8 => "imu",
@@ -387,5 +396,35 @@ pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u3
     } else {
         format!("{load} permille of {rate_baud} baud and others {taken_permille}; at most {MAX_LOAD_PERMILLE}")
     };
+    Err(Refusal::new(NakCode::DoesNotFit, &why))
+}
+
+/// On CAN each sample of the IMU is on its own.
+pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), Refusal> {
+    if start.stream == StreamId::Imu as u8 {
+        range("samples_per_frame on CAN", start.samples_per_frame, 0, 1)?;
+        start.samples_per_frame = 1;
+    }
+    Ok(())
+}
+
+/// Whether one more stream fits on the CAN bus beside those that take `taken_permille`.
+pub(crate) fn check_can_load(start: &StreamStart, taken_permille: u32) -> Result<u32, Refusal> {
+    let bits = match stream_of(start.stream)? {
+        StreamId::Imu => can::stream::imu_bits(start.rate_hz.into()),
+        StreamId::Gnss => can::stream::gnss_bits(),
+        StreamId::Pps => can::stream::pps_bits(),
+    };
+    let load = can::stream::load_permille(bits);
+    if load + taken_permille <= MAX_LOAD_PERMILLE {
+        return Ok(load);
+    }
+    let why = format!(
+        "{} to {} bits a second on a bus of {} bit/s = {load} permille, others {taken_permille}; at most \
+         {MAX_LOAD_PERMILLE}",
+        bits.0,
+        bits.1,
+        can::BIT_RATE
+    );
     Err(Refusal::new(NakCode::DoesNotFit, &why))
 }

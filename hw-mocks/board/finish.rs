@@ -56,6 +56,7 @@ impl SimulatedBoard {
                 body(&reply)
             }
             Request::Identity(_) => body(&self.module.identity),
+            Request::CanCounters(_) => body(&self.module.can.counters()),
             Request::CpuWords(request) => {
                 self.core_answers(request.core)?;
                 body(&CpuWordsReply { words: self.module.cpu.words(&request) })

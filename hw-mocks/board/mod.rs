@@ -14,11 +14,14 @@ use gnc_protocol::slave::{Board, BoardIdentity, Output, Refusal};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::text;
 
+use crate::bench::Port;
 use crate::module::Module;
 use crate::noise::{Dice, Source};
 use crate::personality::{Personality, RebootTrigger};
 use crate::records::ErrorLog;
-use crate::requests::{self, MS, Task, Work, check, check_load, device, needs_power, prepare, uses};
+use crate::requests::{
+    self, MS, Task, Work, check, check_can_load, check_load, device, needs_power, one_sample_a_frame, prepare, uses,
+};
 use crate::streams::Stream;
 use crate::world::World;
 
@@ -60,6 +63,8 @@ pub struct SimulatedBoard {
     boot_dice: Dice,
     clock_error_ppm: f64,
     rate_baud: u32,
+    /// The link of the session, which carries the streams.
+    carrier: Port,
     powered: bool,
     jobs: Vec<Job>,
     streams: Vec<Stream>,
@@ -93,6 +98,7 @@ impl SimulatedBoard {
             boot_dice,
             clock_error_ppm: model.clock_error_ppm,
             rate_baud,
+            carrier: Port::Serial,
             powered: false,
             jobs: Vec::new(),
             streams: Vec::new(),
@@ -107,6 +113,11 @@ impl SimulatedBoard {
             serial: model.board_serial.clone(),
             firmware: model.board_firmware.clone(),
         }
+    }
+
+    /// A session begins on a link.
+    pub(crate) fn set_carrier(&mut self, carrier: Port) {
+        self.carrier = carrier;
     }
 
     /// Bench time, ns.
@@ -237,14 +248,17 @@ impl SimulatedBoard {
         }
     }
 
-    fn begin(&mut self, request: u16, what: Request) -> Result<u32, Refusal> {
+    fn begin(&mut self, request: u16, mut what: Request) -> Result<u32, Refusal> {
         if !self.powered && needs_power(&what) {
             return Err(Refusal::new(NakCode::NotPowered, "switch the module's supply on first"));
         }
         let message = what.id();
         let trigger = what.clone();
         // The stream is checked before anything is drawn or reserved.
-        if let Request::StreamStart(start) = &what {
+        if let Request::StreamStart(start) = &mut what {
+            if self.carrier == Port::Can {
+                one_sample_a_frame(start)?;
+            }
             self.check_stream(start)?;
         }
         let held = self.jobs.iter().fold(0, |held, job| held | job.uses);
@@ -266,7 +280,10 @@ impl SimulatedBoard {
             return Err(Refusal::new(NakCode::Busy, "this stream is running"));
         }
         let taken = self.streams.iter().map(|stream| stream.load_permille).sum();
-        check_load(start, taken, self.rate_baud)
+        match self.carrier {
+            Port::Serial => check_load(start, taken, self.rate_baud),
+            Port::Can => check_can_load(start, taken),
+        }
     }
 
     /// Whether a memory test is running, which takes this computer time of its own.
@@ -292,7 +309,7 @@ impl Board for SimulatedBoard {
     fn identity(&self) -> BoardIdentity {
         BoardIdentity {
             boot_id: self.boot_id,
-            capabilities: capability::POWER,
+            capabilities: capability::POWER | capability::CAN,
             serial: text(&self.serial),
             firmware: text(&self.firmware),
         }

@@ -7,6 +7,7 @@ use toml::Spanned;
 
 use super::{Model, RebootTrigger, WireFaults, raw};
 use crate::devices::ad::Rails;
+use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
 use crate::devices::gnss::GnssFaults;
@@ -19,7 +20,7 @@ use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
 use crate::world::Axis;
 
 /// Names of devices that a trigger may wait for.
-const DEVICES: [&str; 14] = [
+const DEVICES: [&str; 15] = [
     "power",
     "identity",
     "cpu",
@@ -34,6 +35,7 @@ const DEVICES: [&str; 14] = [
     "io",
     "spi",
     "sci",
+    "can",
 ];
 
 /// A value that a personality must not have, and where it stands.
@@ -170,6 +172,12 @@ impl raw::Personality {
             sci: SciFaults {
                 lose_every: count(self.sci.lose_every.as_ref(), "lose_every")?,
                 flip_every: count(self.sci.flip_every.as_ref(), "flip_every")?,
+            },
+            can: CanFaults {
+                flip_every: count(self.can.flip_every.as_ref(), "flip_every")?,
+                swap_every: count(self.can.swap_every.as_ref(), "swap_every")?,
+                tx_error_every: count(self.can.tx_error_every.as_ref(), "tx_error_every")?,
+                bus_off_after: count(self.can.bus_off_after.as_ref(), "bus_off_after")?,
             },
             wire: self.wire.check()?,
             reboot: self.reboot.map(raw::Reboot::check).transpose()?,
@@ -325,6 +333,7 @@ impl raw::Wire {
             answer_delay_ms: number(self.answer_delay_ms.as_ref(), "answer_delay_ms", 0.0, 60_000.0, 0.0)?,
             lost_to_host_per_million: share(self.lost_to_host_per_million.as_ref(), "lost_to_host_per_million")?,
             lost_to_board_per_million: share(self.lost_to_board_per_million.as_ref(), "lost_to_board_per_million")?,
+            can_lose_every: count(self.can_lose_every.as_ref(), "can_lose_every")?,
         })
     }
 }

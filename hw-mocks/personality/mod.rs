@@ -84,11 +84,18 @@
 //! lose_every = 200                     # bytes, with a framing error
 //! flip_every = 300                     # bytes, unnoticed
 //!
+//! [can]
+//! flip_every = 40                      # test frames with data, unnoticed
+//! swap_every = 40                      # test frames: it goes after the next one
+//! tx_error_every = 4                   # test frames: sent again, and counted
+//! bus_off_after = 100                  # test frames
+//!
 //! [wire]                               # between board and host
 //! silent = true
 //! answer_delay_ms = 80.0               # link time
 //! lost_to_host_per_million = 100.0     # bytes
 //! lost_to_board_per_million = 100.0
+//! can_lose_every = 50                  # CAN frames towards the host
 //!
 //! [reboot]
 //! on = "sdram"                         # at a request to this device ...
@@ -110,6 +117,7 @@ use check::Mistake;
 
 use crate::boards::BOARDS;
 use crate::devices::ad::Rails;
+use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::FlashFaults;
 use crate::devices::gnss::GnssFaults;
@@ -173,6 +181,8 @@ pub(crate) struct WireFaults {
     pub(crate) answer_delay_ms: f64,
     pub(crate) lost_to_host_per_million: f64,
     pub(crate) lost_to_board_per_million: f64,
+    /// Every so many CAN frames towards the host one is lost; 0: none.
+    pub(crate) can_lose_every: u32,
 }
 
 /// Everything about board and module that a personality may set.
@@ -200,6 +210,7 @@ pub(crate) struct Model {
     pub(crate) unwired_switches: [bool; 5],
     pub(crate) lines: LineFaults,
     pub(crate) sci: SciFaults,
+    pub(crate) can: CanFaults,
     pub(crate) wire: WireFaults,
     pub(crate) reboot: Option<RebootTrigger>,
 }
@@ -280,6 +291,7 @@ impl Default for Model {
             unwired_switches: [false; 5],
             lines: LineFaults::default(),
             sci: SciFaults::default(),
+            can: CanFaults::default(),
             wire: WireFaults::default(),
             reboot: None,
         }

@@ -30,6 +30,7 @@ pub(super) struct Personality {
     pub(super) io: Io,
     pub(super) spi: Spi,
     pub(super) sci: Sci,
+    pub(super) can: Can,
     pub(super) wire: Wire,
     pub(super) reboot: Option<Reboot>,
 }
@@ -187,11 +188,21 @@ pub(super) struct Sci {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+pub(super) struct Can {
+    pub(super) flip_every: Option<Spanned<u32>>,
+    pub(super) swap_every: Option<Spanned<u32>>,
+    pub(super) tx_error_every: Option<Spanned<u32>>,
+    pub(super) bus_off_after: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct Wire {
     pub(super) silent: bool,
     pub(super) answer_delay_ms: Option<Spanned<f64>>,
     pub(super) lost_to_host_per_million: Option<Spanned<f64>>,
     pub(super) lost_to_board_per_million: Option<Spanned<f64>>,
+    pub(super) can_lose_every: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

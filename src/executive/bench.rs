@@ -14,8 +14,12 @@
 //! field = "0.55 gauss"               # total magnetic field
 //!
 //! [socket]                           # optional; --sim needs none
+//! link = "rs422"                     # or "can": then it has neither port nor rate
 //! port = "/dev/ttyUSB0"              # required
 //! rate = "921600 bit/s"
+//!
+//! [can]                              # optional: without it items that need CAN cannot run
+//! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
 //! ```
 
 use crate::mistake::{Mistakes, Source};
@@ -43,6 +47,8 @@ pub struct BenchFile {
     pub site: Option<Site>,
     /// How the board is reached; `None` on a bench that only simulates.
     pub socket: Option<Socket>,
+    /// The CAN bus; `None` on a bench without.
+    pub can: Option<Can>,
 }
 
 /// Where a bench stands.
@@ -71,11 +77,23 @@ pub struct SitePlace {
 
 /// A test socket with its slave board.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Socket {
-    /// The serial port.
+pub enum Socket {
+    /// RS-422.
+    Rs422 {
+        /// The serial port.
+        port: String,
+        /// Its rate.
+        rate_bps: u32,
+    },
+    /// The bus of [`BenchFile::can`].
+    Can,
+}
+
+/// A CAN bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Can {
+    /// An interface of the kernel, or `slcan:` and a serial port.
     pub port: String,
-    /// Its rate.
-    pub rate_bps: u32,
 }
 
 impl BenchFile {
@@ -96,9 +114,11 @@ impl BenchFile {
             }
         };
         let site = root.table("site").map(|table| site(&walk, table));
-        let socket = root.table("socket").and_then(|table| socket(&walk, table));
+        let has_can = root.entry("can").is_some();
+        let socket = root.table("socket").and_then(|table| socket(&walk, table, has_can));
+        let can = root.table("can").and_then(|table| can(&walk, table));
         root.finish();
-        walk.into_mistakes().or(BenchFile { station_id, records, site, socket })
+        walk.into_mistakes().or(BenchFile { station_id, records, site, socket, can })
     }
 }
 
@@ -148,7 +168,29 @@ fn site(walk: &Walk<'_>, table: Table<'_, '_>) -> Site {
     Site { name, place, gravity_mps2, field_gauss }
 }
 
-fn socket(walk: &Walk<'_>, table: Table<'_, '_>) -> Option<Socket> {
+fn can(walk: &Walk<'_>, table: Table<'_, '_>) -> Option<Can> {
+    let port = table.required_text("port", "write port = \"can0\" or port = \"slcan:/dev/ttyACM0\" below [can]");
+    if let Some((port, span)) = &port {
+        check_text(walk, port, span.clone());
+    }
+    table.finish();
+    Some(Can { port: port?.0.to_owned() })
+}
+
+fn socket(walk: &Walk<'_>, table: Table<'_, '_>, has_can: bool) -> Option<Socket> {
+    if let Some((link, span)) = table.text("link") {
+        match link {
+            "rs422" => {}
+            "can" => {
+                if !has_can {
+                    walk.mistake(span, "there is no CAN bus", "write [can] and port = \"can0\" below it");
+                }
+                table.finish();
+                return Some(Socket::Can);
+            }
+            other => walk.mistake(span, format!("link is {}", quoted(other)), "it may be \"rs422\" or \"can\""),
+        }
+    }
     let port = table.required_text("port", "write port = \"/dev/ttyUSB0\" below [socket]");
     if let Some((port, span)) = &port {
         check_text(walk, port, span.clone());
@@ -169,7 +211,7 @@ fn socket(walk: &Walk<'_>, table: Table<'_, '_>) -> Option<Socket> {
         }
     };
     table.finish();
-    Some(Socket { port: port?.0.to_owned(), rate_bps })
+    Some(Socket::Rs422 { port: port?.0.to_owned(), rate_bps })
 }
 
 fn check_text(walk: &Walk<'_>, text: &str, span: std::ops::Range<usize>) {

@@ -210,6 +210,8 @@ calls! {
     0x0020 StreamStart => StreamStartReply,
     /// Stops a stream.
     0x0021 StreamStop => StreamStopReply,
+    /// Reads the error counters of the module's CAN controller.
+    0x0022 CanCounters => CanCountersReply,
 }
 
 wire_struct! { /// See [`Request::MakeSafe`].
@@ -657,5 +659,32 @@ wire_struct! { /// Answers [`StreamStop`].
         produced: u32,
         /// Of those, dropped on the board.
         dropped: u32,
+    }
+}
+wire_struct! { /// See [`Request::CanCounters`].
+CanCounters {} }
+wire_enum! {
+    /// What a CAN controller may still do.
+    CanState: u8 {
+        /// All.
+        ErrorActive = 0,
+        /// All, but it no longer disturbs others' frames: a counter is above 127.
+        ErrorPassive = 1,
+        /// Nothing: its transmit counter passed 255.
+        BusOff = 2,
+    }
+}
+wire_struct! { /// Answers [`CanCounters`].
+    CanCountersReply {
+        /// A number of [`CanState`].
+        state: u8,
+        /// Transmit error counter.
+        tx_errors: u16,
+        /// Receive error counter.
+        rx_errors: u16,
+        /// Test frames that the module received since its power-on.
+        received: u32,
+        /// Test frames that it sent back.
+        echoed: u32,
     }
 }

@@ -160,6 +160,13 @@ impl Slave {
         !self.running.is_empty()
     }
 
+    /// The host came back on another link: this end forgets its session, and the other one makes the board safe.
+    pub fn leave(&mut self) {
+        self.running.clear();
+        self.kept.clear();
+        self.session = None;
+    }
+
     /// Takes a frame from the host and sends what answers it at once.
     pub fn receive(&mut self, frame: &Frame, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
         match frame.header.kind {
@@ -177,7 +184,9 @@ impl Slave {
 
     /// Sends what is due: results, samples, progress, heartbeat; ends the session of a host that fell silent.
     pub fn tick(&mut self, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
-        while let Some(output) = board.poll() {
+        while self.session.is_some()
+            && let Some(output) = board.poll()
+        {
             match output {
                 Output::Done(done) => self.finish(&done, send),
                 Output::Stream(stream, frame) => {

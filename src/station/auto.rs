@@ -105,8 +105,8 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
     let mut order = Order {
         job,
         header: header(args, plan, &setup, serial_number),
-        port: setup.port,
-        rate_baud: setup.rate_baud,
+        target: setup.target,
+        can: setup.can,
         fixture: setup.fixture,
         site: setup.site,
         one_by_one: args.one_by_one,

@@ -17,7 +17,8 @@ use gnc_protocol::{FaultCode, NakCode};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
-use crate::link::serial::SerialLink;
+use crate::link::Link;
+use crate::link::can::Tap;
 pub use conversation::{Answer, LinkReport};
 use conversation::{Command, Conversation};
 pub use desk::Desk;
@@ -139,7 +140,7 @@ impl BoardError {
         match self {
             Self::Gone { .. } => "plug the adapter in and start again; `gnc-station ports` lists what is there",
             Self::NoAnswer { .. } | Self::Silent { .. } => {
-                "check the board's power, the RS-422 pairs (A/B swapped?) and the rate in the bench file"
+                "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
             }
             Self::Version { .. } => "update the board's firmware or the station so that they share a version",
             Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
@@ -191,6 +192,7 @@ pub struct Board {
     hello: RefCell<BoardHello>,
     next_request: Cell<u16>,
     task: JoinHandle<LinkReport>,
+    tap: Option<Tap>,
 }
 
 impl Board {
@@ -198,13 +200,17 @@ impl Board {
     ///
     /// # Errors
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
-    pub async fn connect(link: SerialLink, nonce: u32) -> Result<Self, BoardError> {
+    pub async fn connect(mut link: Link, nonce: u32) -> Result<Self, BoardError> {
         let (commands, receiver) = mpsc::channel(COMMANDS);
         let (pulse_sender, pulse) = watch::channel(Pulse::default());
+        let tap = match &mut link {
+            Link::Serial(_) => None,
+            Link::Can(link) => link.tap(),
+        };
         let conversation = Conversation::new(link, receiver, pulse_sender);
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
-        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task };
+        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap };
         board.reopen(nonce).await?;
         Ok(board)
     }

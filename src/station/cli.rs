@@ -80,6 +80,15 @@ pub enum RecordsCommand {
     },
 }
 
+/// How the station reaches the simulated board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum SimLink {
+    /// RS-422 for the conversation, CAN beside it for the item `can`.
+    Rs422,
+    /// CAN alone.
+    Can,
+}
+
 /// How to run a plan.
 #[derive(Debug, Clone, Args)]
 pub struct RunArgs {
@@ -95,6 +104,9 @@ pub struct RunArgs {
     /// Seed of the simulated noise.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "sim")]
     pub seed: u64,
+    /// The link to the simulated board.
+    #[arg(long, value_name = "LINK", value_enum, default_value_t = SimLink::Rs422, requires = "sim")]
+    pub sim_link: SimLink,
     /// The bench file; `bench.toml` if that is there.
     #[arg(long, value_name = "FILE")]
     pub bench: Option<PathBuf>,

@@ -1,3 +1,141 @@
 //! Ways to reach a slave board. A link carries frames and knows nothing of what they mean.
 
+pub mod can;
 pub mod serial;
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use gnc_protocol::Frame;
+use gnc_protocol::can as can_protocol;
+use gnc_protocol::frame::FrameError;
+use gnc_protocol::serial::LineCounters;
+
+use can::{CanLink, CanOpenError, CanTarget};
+use serial::{OpenError, SerialLink};
+
+/// What comes out of a link: damaged frames come through as such and do not end it.
+pub type Received = Result<Frame, FrameError>;
+
+/// Which link reaches the board, and where it is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// RS-422.
+    Serial {
+        /// The port.
+        port: PathBuf,
+        /// Its rate.
+        rate_baud: u32,
+    },
+    /// CAN.
+    Can(CanTarget),
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Serial { port, rate_baud } => write!(f, "{} at {rate_baud} bit/s", port.display()),
+            Self::Can(target) => write!(f, "CAN {target} at {} bit/s", can_protocol::BIT_RATE),
+        }
+    }
+}
+
+/// An open link.
+#[derive(Debug)]
+pub enum Link {
+    /// RS-422.
+    Serial(Box<SerialLink>),
+    /// CAN.
+    Can(Box<CanLink>),
+}
+
+/// Why a link could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The serial port.
+    #[error(transparent)]
+    Serial(#[from] OpenError),
+    /// The CAN bus.
+    #[error(transparent)]
+    Can(#[from] CanOpenError),
+}
+
+impl LinkError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Serial(error) => error.try_this(),
+            Self::Can(error) => error.try_this(),
+        }
+    }
+}
+
+impl Link {
+    /// Opens what a bench names.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn open(target: &Target) -> Result<Self, LinkError> {
+        match target {
+            Target::Serial { port, rate_baud } => Ok(Self::Serial(Box::new(serial::open(port, *rate_baud)?))),
+            Target::Can(target) => Ok(Self::Can(Box::new(CanLink::open(target)?))),
+        }
+    }
+
+    /// Takes a frame to send. A link that takes nothing drops it: that is found by the answers that do not come, and
+    /// must not cost memory.
+    pub fn send(&mut self, frame: &Frame) {
+        match self {
+            Self::Serial(link) => link.send(frame),
+            Self::Can(link) => link.send(frame),
+        }
+    }
+
+    /// Moves what waits until something has come. Nothing is lost when it is dropped half way. Without `read` it only
+    /// sends, and never returns but with an error.
+    ///
+    /// # Errors
+    /// The link is gone.
+    pub async fn next(&mut self, read: bool) -> io::Result<Received> {
+        match self {
+            Self::Serial(link) => link.next(read).await,
+            Self::Can(link) => link.next(read).await,
+        }
+    }
+
+    /// What was seen so far.
+    #[must_use]
+    pub fn counters(&self) -> LineCounters {
+        match self {
+            Self::Serial(link) => link.counters(),
+            Self::Can(link) => link.counters(),
+        }
+    }
+
+    /// The other end numbers its frames afresh.
+    pub fn restart_sequence(&mut self) {
+        match self {
+            Self::Serial(link) => link.restart_sequence(),
+            Self::Can(link) => link.restart_sequence(),
+        }
+    }
+
+    /// Time on the wire for a request of so many bytes, one full frame before its answer, and the answer.
+    #[must_use]
+    pub fn exchange_time(&self, payload: usize) -> Duration {
+        match self {
+            Self::Serial(link) => link.exchange_time(payload),
+            Self::Can(link) => link.exchange_time(payload),
+        }
+    }
+
+    /// Leaves the line in order.
+    pub async fn close(self) {
+        if let Self::Can(link) = self {
+            link.close().await;
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
 
 mod ad;
+mod can;
 mod cpu;
 mod flash;
 mod gnss;
@@ -19,6 +20,7 @@ use gnc_executive::plan::{ParamError, Params};
 use crate::board::stream::Losses;
 use crate::board::{BoardError, Desk};
 use crate::fixture::{Fixture, FixtureError};
+use crate::link::can::{CanOpenError, CanTarget};
 use crate::runner::report::Report;
 use crate::store::StoreError;
 
@@ -31,6 +33,8 @@ pub struct Bench<'a> {
     pub fixture: &'a Fixture,
     /// Where the bench stands, if its file says so.
     pub site: Option<&'a Site>,
+    /// The bench's CAN bus, where the conversation does not go over it anyway.
+    pub can: Option<&'a CanTarget>,
 }
 
 /// Why a procedure came to no end.
@@ -58,6 +62,22 @@ pub enum Trouble {
         wanted: u32,
         /// What came and what did not.
         losses: Losses,
+    },
+    /// The CAN bus could not be joined.
+    #[error(transparent)]
+    CanOpen(#[from] CanOpenError),
+    /// The CAN bus went away.
+    #[error("the CAN bus is gone")]
+    CanGone(#[from] std::io::Error),
+    /// Test frames did not come back, and the module's controller knows of no error.
+    #[error("{lost} of {sent} CAN frames did not come back; the module received {received} and counts no error")]
+    FramesLost {
+        /// Test frames sent.
+        sent: u64,
+        /// Of those, not back.
+        lost: u64,
+        /// Of those, received by the module as it says.
+        received: u32,
     },
     /// The answer does not fit the question, under a good checksum.
     #[error("the board's answer to {what} does not fit the question: {why}")]
@@ -93,6 +113,11 @@ impl Trouble {
             Self::Store(error) => error.try_this(),
             Self::Param(_) => "report this: the plan was accepted and should not have been",
             Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::CanOpen(error) => error.try_this(),
+            Self::CanGone(_) => "check the CAN adapter and its cable, then start again",
+            Self::FramesLost { .. } => {
+                "check the CAN cable, its termination (60 ohm between the lines) and the adapter"
+            }
             Self::Nonsense { .. } => "compare the board's firmware with the interface document",
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
             Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
@@ -119,6 +144,6 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         ItemId::Io => io::run(bench, report).await,
         ItemId::Spi => spi::run(bench, params, report).await,
         ItemId::Sci => sci::run(bench, params, report).await,
-        ItemId::Can => Err(Trouble::CannotRun { item, why: "it has no CAN link" }),
+        ItemId::Can => can::run(bench, report).await,
     }
 }

@@ -6,7 +6,6 @@ pub mod report;
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use chrono::Utc;
@@ -27,7 +26,8 @@ use tokio::time::timeout;
 
 use crate::board::{Advance, Board, BoardError, Desk, Pulse};
 use crate::fixture::Fixture;
-use crate::link::serial::{self, OpenError};
+use crate::link::can::CanTarget;
+use crate::link::{Link, LinkError, Target};
 use crate::procedure::{self, Bench, Trouble};
 use crate::stop::{Asked, Stop};
 use crate::store::StoreError;
@@ -51,10 +51,10 @@ pub struct Order {
     pub job: Job,
     /// Who tests what, where, with what.
     pub header: RunHeader,
-    /// The port to the slave board.
-    pub port: PathBuf,
-    /// Its rate.
-    pub rate_baud: u32,
+    /// The way to the slave board.
+    pub target: Target,
+    /// The bench's CAN bus, if it has one.
+    pub can: Option<CanTarget>,
     /// Whoever turns the module.
     pub fixture: Fixture,
     /// Where the bench stands.
@@ -275,7 +275,12 @@ impl Run<'_> {
         attempt: u32,
         report: &Report<'_>,
     ) -> Result<(), Trouble> {
-        let bench = Bench { board: desk, fixture: &self.order.fixture, site: self.order.site.as_ref() };
+        let bench = Bench {
+            board: desk,
+            fixture: &self.order.fixture,
+            site: self.order.site.as_ref(),
+            can: self.order.can.as_ref(),
+        };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
         }
@@ -446,7 +451,7 @@ impl Run<'_> {
 
     async fn found(&self, board: &Board) -> Result<(), StoreError> {
         let hello = board.hello();
-        let link = format!("{} at {} bit/s", self.order.port.display(), self.order.rate_baud);
+        let link = self.order.target.to_string();
         self.journal
             .emit(EventKind::BoardFound(BoardEvent {
                 board_serial: hello.serial.as_str().to_owned(),
@@ -600,7 +605,7 @@ impl Run<'_> {
 #[derive(Debug, thiserror::Error)]
 enum ConnectError {
     #[error(transparent)]
-    Open(#[from] OpenError),
+    Open(#[from] LinkError),
     #[error(transparent)]
     Board(#[from] BoardError),
 }
@@ -615,7 +620,7 @@ impl ConnectError {
 }
 
 async fn connect(order: &Order) -> Result<Board, ConnectError> {
-    let link = serial::open(&order.port, order.rate_baud)?;
+    let link = Link::open(&order.target)?;
     Ok(Board::connect(link, nonce()).await?)
 }
 

@@ -2,14 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use gnc_executive::bench::{BenchFile, Site};
+use gnc_executive::bench::{BenchFile, Site, Socket};
 use gnc_executive::event::Bench;
 use gnc_executive::job::BenchAbilities;
 
 use crate::auto::Refusal;
 use crate::cli::RunArgs;
+#[cfg(feature = "sim")]
+use crate::cli::SimLink;
 use crate::files;
 use crate::fixture::{Fixture, Operator};
+use crate::link::Target;
+use crate::link::can::CanTarget;
 
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
@@ -22,8 +26,8 @@ pub(crate) struct Setup {
     pub station: String,
     pub records: PathBuf,
     pub bench: Bench,
-    pub port: PathBuf,
-    pub rate_baud: u32,
+    pub target: Target,
+    pub can: Option<CanTarget>,
     pub abilities: BenchAbilities,
     pub fixture: Fixture,
     pub site: Option<Site>,
@@ -69,9 +73,18 @@ fn real(args: &RunArgs) -> Result<Setup, Refusal> {
     } else {
         Fixture::Absent
     };
+    let can = file.can.as_ref().map(|can| CanTarget::parse(&can.port));
+    let target = match (socket, &can) {
+        (Socket::Rs422 { port, rate_bps }, _) => Target::Serial { port: port.into(), rate_baud: rate_bps },
+        (Socket::Can, Some(can)) => Target::Can(can.clone()),
+        (Socket::Can, None) => {
+            // A checked bench file has both or neither.
+            return Err(Refusal::new("the board is reached by CAN and there is no CAN bus", "add [can] with its port"));
+        }
+    };
     let bench = Bench {
-        port: Some(socket.port.clone()),
-        rate_bps: Some(socket.rate_bps),
+        port: Some(port_name(&target)),
+        rate_bps: Some(rate_bps(&target)),
         site: file.site.as_ref().and_then(|site| site.name.clone()),
         ..Bench::real()
     };
@@ -79,8 +92,8 @@ fn real(args: &RunArgs) -> Result<Setup, Refusal> {
         station: station(args, &file),
         records: records(args, &file, path.parent()),
         bench,
-        port: socket.port.into(),
-        rate_baud: socket.rate_bps,
+        target,
+        can,
         abilities: abilities(&file, fixture.is_there()),
         fixture,
         site: file.site,
@@ -88,13 +101,28 @@ fn real(args: &RunArgs) -> Result<Setup, Refusal> {
     })
 }
 
-/// What a real bench can do. With somebody at it: that is known only when a plan is run.
-pub(crate) fn abilities(_file: &BenchFile, operator: bool) -> BenchAbilities {
-    BenchAbilities { rs422: true, can: false, operator }
+/// What a real bench can do. With somebody at it: that is known only when a plan is run. Where the board is reached by
+/// CAN, nobody knows of an RS-422 line.
+pub(crate) fn abilities(file: &BenchFile, operator: bool) -> BenchAbilities {
+    BenchAbilities { rs422: file.socket != Some(Socket::Can), can: file.can.is_some(), operator }
 }
 
 /// What the simulated bench can do.
-pub(crate) const SIMULATED: BenchAbilities = BenchAbilities { rs422: true, can: false, operator: true };
+pub(crate) const SIMULATED: BenchAbilities = BenchAbilities { rs422: true, can: true, operator: true };
+
+fn port_name(target: &Target) -> String {
+    match target {
+        Target::Serial { port, .. } => port.display().to_string(),
+        Target::Can(can) => can.to_string(),
+    }
+}
+
+fn rate_bps(target: &Target) -> u32 {
+    match target {
+        Target::Serial { rate_baud, .. } => *rate_baud,
+        Target::Can(_) => gnc_protocol::can::BIT_RATE,
+    }
+}
 
 #[cfg(not(feature = "sim"))]
 fn simulated(_: &RunArgs, _: &Path, _: &str) -> Result<Setup, Refusal> {
@@ -130,10 +158,14 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
     let rate_baud = options.rate_baud;
     let running = RunningBench::start(&options)
         .map_err(|error| Refusal::new(format!("cannot start the simulated bench: {error}"), "is /dev/pts there?"))?;
-    let port = running.port().to_owned();
+    let can = CanTarget::parse(running.can_port());
+    let target = match args.sim_link {
+        SimLink::Can => Target::Can(can.clone()),
+        SimLink::Rs422 => Target::Serial { port: running.port().to_owned(), rate_baud },
+    };
     let bench = Bench {
-        port: Some(port.display().to_string()),
-        rate_bps: Some(rate_baud),
+        port: Some(port_name(&target)),
+        rate_bps: Some(rate_bps(&target)),
         site: file.site.as_ref().and_then(|site| site.name.clone()),
         ..Bench::simulated(name, args.sim_speed.clone(), args.seed)
     };
@@ -141,9 +173,9 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
         station: station(args, &file),
         records: records(args, &file, None),
         bench,
-        port,
-        rate_baud,
-        abilities: SIMULATED,
+        target,
+        can: Some(can),
+        abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
         fixture: Fixture::Simulated(running.control()),
         site: file.site,
         simulation: Some(running),

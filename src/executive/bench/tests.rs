@@ -22,9 +22,10 @@ rate = "921.6 kbit/s"
     let site = bench.site.unwrap();
     assert_eq!(site.place, Some(SitePlace { latitude_deg: 39.9042, longitude_deg: 116.4074, height_m: 44.0 }));
     assert_eq!((site.gravity_mps2, site.field_gauss), (Some(9.80151), Some(0.55)));
-    assert_eq!(bench.socket, Some(Socket { port: "/dev/ttyUSB0".to_owned(), rate_bps: 921_600 }));
+    assert_eq!(bench.socket, Some(Socket::Rs422 { port: "/dev/ttyUSB0".to_owned(), rate_bps: 921_600 }));
     let small = BenchFile::read("bench.toml", b"[station]\nid = \"a\"\n[socket]\nport = \"p\"".to_vec()).unwrap();
-    assert_eq!(small.socket.unwrap().rate_bps, DEFAULT_RATE_BPS);
+    assert_eq!(small.socket, Some(Socket::Rs422 { port: "p".to_owned(), rate_bps: DEFAULT_RATE_BPS }));
+    assert_eq!(small.can, None);
 }
 
 #[test]

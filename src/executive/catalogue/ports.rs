@@ -72,6 +72,7 @@ pub(super) static CAN: ItemSpec = ItemSpec {
             "rx_error_counter",
             "The module's controller counts errors on receiving: check cable, termination, bit rate.",
         ),
+        count("adapter_errors", "The host's adapter saw error frames: check cable, termination, bit rate."),
         text("bus_off", "The controller left the bus: look for a short between the lines or another bit rate."),
     ],
     devices: &[Device::Slave, Device::Can],

@@ -3,20 +3,17 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use futures_util::StreamExt as _;
 use gnc_protocol::message::{Accept, BoardHello, Heartbeat, HostHello, MAGIC, Nak, Progress, ResultHead, event};
-use gnc_protocol::serial::{LineCounters, MAX_ON_WIRE, encode, on_wire};
+use gnc_protocol::serial::LineCounters;
 use gnc_protocol::stream::{StreamFrame, StreamId};
 use gnc_protocol::timing;
 use gnc_protocol::wire::{Reader, Text, Wire};
 use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload};
-use tokio::io::AsyncWriteExt as _;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
-use tokio_util::bytes::BytesMut;
 
 use super::{Advance, BoardError, Pulse};
-use crate::link::serial::SerialLink;
+use crate::link::Link;
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
@@ -26,8 +23,6 @@ const HELLO_TRIES: u32 = 8;
 const HELLO_EVERY: Duration = Duration::from_millis(250);
 /// Three heartbeats missed.
 const SILENT_AFTER: Duration = Duration::from_millis(3500);
-/// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.
-const OUTGOING: usize = 16 * MAX_ON_WIRE;
 
 type AnswerSender = oneshot::Sender<Result<Answer, BoardError>>;
 type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
@@ -103,8 +98,7 @@ struct Greeting {
 /// The task's state.
 #[derive(Debug)]
 pub(super) struct Conversation {
-    link: SerialLink,
-    outgoing: BytesMut,
+    link: Link,
     commands: mpsc::Receiver<Command>,
     pulse: watch::Sender<Pulse>,
     greeting: Option<Greeting>,
@@ -123,11 +117,10 @@ pub(super) struct Conversation {
 }
 
 impl Conversation {
-    pub(super) fn new(link: SerialLink, commands: mpsc::Receiver<Command>, pulse: watch::Sender<Pulse>) -> Self {
+    pub(super) fn new(link: Link, commands: mpsc::Receiver<Command>, pulse: watch::Sender<Pulse>) -> Self {
         let now = Instant::now();
         Self {
             link,
-            outgoing: BytesMut::with_capacity(MAX_ON_WIRE),
             commands,
             pulse,
             greeting: None,
@@ -151,12 +144,6 @@ impl Conversation {
             tokio::select! {
                 biased;
                 () = sleep_until(due) => self.overdue(),
-                written = self.link.writer.write_buf(&mut self.outgoing), if !self.outgoing.is_empty() => {
-                    if let Err(error) = written {
-                        self.end(&BoardError::Gone { reason: error.to_string() });
-                        break;
-                    }
-                }
                 command = self.commands.recv() => match command {
                     Some(command) => self.command(command),
                     None => break,
@@ -164,22 +151,19 @@ impl Conversation {
                 () = async { if let Some(sender) = &behind { let _ = sender.reserve().await; } }, if behind.is_some() => {
                     self.deliver_held();
                 }
-                received = self.link.frames.next(), if behind.is_none() => match received {
-                    Some(Ok(Ok(frame))) => self.receive(&frame),
-                    // A damaged frame was counted by the decoder; whoever misses it asks again.
-                    Some(Ok(Err(_))) => {}
-                    Some(Err(error)) => {
+                received = self.link.next(behind.is_none()) => match received {
+                    Ok(Ok(frame)) => self.receive(&frame),
+                    // A damaged frame was counted by the link; whoever misses it asks again.
+                    Ok(Err(_)) => {}
+                    Err(error) => {
                         self.end(&BoardError::Gone { reason: error.to_string() });
-                        break;
-                    }
-                    None => {
-                        self.end(&BoardError::Gone { reason: "the other end was closed".into() });
                         break;
                     }
                 },
             }
         }
-        self.report.received = self.link.frames.decoder().counters();
+        self.report.received = self.link.counters();
+        self.link.close().await;
         self.report
     }
 
@@ -285,7 +269,7 @@ impl Conversation {
             let flags = if pending.asked == 0 { Flags::default() } else { Flags::RESENT };
             pending.asked += 1;
             // The answer may have to wait behind a full frame of a stream.
-            let wire = timing::wire_time(on_wire(pending.payload.len()) + 2 * MAX_ON_WIRE, self.link.rate_baud);
+            let wire = self.link.exchange_time(pending.payload.len());
             pending.due = now + (timing::ACCEPT_WITHIN + wire + HOST_SLACK) * pending.asked;
             let (request, message, payload) = (pending.request, pending.message, pending.payload.clone());
             self.report.resent += u32::from(flags == Flags::RESENT);
@@ -337,7 +321,7 @@ impl Conversation {
         }
         self.session = Some((hello.nonce, hello.boot_id));
         self.in_doubt = false;
-        self.link.frames.decoder_mut().restart_sequence();
+        self.link.restart_sequence();
         self.pulse.send_replace(Pulse::default());
         let _ = greeting.answer.send(Ok(hello));
     }
@@ -483,14 +467,10 @@ impl Conversation {
     }
 
     fn send(&mut self, kind: Kind, flags: Flags, request: u16, message: u16, payload: &Payload) {
-        // A line that takes nothing is found by the answers that do not come; it must not cost memory.
-        if self.outgoing.len() > OUTGOING {
-            return;
-        }
         let version = if kind == Kind::Hello { 0 } else { PROTOCOL_VERSION };
         let header = Header { version, kind, flags, request, message, sequence: self.sequence };
         self.sequence = self.sequence.wrapping_add(1);
         self.report.sent += 1;
-        self.outgoing.extend_from_slice(&encode(&Frame { header, payload: payload.clone() }));
+        self.link.send(&Frame { header, payload: payload.clone() });
     }
 }

@@ -11,6 +11,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use super::conversation::{Answer, Command};
 use super::stream::Stream;
 use super::{Advance, Board, BoardError, gone};
+use crate::link::can::Tap;
 
 /// Frames waiting for whoever reads a stream: a second of 1 kHz in single samples.
 const STREAM_FRAMES: usize = 1024;
@@ -57,6 +58,12 @@ impl<'a> Desk<'a> {
         let reply =
             C::Reply::from_payload(&answer.body).map_err(|source| BoardError::BadAnswer { what: C::NAME, source })?;
         Ok((reply, answer))
+    }
+
+    /// Test frames of the CAN bus over which this conversation goes, if it goes over one.
+    #[must_use]
+    pub fn tap(&self) -> Option<&'a Tap> {
+        self.board.tap.as_ref()
     }
 
     /// Listens to a stream from now on; start it after that.

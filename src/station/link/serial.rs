@@ -6,14 +6,20 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use futures_util::StreamExt as _;
 use gnc_protocol::Frame;
-use gnc_protocol::frame::FrameError;
-use gnc_protocol::serial::{Decoder, LineCounters};
+use gnc_protocol::serial::{Decoder, LineCounters, MAX_ON_WIRE, encode, on_wire};
+use gnc_protocol::timing;
 use nix::errno::Errno;
-use tokio::io::{ReadHalf, WriteHalf};
+use tokio::io::{AsyncWriteExt as _, ReadHalf, WriteHalf};
 use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::{Buf as _, BytesMut};
 use tokio_util::codec::{self, FramedRead};
+
+use super::Received;
+
+/// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.
+const OUTGOING: usize = 16 * MAX_ON_WIRE;
 
 /// An open port that carries frames.
 ///
@@ -21,12 +27,46 @@ use tokio_util::codec::{self, FramedRead};
 /// blocks all of the station meanwhile.
 #[derive(Debug)]
 pub struct SerialLink {
-    /// What arrives.
-    pub frames: FramedRead<ReadHalf<SerialStream>, FrameCodec>,
-    /// Where encoded frames go.
-    pub writer: WriteHalf<SerialStream>,
-    /// The rate in use.
-    pub rate_baud: u32,
+    frames: FramedRead<ReadHalf<SerialStream>, FrameCodec>,
+    writer: WriteHalf<SerialStream>,
+    outgoing: BytesMut,
+    rate_baud: u32,
+}
+
+impl SerialLink {
+    pub(super) fn send(&mut self, frame: &Frame) {
+        if self.outgoing.len() <= OUTGOING {
+            self.outgoing.extend_from_slice(&encode(frame));
+        }
+    }
+
+    pub(super) async fn next(&mut self, read: bool) -> io::Result<Received> {
+        loop {
+            tokio::select! {
+                biased;
+                written = self.writer.write_buf(&mut self.outgoing), if !self.outgoing.is_empty() => {
+                    written?;
+                }
+                received = self.frames.next(), if read => {
+                    let closed = || io::Error::new(io::ErrorKind::UnexpectedEof, "the other end was closed");
+                    return received.unwrap_or_else(|| Err(closed()));
+                }
+                else => std::future::pending().await,
+            }
+        }
+    }
+
+    pub(super) fn counters(&self) -> LineCounters {
+        self.frames.decoder().counters()
+    }
+
+    pub(super) fn restart_sequence(&mut self) {
+        self.frames.decoder_mut().restart_sequence();
+    }
+
+    pub(super) fn exchange_time(&self, payload: usize) -> std::time::Duration {
+        timing::wire_time(on_wire(payload) + 2 * MAX_ON_WIRE, self.rate_baud)
+    }
 }
 
 /// Why a port could not be opened.
@@ -98,6 +138,14 @@ impl OpenError {
 /// # Errors
 /// [`OpenError`].
 pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
+    let stream = open_port(port, rate_baud)?;
+    let (reader, writer) = tokio::io::split(stream);
+    let frames = FramedRead::new(reader, FrameCodec::default());
+    Ok(SerialLink { frames, writer, outgoing: BytesMut::with_capacity(MAX_ON_WIRE), rate_baud })
+}
+
+/// The port alone, whatever is spoken on it.
+pub(super) fn open_port(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
     let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)
         .open_native_async()
         .map_err(|source| explain(port, source))?;
@@ -105,8 +153,7 @@ pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
     if got != rate_baud {
         return Err(OpenError::Rate { port: port.to_owned(), wanted: rate_baud, got });
     }
-    let (reader, writer) = tokio::io::split(stream);
-    Ok(SerialLink { frames: FramedRead::new(reader, FrameCodec::default()), writer, rate_baud })
+    Ok(stream)
 }
 
 fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
@@ -154,24 +201,18 @@ fn is_device(meta: &std::fs::Metadata) -> bool {
     meta.file_type().is_char_device()
 }
 
-/// What comes out of the bytes on a line.
-pub type Received = Result<Frame, FrameError>;
-
 /// Bytes to frames. Damaged frames come through as such and do not end the stream.
 #[derive(Debug, Default)]
-pub struct FrameCodec {
+struct FrameCodec {
     decoder: Decoder,
 }
 
 impl FrameCodec {
-    /// What was seen on the line so far.
-    #[must_use]
-    pub fn counters(&self) -> LineCounters {
+    fn counters(&self) -> LineCounters {
         self.decoder.counters()
     }
 
-    /// The other end numbers its frames afresh.
-    pub fn restart_sequence(&mut self) {
+    fn restart_sequence(&mut self) {
         self.decoder.restart_sequence();
     }
 }

@@ -1,0 +1,57 @@
+//! The kinds of bus behind one face.
+
+use std::io;
+
+use gnc_protocol::can::CanFrame;
+
+use super::BusErrors;
+use super::memory::MemoryBus;
+use super::slcan::SlcanBus;
+use super::socket::SocketBus;
+
+/// A CAN bus that was joined.
+#[derive(Debug)]
+pub(super) enum Bus {
+    Slcan(SlcanBus),
+    Socket(SocketBus),
+    Memory(MemoryBus),
+}
+
+/// What happened on a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// The frame that was to go is on its way.
+    Sent,
+    /// A frame came.
+    Received(CanFrame),
+    /// The controller saw an error; its counters moved.
+    Errors,
+}
+
+impl Bus {
+    /// Sends the frame, or waits for one to come, whichever can be done first. Nothing is lost when it is dropped half
+    /// way: a frame is either sent and said to be, or not sent.
+    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
+        match self {
+            Self::Slcan(bus) => bus.turn(outgoing, read).await,
+            Self::Socket(bus) => bus.turn(outgoing, read).await,
+            Self::Memory(bus) => bus.turn(outgoing, read).await,
+        }
+    }
+
+    /// What the controller saw; `None` if the adapter cannot tell.
+    pub(super) fn errors(&self) -> Option<BusErrors> {
+        match self {
+            Self::Slcan(_) => None,
+            Self::Socket(bus) => Some(bus.errors()),
+            // Memory has no errors to see.
+            Self::Memory(_) => Some(BusErrors::default()),
+        }
+    }
+
+    pub(super) async fn close(self) {
+        if let Self::Slcan(bus) = self {
+            bus.close().await;
+        }
+    }
+}
