@@ -10,13 +10,13 @@ use socketcan::{CanSocket, EmbeddedFrame as _, Id, Socket as _};
 
 use crate::bench::Bench;
 use crate::can::Adapter;
-use crate::driver::Pty;
+use crate::port::Tty;
 
 /// Where the host finds the bus.
 #[derive(Debug)]
 pub(crate) enum CanPort {
     /// The master's end of a pseudo-terminal, with the adapter behind it.
-    Slcan { pty: Pty, adapter: Adapter },
+    Slcan { pty: Tty, adapter: Adapter },
     /// An interface of the kernel, and a frame that it did not take yet.
     Socket { socket: CanSocket, waiting: Option<CanFrame> },
 }
@@ -24,7 +24,7 @@ pub(crate) enum CanPort {
 impl CanPort {
     /// A new pseudo-terminal.
     pub(crate) fn slcan() -> io::Result<Self> {
-        Ok(Self::Slcan { pty: Pty::open()?, adapter: Adapter::default() })
+        Ok(Self::Slcan { pty: Tty::pseudo_terminal()?, adapter: Adapter::default() })
     }
 
     /// An interface by its name.
@@ -37,14 +37,14 @@ impl CanPort {
     /// What the host opens, as its bench file names it.
     pub(crate) fn name(&self, interface: Option<&str>) -> String {
         match self {
-            Self::Slcan { pty, .. } => format!("slcan:{}", pty.path().display()),
+            Self::Slcan { pty, .. } => format!("slcan:{}", pty.name.display()),
             Self::Socket { .. } => interface.unwrap_or_default().to_owned(),
         }
     }
 
     pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {
         match self {
-            Self::Slcan { pty, .. } => pty.master().as_fd(),
+            Self::Slcan { pty, .. } => pty.end.as_fd(),
             Self::Socket { socket, .. } => socket.as_fd(),
         }
     }
@@ -57,7 +57,7 @@ impl CanPort {
                     // As many bytes as the shortest frames may need: what is more stays in the port.
                     let mut buffer = [0; 4096];
                     let room = (bench.can_room() * 5).min(buffer.len());
-                    match nix::unistd::read(pty.master(), &mut buffer[..room]) {
+                    match nix::unistd::read(&pty.end, &mut buffer[..room]) {
                         Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                         Ok(count) => {
                             adapter.receive(&buffer[..count]).into_iter().for_each(|frame| bench.receive_can(frame));
@@ -97,7 +97,7 @@ impl CanPort {
                     adapter.send(&frame);
                 }
                 while !adapter.output().is_empty() {
-                    match nix::unistd::write(pty.master(), adapter.output()) {
+                    match nix::unistd::write(&pty.end, adapter.output()) {
                         Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                         Ok(count) => adapter.consume(count),
                         Err(Errno::EINTR) => {}
