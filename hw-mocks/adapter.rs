@@ -17,8 +17,77 @@ use crate::port::Tty;
 pub(crate) enum CanPort {
     /// The master's end of a pseudo-terminal, with the adapter behind it.
     Slcan { pty: Tty, adapter: Adapter },
-    /// An interface of the kernel, and a frame that it did not take yet.
-    Socket { socket: CanSocket, waiting: Option<CanFrame> },
+    /// An interface of the kernel.
+    Socket(Interface),
+}
+
+/// An interface of the kernel. One that goes away is looked for by its name until it is back.
+#[derive(Debug)]
+pub(crate) struct Interface {
+    name: String,
+    socket: Option<CanSocket>,
+    /// A frame that it did not take yet.
+    waiting: Option<CanFrame>,
+}
+
+impl Interface {
+    fn open(name: &str) -> io::Result<CanSocket> {
+        let socket = CanSocket::open(name)?;
+        socket.set_nonblocking(true)?;
+        Ok(socket)
+    }
+
+    /// The socket, opened once more where it had to be closed.
+    fn socket(&mut self) -> Option<&CanSocket> {
+        if self.socket.is_none() {
+            self.socket = Self::open(&self.name).ok();
+        }
+        self.socket.as_ref()
+    }
+
+    /// `None`: nothing to read, for now.
+    fn read(&mut self) -> io::Result<Option<socketcan::CanFrame>> {
+        let Some(socket) = self.socket() else { return Ok(None) };
+        match socket.read_frame() {
+            Ok(frame) => Ok(Some(frame)),
+            Err(error) => self.understand(error).map(|()| None),
+        }
+    }
+
+    /// Whether the interface has no room.
+    fn write(&mut self, bench: &mut Bench) -> io::Result<bool> {
+        while let Some(frame) = self.waiting.take().or_else(|| bench.output_can()) {
+            let Some(raw) = to_socket(&frame) else { continue };
+            // What is said while there is no interface is lost, as on a bus without one.
+            let Some(socket) = self.socket() else { continue };
+            match socket.write_frame(&raw) {
+                Ok(()) => {}
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => self.waiting = Some(frame),
+                // The transmit queue is full: the kernel says either.
+                Err(error)
+                    if error.kind() == io::ErrorKind::WouldBlock
+                        || error.raw_os_error() == Some(Errno::ENOBUFS as i32) =>
+                {
+                    self.waiting = Some(frame);
+                    return Ok(true);
+                }
+                Err(error) => self.understand(error)?,
+            }
+        }
+        Ok(false)
+    }
+
+    fn understand(&mut self, error: io::Error) -> io::Result<()> {
+        match error.raw_os_error().map(Errno::from_raw) {
+            // Switched off or unplugged: said once.
+            Some(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => {
+                self.socket = None;
+                Ok(())
+            }
+            Some(Errno::EAGAIN | Errno::EINTR) => Ok(()),
+            _ => Err(error),
+        }
+    }
 }
 
 impl CanPort {
@@ -29,23 +98,23 @@ impl CanPort {
 
     /// An interface by its name.
     pub(crate) fn socket(interface: &str) -> io::Result<Self> {
-        let socket = CanSocket::open(interface)?;
-        socket.set_nonblocking(true)?;
-        Ok(Self::Socket { socket, waiting: None })
+        let socket = Some(Interface::open(interface)?);
+        Ok(Self::Socket(Interface { name: interface.to_owned(), socket, waiting: None }))
     }
 
     /// What the host opens, as its bench file names it.
-    pub(crate) fn name(&self, interface: Option<&str>) -> String {
+    pub(crate) fn name(&self) -> String {
         match self {
             Self::Slcan { pty, .. } => format!("slcan:{}", pty.name.display()),
-            Self::Socket { .. } => interface.unwrap_or_default().to_owned(),
+            Self::Socket(interface) => interface.name.clone(),
         }
     }
 
-    pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {
+    /// What to wait for; `None` while the interface is away.
+    pub(crate) fn as_fd(&self) -> Option<BorrowedFd<'_>> {
         match self {
-            Self::Slcan { pty, .. } => pty.end.as_fd(),
-            Self::Socket { socket, .. } => socket.as_fd(),
+            Self::Slcan { pty, .. } => Some(pty.end.as_fd()),
+            Self::Socket(interface) => interface.socket.as_ref().map(AsFd::as_fd),
         }
     }
 
@@ -66,20 +135,16 @@ impl CanPort {
                         Err(error) => return Err(error.into()),
                     }
                 }
-                Self::Socket { socket, .. } => match socket.read_frame() {
-                    Ok(socketcan::CanFrame::Data(frame)) => {
+                Self::Socket(interface) => match interface.read()? {
+                    Some(socketcan::CanFrame::Data(frame)) => {
                         let id = match frame.id() {
                             Id::Standard(id) => CanId::Standard(id.as_raw()),
                             Id::Extended(id) => CanId::Extended(id.as_raw()),
                         };
                         CanFrame::new(id, frame.data()).into_iter().for_each(|frame| bench.receive_can(frame));
                     }
-                    Ok(_) => {}
-                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
-                    Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                    // Said once when the interface goes down; it may come back.
-                    Err(error) if error.raw_os_error() == Some(Errno::ENETDOWN as i32) => return Ok(()),
-                    Err(error) => return Err(error),
+                    Some(_) => {}
+                    None => return Ok(()),
                 },
             }
         }
@@ -106,26 +171,7 @@ impl CanPort {
                 }
                 Ok(false)
             }
-            Self::Socket { socket, waiting } => {
-                while let Some(frame) = waiting.take().or_else(|| bench.output_can()) {
-                    let Some(raw) = to_socket(&frame) else { continue };
-                    match socket.write_frame(&raw) {
-                        Ok(()) => {}
-                        Err(error) if error.kind() == io::ErrorKind::Interrupted => *waiting = Some(frame),
-                        // The transmit queue is full: the kernel says either.
-                        Err(error)
-                            if error.kind() == io::ErrorKind::WouldBlock
-                                || error.raw_os_error() == Some(Errno::ENOBUFS as i32) =>
-                        {
-                            *waiting = Some(frame);
-                            return Ok(true);
-                        }
-                        Err(error) if error.raw_os_error() == Some(Errno::ENETDOWN as i32) => {}
-                        Err(error) => return Err(error),
-                    }
-                }
-                Ok(false)
-            }
+            Self::Socket(interface) => interface.write(bench),
         }
     }
 
@@ -133,7 +179,7 @@ impl CanPort {
     pub(crate) fn is_drained(&mut self) -> bool {
         match self {
             Self::Slcan { adapter, .. } => adapter.output().is_empty(),
-            Self::Socket { waiting, .. } => waiting.is_none(),
+            Self::Socket(interface) => interface.waiting.is_none(),
         }
     }
 }

@@ -21,6 +21,9 @@ use crate::world::{Axis, Sign};
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);
 
+/// Between two looks for a CAN interface that went away.
+const INTERFACE_AWAY: Duration = Duration::from_millis(20);
+
 /// The thread that serves the bench has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the simulated bench has ended")]
@@ -161,7 +164,7 @@ impl RunningBench {
             Some(interface) => CanPort::socket(interface)?,
             None => CanPort::slcan()?,
         };
-        let can_port = can.name(interface);
+        let can_port = can.name();
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
@@ -300,11 +303,11 @@ impl Driver {
         if can_full {
             can_wanted |= PollFlags::POLLOUT;
         }
-        let mut fds = [
-            PollFd::new(self.tty.end.as_fd(), wanted),
-            PollFd::new(self.can.as_fd(), can_wanted),
-            PollFd::new(self.woken.as_fd(), PollFlags::POLLIN),
-        ];
+        let mut fds =
+            vec![PollFd::new(self.tty.end.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        let can = self.can.as_fd();
+        let timeout = if can.is_some() { timeout } else { timeout.min(INTERFACE_AWAY) };
+        fds.extend(can.map(|can| PollFd::new(can, can_wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),
