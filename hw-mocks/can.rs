@@ -86,7 +86,8 @@ impl CanBus {
         self.samples.len() > SAMPLES_WAIT
     }
 
-    /// Whether everything that was said has left.
+    /// Whether everything that was said has left, and nobody is in the middle of a message: between the frames of a
+    /// request no time shall pass on a bench at full speed.
     pub(crate) fn is_quiet(&self) -> bool {
         self.endpoint.is_idle()
             && self.to_host.is_empty()
