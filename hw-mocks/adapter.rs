@@ -3,6 +3,7 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
+use std::time::Duration;
 
 use gnc_protocol::can::{CanFrame, CanId};
 use nix::errno::Errno;
@@ -119,7 +120,7 @@ impl CanPort {
     }
 
     /// Takes what the host sent, as far as the bus has room.
-    pub(crate) fn read(&mut self, bench: &mut Bench) -> io::Result<()> {
+    pub(crate) fn read(&mut self, bench: &mut Bench, now: Duration) -> io::Result<()> {
         while bench.can_room() > 0 {
             match self {
                 Self::Slcan { pty, adapter } => {
@@ -129,7 +130,10 @@ impl CanPort {
                     match nix::unistd::read(&pty.end, &mut buffer[..room]) {
                         Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                         Ok(count) => {
-                            adapter.receive(&buffer[..count]).into_iter().for_each(|frame| bench.receive_can(frame));
+                            adapter
+                                .receive(&buffer[..count])
+                                .into_iter()
+                                .for_each(|frame| bench.receive_can(frame, now));
                         }
                         Err(Errno::EINTR) => {}
                         Err(error) => return Err(error.into()),
@@ -141,7 +145,7 @@ impl CanPort {
                             Id::Standard(id) => CanId::Standard(id.as_raw()),
                             Id::Extended(id) => CanId::Extended(id.as_raw()),
                         };
-                        CanFrame::new(id, frame.data()).into_iter().for_each(|frame| bench.receive_can(frame));
+                        CanFrame::new(id, frame.data()).into_iter().for_each(|frame| bench.receive_can(frame, now));
                     }
                     Some(_) => {}
                     None => return Ok(()),

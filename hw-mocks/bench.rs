@@ -43,6 +43,9 @@ const INPUT_WAIT: usize = 4096;
 /// link time, and minutes of the board's would pass in it.
 const REPAIR: Duration = Duration::from_millis(125);
 
+/// The same on CAN, where an answer may take 85 ms on the bus.
+const CAN_REPAIR: Duration = Duration::from_millis(250);
+
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Speed {
@@ -179,7 +182,7 @@ impl Bench {
             can_slave: Slave::default(),
             session_on: Port::Serial,
             can_held: false,
-            can: CanBus::new(can_pace, wire.can_lose_every),
+            can: CanBus::new(can_pace, wire.can_lose_every, options.personality.model.can_wire, options.seed),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             decoder: Decoder::default(),
             incoming: Line::new(pace),
@@ -217,6 +220,11 @@ impl Bench {
         self.outgoing.consume(count);
     }
 
+    /// The CAN bus is one of the kernel, which has a pace at any speed.
+    pub(crate) fn pace_can(&mut self) {
+        self.can.pace();
+    }
+
     /// How many frames [`Bench::receive_can`] takes now.
     #[must_use]
     pub fn can_room(&self) -> usize {
@@ -224,8 +232,8 @@ impl Bench {
     }
 
     /// A frame from the host's CAN adapter.
-    pub fn receive_can(&mut self, frame: CanFrame) {
-        self.can.push(frame);
+    pub fn receive_can(&mut self, frame: CanFrame, now: Duration) {
+        self.can.push(frame, now);
     }
 
     /// The next frame that the host's CAN adapter took off the bus.
@@ -361,6 +369,9 @@ impl Bench {
         }
         if self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed() {
             self.repaired_at = now + REPAIR;
+        }
+        if self.can.take_harmed() {
+            self.repaired_at = now + CAN_REPAIR;
         }
     }
 

@@ -169,7 +169,11 @@ impl RunningBench {
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let driver = Driver { bench: Bench::new(options), tty, can, woken, received, started: Instant::now() };
+        let mut bench = Bench::new(options);
+        if interface.is_some() {
+            bench.pace_can();
+        }
+        let driver = Driver { bench, tty, can, woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
         Ok(Self { port, can_port, control, thread: Some(thread) })
@@ -221,7 +225,7 @@ impl Driver {
             }
             let now = self.started.elapsed();
             self.read(now)?;
-            self.can.read(&mut self.bench)?;
+            self.can.read(&mut self.bench, now)?;
             // What the adapter has not handed on yet was said and has not left: time must not pass by it.
             self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);

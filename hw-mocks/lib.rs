@@ -13,6 +13,7 @@ pub mod bench;
 pub mod board;
 mod boards;
 mod can;
+mod can_faults;
 pub mod devices;
 pub mod driver;
 mod line;
