@@ -83,12 +83,23 @@ fn long_records_follow_the_definition() {
     let values: Vec<f64> = (0..200_001).map(|_| dice.normal()).collect();
     let mut phase = vec![0.0];
     values.iter().for_each(|v| phase.push(phase[phase.len() - 1] + v));
-    for m in [1_usize, 7, 1000, 65_536] {
-        let n = phase.len() - 2 * m;
-        let sum: f64 = (0..n).map(|i| (phase[i + 2 * m] - 2.0 * phase[i + m] + phase[i]).powi(2)).sum();
-        let expected = (sum / (2.0 * n as f64)).sqrt() / m as f64;
-        let found = deviations(&values, Kind::Oadev, &[m as f64])[0];
-        assert!((found / expected - 1.0).abs() < 1e-9, "{m}: {found} {expected}");
+    let defined = |m: usize, order: usize| {
+        let weights: &[f64] = if order == 2 { &[1.0, -2.0, 1.0] } else { &[1.0, -3.0, 3.0, -1.0] };
+        let n = phase.len() - order * m;
+        let difference = |i: usize| weights.iter().enumerate().map(|(k, w)| w * phase[i + k * m]).sum::<f64>();
+        let squares: f64 = (0..n).map(|i| difference(i).powi(2)).sum();
+        (squares / (if order == 2 { 2.0 } else { 6.0 } * n as f64)).sqrt() / m as f64
+    };
+    // Neighbours that double share their work, others do not; long factors are walked across the record.
+    let lists: [&[f64]; 3] = [&[1.0, 7.0, 14.0, 1000.0, 65_536.0], &[20_000.0, 40_000.0], &[16_385.0, 50_000.0]];
+    let lists = lists.into_iter().map(|l| Taus::Seconds(l.to_vec())).chain([Taus::Octave]);
+    for (taus, threads) in lists.flat_map(|l| [1, 2, 5].map(|threads| (l.clone(), threads))) {
+        for (kind, order) in [(Kind::Oadev, 2), (Kind::Ohdev, 3)] {
+            for p in analyse(&values, Input::Rate, 1.0, kind, &taus, threads).unwrap().points {
+                let expected = defined(p.tau_s as usize, order);
+                assert!((p.dev / expected - 1.0).abs() < 1e-9, "{kind:?} {taus:?}: {p:?} {expected}");
+            }
+        }
     }
 }
 
