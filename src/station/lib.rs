@@ -13,6 +13,7 @@ mod ports;
 pub mod procedure;
 mod records;
 pub mod runner;
+mod serial_number;
 mod setup;
 mod statistics;
 pub mod stop;
