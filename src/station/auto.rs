@@ -15,16 +15,15 @@ use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
 use gnc_executive::job::Job;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{OnFail, Plan};
-use tokio::sync::watch;
 
 use crate::cli::{OnFailArg, RunArgs, complain, refuse};
+use crate::control::Control;
 use crate::files;
 use crate::fixture::{Fixture, Operator};
 use crate::runner::journal::Journal;
 use crate::runner::{self, Ending, Live, Order, chain};
 use crate::serial_number;
 use crate::setup::{self, Setup};
-use crate::stop::Stop;
 use crate::store::{RunFolder, Scribe, Watcher, digest};
 use face::Face;
 
@@ -94,7 +93,8 @@ fn at_the_terminal() -> Result<Fixture, Refusal> {
 }
 
 async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &str) -> Result<Outcome, Refusal> {
-    let stop = Stop::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
+    let control =
+        Control::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     let job =
         Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
     let mut order = Order {
@@ -114,7 +114,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         let count = args.until.is_none().then_some(args.loops);
         let looped = args.until.is_some() || args.loops > 1;
         order.header.looped = looped.then_some(Loop { index: round, count });
-        let ending = match one_round(args, &order, plan, &setup.records, &stop).await {
+        let ending = match one_round(args, &order, plan, &setup.records, &control).await {
             Ok(ending) => ending,
             Err(refusal) if ends.is_empty() => return Err(refusal),
             Err(refusal) => {
@@ -130,7 +130,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
             None => round >= args.loops,
         };
         let bad = !outcome.is_good() && args.on_fail == Some(OnFailArg::Stop);
-        if enough || bad || !ending.begun || stop.asked().times > 0 {
+        if enough || bad || !ending.begun || control.asked().times > 0 {
             break;
         }
     }
@@ -152,7 +152,7 @@ async fn one_round(
     order: &Order,
     plan: &Plan,
     records: &std::path::Path,
-    stop: &Stop,
+    control: &Control,
 ) -> Result<Ending, Refusal> {
     let store_refusal = |error: crate::store::StoreError| Refusal::new(chain(&error), error.try_this());
     // Before power-on, so that no module is tested whose record cannot be kept.
@@ -160,13 +160,13 @@ async fn one_round(
         .map_err(store_refusal)?;
     let path = folder.path().to_owned();
     let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-    let live: Live = watch::channel(Vec::new()).0;
+    let live = Live::default();
     let face = Face::start(events, &live, args.events, path.clone())
         .map_err(|error| Refusal::new(format!("cannot start: {error}"), ""))?;
     let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
     let scribe = Scribe::start(folder, plan, vec![watcher]).map_err(store_refusal)?;
-    let ending = runner::run(order, Journal::new(scribe), stop, &live).await;
-    face.join(stop).await;
+    let ending = runner::run(order, Journal::new(scribe), control, &live).await;
+    face.join(control).await;
     if let Some(error) = &ending.store_error {
         complain(
             format_args!(

@@ -5,6 +5,7 @@
 
 mod conversation;
 mod desk;
+mod readings;
 pub mod stream;
 
 use std::cell::{Cell, RefCell};
@@ -22,6 +23,7 @@ use crate::link::can::Tap;
 pub use conversation::{Answer, LinkReport};
 use conversation::{Command, Conversation};
 pub use desk::Desk;
+pub use readings::{GnssReading, Readings, StreamReading};
 
 /// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;
@@ -196,18 +198,18 @@ pub struct Board {
 }
 
 impl Board {
-    /// Says HELLO over a link and keeps the conversation going.
+    /// Says HELLO over a link and keeps the conversation going. What comes by is shown in `readings`.
     ///
     /// # Errors
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
-    pub async fn connect(mut link: Link, nonce: u32) -> Result<Self, BoardError> {
+    pub async fn connect(mut link: Link, nonce: u32, readings: watch::Sender<Readings>) -> Result<Self, BoardError> {
         let (commands, receiver) = mpsc::channel(COMMANDS);
         let (pulse_sender, pulse) = watch::channel(Pulse::default());
         let tap = match &mut link {
             Link::Serial(_) => None,
             Link::Can(link) => link.tap(),
         };
-        let conversation = Conversation::new(link, receiver, pulse_sender);
+        let conversation = Conversation::new(link, receiver, pulse_sender, readings);
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
         let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap };

@@ -2,9 +2,12 @@
 
 mod auto;
 pub mod board;
+pub mod capture;
 mod check;
 pub mod cli;
 pub mod compute;
+pub mod control;
+pub mod figures;
 mod files;
 pub mod fixture;
 pub mod link;
@@ -16,5 +19,5 @@ pub mod runner;
 mod serial_number;
 mod setup;
 mod statistics;
-pub mod stop;
+
 pub mod store;

@@ -140,7 +140,7 @@ fn stream(seconds: u32) {
     let (lost, busy) = runtime.block_on(async {
         let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
         let link = Link::open(&target).expect("a port");
-        let board = Board::connect(link, 1).await.expect("a board");
+        let board = Board::connect(link, 1, Default::default()).await.expect("a board");
         let desk = Desk::new(&board, watch::channel(Advance::default()).0);
         desk.call(&ModulePower { on: 1 }).await.expect("power");
         let mut stream = desk.listen(StreamId::Imu).await.expect("a stream");

@@ -15,8 +15,9 @@ use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERS
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
+use super::readings::Gauges;
 use super::stream::Newest;
-use super::{Advance, BoardError, Pulse};
+use super::{Advance, BoardError, Pulse, Readings};
 use crate::link::Link;
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
@@ -143,10 +144,16 @@ pub(super) struct Conversation {
     keep_alive_due: Instant,
     heard: Instant,
     report: LinkReport,
+    gauges: Gauges,
 }
 
 impl Conversation {
-    pub(super) fn new(link: Link, commands: mpsc::Receiver<Command>, pulse: watch::Sender<Pulse>) -> Self {
+    pub(super) fn new(
+        link: Link,
+        commands: mpsc::Receiver<Command>,
+        pulse: watch::Sender<Pulse>,
+        readings: watch::Sender<Readings>,
+    ) -> Self {
         let now = Instant::now();
         Self {
             link,
@@ -164,6 +171,7 @@ impl Conversation {
             keep_alive_due: now,
             heard: now,
             report: LinkReport::default(),
+            gauges: Gauges::new(readings),
         }
     }
 
@@ -414,6 +422,9 @@ impl Conversation {
                 Err(BoardError::Fault { what, code, text })
             }
         };
+        if let Ok(answer) = &answer {
+            self.gauges.answered(message, &answer.body);
+        }
         let _ = pending.answer.send(answer);
     }
 
@@ -478,6 +489,7 @@ impl Conversation {
             self.report.stale += 1;
             return;
         }
+        self.gauges.streamed(id, &frame);
         let Some(sender) = self.sender_of(id) else { return };
         match sender.try_send(Ok(Box::new(frame))) {
             Ok(()) => {}
