@@ -180,7 +180,8 @@ async fn one_round(
     Ok(ending)
 }
 
-fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {
+/// Who tests what, where, with what.
+pub(crate) fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.to_owned(),
         serial_number: serial_number.to_owned(),

@@ -21,3 +21,4 @@ mod setup;
 mod statistics;
 
 pub mod store;
+pub mod tui;

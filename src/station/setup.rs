@@ -203,6 +203,15 @@ fn station(args: &RunArgs, file: &BenchFile) -> String {
     args.station.clone().unwrap_or_else(|| file.station_id.clone())
 }
 
+/// Where records go, as far as can be said without starting anything.
+pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
+    let path = args.bench.clone().unwrap_or_else(|| BENCH_FILE.into());
+    match files::bench(&path) {
+        Ok(file) if args.sim.is_none() => records(args, &file, path.parent()),
+        _ => args.records.clone().unwrap_or_else(|| RECORDS.into()),
+    }
+}
+
 /// A folder in a bench file goes from the folder of that file.
 fn records(args: &RunArgs, file: &BenchFile, folder: Option<&Path>) -> PathBuf {
     let named = file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records));

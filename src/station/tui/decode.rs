@@ -11,7 +11,7 @@ const PASTE_END: &[u8] = b"\x1b[201~";
 
 /// A key, or a character that was pasted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Key {
+pub(crate) enum Key {
     /// A printable character, from a keyboard or a scanner.
     Char(char),
     /// A printable character from the clipboard: text, whatever it is.
@@ -50,7 +50,7 @@ pub enum Key {
 
 /// Takes bytes as they come.
 #[derive(Debug, Default)]
-pub struct Decoder {
+pub(crate) struct Decoder {
     pending: Vec<u8>,
     pasting: bool,
     /// Bytes of an overlong sequence are dropped up to its end.
@@ -59,7 +59,7 @@ pub struct Decoder {
 
 impl Decoder {
     /// Decodes more bytes; what is incomplete waits.
-    pub fn feed(&mut self, bytes: &[u8], keys: &mut Vec<Key>) {
+    pub(crate) fn feed(&mut self, bytes: &[u8], keys: &mut Vec<Key>) {
         for byte in bytes {
             self.pending.push(*byte);
             self.step(keys);
@@ -68,12 +68,12 @@ impl Decoder {
 
     /// Whether a lone escape waits for what may follow it.
     #[must_use]
-    pub fn is_waiting(&self) -> bool {
+    pub(crate) fn is_waiting(&self) -> bool {
         !self.pending.is_empty() && !self.pasting
     }
 
     /// Nothing follows: a lone escape is the key; anything else that is incomplete is none.
-    pub fn flush(&mut self, keys: &mut Vec<Key>) {
+    pub(crate) fn flush(&mut self, keys: &mut Vec<Key>) {
         if self.pending == [0x1b] {
             keys.push(Key::Esc);
         }
@@ -254,7 +254,10 @@ mod tests {
         check(b"\x1b[18~\x1b[19~\x1b[20~\x1b[21~\x1b[24~", &[Key::F(7), Key::F(8), Key::F(9), Key::F(10), Key::F(12)]);
         check(b"\x1b[A\x1bOB\x1b[C\x1bOD", &[Key::Up, Key::Down, Key::Right, Key::Left]);
         check(b"\x1b[H\x1b[4~\x1b[5~\x1b[6~\x1b[1~", &[Key::Home, Key::End, Key::PageUp, Key::PageDown, Key::Home]);
-        check(b"\x03\x7f\x08\t\r\n", &[Key::Ctrl('c'), Key::Backspace, Key::Backspace, Key::Tab, Key::Enter, Key::Enter]);
+        check(
+            b"\x03\x7f\x08\t\r\n",
+            &[Key::Ctrl('c'), Key::Backspace, Key::Backspace, Key::Tab, Key::Enter, Key::Enter],
+        );
     }
 
     #[test]

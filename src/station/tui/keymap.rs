@@ -6,7 +6,7 @@ use super::decode::Key;
 
 /// What a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Action {
+pub(crate) enum Action {
     /// Shows what the keys do.
     Help,
     /// Plan, bench, operator, rounds, language.
@@ -17,6 +17,8 @@ pub enum Action {
     Repeat,
     /// Starts a run.
     Start,
+    /// Shows raw values without a run.
+    Watch,
     /// Begins no further item, or goes on.
     Pause,
     /// Ends the item under the cursor; the run goes on.
@@ -67,15 +69,19 @@ pub enum Action {
 
 /// Where a key is pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Place {
+pub(crate) enum Place {
     /// The items, while nothing runs.
     Idle,
     /// The items, while a run is on.
     Running,
     /// One item with its measurements, or the log.
     Detail,
-    /// Live readings.
+    /// Live readings, while nothing is on.
     Live,
+    /// Live readings, while a run is on.
+    LiveRunning,
+    /// Live readings without a run.
+    Watching,
     /// Days or runs of the records.
     Records,
     /// One run of the records.
@@ -92,11 +98,14 @@ pub enum Place {
 
 impl Place {
     /// All places.
-    pub const ALL: [Place; 10] = [
+    #[cfg(test)]
+    pub(crate) const ALL: [Place; 12] = [
         Place::Idle,
         Place::Running,
         Place::Detail,
         Place::Live,
+        Place::LiveRunning,
+        Place::Watching,
         Place::Records,
         Place::Record,
         Place::Setup,
@@ -108,7 +117,7 @@ impl Place {
 
 /// One row of the table.
 #[derive(Debug)]
-pub struct Binding {
+pub(crate) struct Binding {
     /// The key.
     pub key: Key,
     /// What it asks for.
@@ -119,18 +128,19 @@ pub struct Binding {
     pub footer: bool,
 }
 
-const PAGES: &[Place] =
-    &[Place::Idle, Place::Running, Place::Detail, Place::Live, Place::Records, Place::Record];
-const LISTS: &[Place] = &[
+const PAGES: &[Place] = &[
     Place::Idle,
     Place::Running,
     Place::Detail,
+    Place::Live,
+    Place::LiveRunning,
+    Place::Watching,
     Place::Records,
     Place::Record,
-    Place::Setup,
-    Place::Help,
 ];
-const RUN: &[Place] = &[Place::Running, Place::Live, Place::Prompt];
+const LISTS: &[Place] =
+    &[Place::Idle, Place::Running, Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help];
+const RUN: &[Place] = &[Place::Running, Place::LiveRunning, Place::Watching, Place::Prompt];
 
 const fn shown(key: Key, action: Action, places: &'static [Place]) -> Binding {
     Binding { key, action, places, footer: true }
@@ -141,13 +151,14 @@ const fn silent(key: Key, action: Action, places: &'static [Place]) -> Binding {
 }
 
 /// The table.
-pub const BINDINGS: &[Binding] = &[
+pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(1), Action::Help, PAGES),
     shown(Key::F(2), Action::Setup, &[Place::Idle]),
     shown(Key::F(3), Action::One, &[Place::Idle]),
     shown(Key::F(4), Action::Repeat, &[Place::Idle]),
     shown(Key::F(5), Action::Start, &[Place::Idle]),
-    shown(Key::F(6), Action::Pause, &[Place::Running, Place::Live]),
+    shown(Key::F(5), Action::Watch, &[Place::Live]),
+    shown(Key::F(6), Action::Pause, &[Place::Running, Place::LiveRunning]),
     shown(Key::F(7), Action::AbortItem, &[Place::Running]),
     shown(Key::F(8), Action::Stop, RUN),
     silent(Key::Ctrl('c'), Action::Stop, RUN),
@@ -161,7 +172,7 @@ pub const BINDINGS: &[Binding] = &[
     shown(Key::Ctrl('l'), Action::Log, &[Place::Record]),
     silent(Key::Ctrl('l'), Action::Log, &[Place::Idle, Place::Running]),
     shown(Key::Esc, Action::Back, &[Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help]),
-    silent(Key::Esc, Action::Back, &[Place::Idle, Place::Running, Place::Live]),
+    silent(Key::Esc, Action::Back, &[Place::Idle, Place::Running, Place::Live, Place::LiveRunning, Place::Watching]),
     silent(Key::Char(' '), Action::Tick, &[Place::Idle]),
     silent(Key::Ctrl('a'), Action::TickAll, &[Place::Idle]),
     shown(Key::F(9), Action::NextPage, PAGES),
@@ -179,18 +190,18 @@ pub const BINDINGS: &[Binding] = &[
 
 /// What a key asks for in a place.
 #[must_use]
-pub fn action(place: Place, key: Key) -> Option<Action> {
+pub(crate) fn action(place: Place, key: Key) -> Option<Action> {
     bindings(place).find(|binding| binding.key == key).map(|binding| binding.action)
 }
 
 /// The keys of a place.
-pub fn bindings(place: Place) -> impl Iterator<Item = &'static Binding> {
+pub(crate) fn bindings(place: Place) -> impl Iterator<Item = &'static Binding> {
     BINDINGS.iter().filter(move |binding| binding.places.contains(&place))
 }
 
 /// A key as it is printed on a keyboard.
 #[must_use]
-pub fn name(key: Key) -> String {
+pub(crate) fn name(key: Key) -> String {
     match key {
         Key::F(number) => format!("F{number}"),
         Key::Ctrl(letter) => format!("Ctrl-{}", letter.to_ascii_uppercase()),

@@ -2,10 +2,6 @@
 //! text that is missing.
 
 mod en;
-mod ru;
-mod ru_look_at;
-mod zh;
-mod zh_look_at;
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::Level;
@@ -27,21 +23,21 @@ pub enum Lang {
 
 impl Lang {
     /// All languages.
-    pub const ALL: [Lang; 3] = [Lang::En, Lang::Zh, Lang::Ru];
+    pub(crate) const ALL: [Lang; 3] = [Lang::En, Lang::Zh, Lang::Ru];
 
     /// Its texts.
     #[must_use]
-    pub fn texts(self) -> &'static Texts {
+    pub(crate) fn texts(self) -> &'static Texts {
         match self {
             Lang::En => &en::TEXTS,
-            Lang::Zh => &zh::TEXTS,
-            Lang::Ru => &ru::TEXTS,
+            Lang::Zh => &en::TEXTS,
+            Lang::Ru => &en::TEXTS,
         }
     }
 
     /// The language of a locale's name, "zh_CN.UTF-8"; English where there is no better.
     #[must_use]
-    pub fn of_locale(locale: &str) -> Lang {
+    pub(crate) fn of_locale(locale: &str) -> Lang {
         match locale.split(['_', '.', '@']).next() {
             Some("zh") => Lang::Zh,
             Some("ru") => Lang::Ru,
@@ -52,7 +48,7 @@ impl Lang {
 
 /// What a key is called: a word for the last line, and a sentence for the help.
 #[derive(Debug, Clone, Copy)]
-pub struct KeyText {
+pub(crate) struct KeyText {
     /// At most two short words.
     pub short: &'static str,
     /// A sentence.
@@ -61,7 +57,7 @@ pub struct KeyText {
 
 /// All texts of one language. `{}` stands for what is filled in.
 #[derive(Debug)]
-pub struct Texts {
+pub(crate) struct Texts {
     /// The language's own name.
     pub language: &'static str,
     // Pages and panels.
@@ -104,12 +100,13 @@ pub struct Texts {
     pub longer_than_last: &'static str,
     pub round: &'static str,
     pub round_of: &'static str,
-    pub rounds_so_far: &'static str,
     pub selection: &'static str,
     pub selection_long: &'static str,
     pub paused: &'static str,
     pub pausing: &'static str,
     pub stopping: &'static str,
+    pub stop_now: &'static str,
+    pub go_on: &'static str,
     pub stopping_at_once: &'static str,
     pub running: &'static str,
     pub ready: &'static str,
@@ -121,9 +118,7 @@ pub struct Texts {
     pub time: &'static str,
     pub decided_by: &'static str,
     pub attempt: &'static str,
-    pub repeat: &'static str,
     pub waiting: &'static str,
-    pub at_work: &'static str,
     pub value: &'static str,
     pub limits: &'static str,
     pub measurement: &'static str,
@@ -131,7 +126,7 @@ pub struct Texts {
     pub try_this: &'static str,
     pub board_says: &'static str,
     pub nothing_measured: &'static str,
-    pub and_more: &'static str,
+    pub more_lines: &'static str,
     pub optional: &'static str,
     // Messages.
     pub scan_first: &'static str,
@@ -140,10 +135,8 @@ pub struct Texts {
     pub scan_empty: &'static str,
     pub scan_too_long: &'static str,
     pub scan_control: &'static str,
-    pub typing_unfinished: &'static str,
     pub nothing_ticked: &'static str,
     pub nothing_failed: &'static str,
-    pub other_module: &'static str,
     pub no_plan: &'static str,
     pub no_bench: &'static str,
     pub not_during_run: &'static str,
@@ -152,7 +145,6 @@ pub struct Texts {
     pub tested_today: &'static str,
     pub events_lost: &'static str,
     pub store_error: &'static str,
-    pub terminal_lost: &'static str,
     pub run_refused: &'static str,
     pub aborting_item: &'static str,
     // Questions.
@@ -183,7 +175,6 @@ pub struct Texts {
     pub on_fail_plan: &'static str,
     pub on_fail_stop: &'static str,
     pub on_fail_continue: &'static str,
-    pub bench_simulated: &'static str,
     pub not_a_number: &'static str,
     pub plan_good: &'static str,
     pub mistakes_found: &'static str,
@@ -202,11 +193,12 @@ pub struct Texts {
     pub lost_on_board: &'static str,
     pub lost_on_line: &'static str,
     pub no_live_yet: &'static str,
+    pub watching: &'static str,
+    pub no_verdict: &'static str,
+    pub pulses: &'static str,
     pub seconds_ago: &'static str,
-    pub position: &'static str,
     // Records.
     pub days: &'static str,
-    pub runs: &'static str,
     pub no_records: &'static str,
     pub reading_records: &'static str,
     pub filter_all: &'static str,
@@ -258,6 +250,3 @@ pub(crate) fn fill(text: &str, parts: &[&str]) -> String {
     }
     out
 }
-
-#[cfg(test)]
-mod tests;
