@@ -79,3 +79,8 @@ fn whole(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame::message(model, frame, message);
     frame::foot(model, frame, foot);
 }
+
+#[cfg(test)]
+pub(in crate::tui) use big::has as can_draw;
+#[cfg(test)]
+pub(in crate::tui) use text::width as text_width;

@@ -2,6 +2,10 @@
 //! text that is missing.
 
 mod en;
+mod ru;
+mod ru_look_at;
+mod zh;
+mod zh_look_at;
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::Level;
@@ -30,8 +34,8 @@ impl Lang {
     pub(crate) fn texts(self) -> &'static Texts {
         match self {
             Lang::En => &en::TEXTS,
-            Lang::Zh => &en::TEXTS,
-            Lang::Ru => &en::TEXTS,
+            Lang::Zh => &zh::TEXTS,
+            Lang::Ru => &ru::TEXTS,
         }
     }
 
@@ -187,11 +191,8 @@ pub(crate) struct Texts {
     pub satellites: &'static str,
     pub no_fix: &'static str,
     pub ad_channels: &'static str,
-    pub stream: &'static str,
-    pub samples_per_second: &'static str,
-    pub received: &'static str,
-    pub lost_on_board: &'static str,
-    pub lost_on_line: &'static str,
+    pub streams: &'static str,
+    pub streams_legend: &'static str,
     pub no_live_yet: &'static str,
     pub watching: &'static str,
     pub no_verdict: &'static str,
@@ -250,3 +251,6 @@ pub(crate) fn fill(text: &str, parts: &[&str]) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests;

@@ -29,6 +29,7 @@ fn letter(letter: char) -> Option<[&'static str; 5]> {
         'Б' => ["#####", "#    ", "#### ", "#   #", "#### "],
         'Г' => ["#####", "#    ", "#    ", "#    ", "#    "],
         'Д' => [" ### ", " # # ", " # # ", "#####", "#   #"],
+        'Й' => [" # # ", "#   #", "#  ##", "# # #", "##  #"],
         'И' => ["#   #", "#  ##", "# # #", "##  #", "#   #"],
         'К' => ["#   #", "#  # ", "###  ", "#  # ", "#   #"],
         'Л' => ["  ###", " #  #", " #  #", " #  #", "#   #"],
@@ -42,7 +43,7 @@ fn letter(letter: char) -> Option<[&'static str; 5]> {
 
 /// Whether a word can be drawn.
 #[cfg(test)]
-pub(super) fn has(word: &str) -> bool {
+pub(in crate::tui) fn has(word: &str) -> bool {
     word.chars().all(|character| letter(character).is_some())
 }
 

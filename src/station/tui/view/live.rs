@@ -54,7 +54,8 @@ fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     lines.push(Line::styled(format!("{}  V", texts.ad_channels), style::strong()));
     lines.extend(ad(model));
     gap(&mut lines, roomy);
-    lines.push(Line::styled(text::cut(&format!("{}  {}", texts.stream, streams_head(model)), cells), style::strong()));
+    lines.push(Line::styled(text::cut(texts.streams, cells), style::strong()));
+    lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
     lines.extend(model.live.newest.streams.iter().map(|reading| stream(model, reading, cells)));
     frame.render_widget(Paragraph::new(lines), inner);
 }
@@ -98,7 +99,7 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
     }
     lines.push(Line::from(vec![
         Span::styled(texts.temperature, style::strong()),
-        Span::raw(format!("  gyro {:.2}  accel {:.2} degC", imu.gyro_temperature_c, imu.accel_temperature_c)),
+        Span::raw(format!("  {:.2}  {:.2} °C", imu.gyro_temperature_c, imu.accel_temperature_c)),
     ]));
     gap(&mut lines, roomy);
     lines
@@ -115,7 +116,7 @@ fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
     let fix = if gnss.dimensions >= 2 { format!("{}D", gnss.dimensions) } else { texts.no_fix.to_owned() };
     let satellites = gnss.satellites_used.map_or("-".to_owned(), |count| count.to_string());
     let hdop = gnss.hdop.map_or("-".to_owned(), |hdop| format!("{hdop:.1}"));
-    let first = format!("{fix}  {satellites} {}  HDOP {hdop}  {} {}", texts.satellites, newest.pulses, texts.pulses);
+    let pulses = format!(" HDOP {hdop}  1PPS {} {}", newest.pulses, texts.pulses);
     let place = match (gnss.latitude_deg, gnss.longitude_deg, gnss.height_m) {
         (Some(latitude), Some(longitude), height) => {
             let height = height.map(|height| format!("  {height:.1} m")).unwrap_or_default();
@@ -123,8 +124,8 @@ fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
         }
         _ => String::new(),
     };
-    let room = cells.saturating_sub(text::width(texts.gnss) + 2);
-    vec![head(text::cut(&first, room)), Line::raw(text::cut(&place, cells))]
+    let lines = [pulses, place].into_iter().map(|line| Line::raw(text::cut(&line, cells)));
+    [head(format!("{fix}  {satellites} {}", texts.satellites))].into_iter().chain(lines).collect()
 }
 
 /// Channels 1 to 8, four to a line.
@@ -138,11 +139,6 @@ fn ad(model: &Model) -> Vec<Line<'static>> {
         Line::raw(each.collect::<String>())
     });
     rows.collect()
-}
-
-fn streams_head(model: &Model) -> String {
-    let texts = model.texts;
-    format!("{}, {}, {}/{}", texts.samples_per_second, texts.received, texts.lost_on_board, texts.lost_on_line)
 }
 
 fn stream(model: &Model, reading: &StreamReading, cells: usize) -> Line<'static> {

@@ -80,10 +80,10 @@ fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     let head = format!(
         "  {} {} {} {} {}",
         text::fit(texts.start_time, 8),
-        text::fit(texts.serial_number, 22),
+        text::fit(texts.serial_number, 18),
         text::fit(texts.outcome, OUTCOME),
-        text::fit(texts.plan, 14),
-        text::right(texts.time, 10)
+        text::fit(texts.plan, 13),
+        text::right(texts.time, 9)
     );
     let mut lines = vec![Line::styled(text::cut(&head, cells), style::faint())];
     if let Some(error) = &records.error {
@@ -122,11 +122,11 @@ fn run_spans(model: &Model, run: &RunLine, same: bool) -> Vec<Span<'static>> {
     }
     vec![
         Span::raw(text::fit(&time, 9)),
-        Span::styled(text::fit(&printable(&run.serial_number), 23), number_style),
+        Span::styled(text::fit(&printable(&run.serial_number), 19), number_style),
         Span::styled(text::fit(&format!("{mark} {word}"), OUTCOME + 1), mark_style),
-        Span::raw(text::fit(&printable(&run.plan), 15)),
-        Span::raw(text::right(&duration(run.elapsed_s), 10)),
-        Span::styled(format!("  {}", caveats.join(" ")), style::faint()),
+        Span::raw(text::fit(&printable(&run.plan), 14)),
+        Span::raw(text::right(&duration(run.elapsed_s), 9)),
+        Span::styled(format!(" {}", caveats.join(" ")), style::faint()),
     ]
 }
 

@@ -3,7 +3,7 @@
 use ratatui::text::Span;
 
 /// Cells of a text.
-pub(super) fn width(text: &str) -> usize {
+pub(in crate::tui) fn width(text: &str) -> usize {
     Span::raw(text).width()
 }
 
