@@ -11,12 +11,16 @@ mod live;
 mod look;
 mod model;
 mod records;
+mod scene;
 mod session;
 mod setup_form;
 mod show;
 mod terminal;
 mod update;
 mod view;
+
+#[cfg(test)]
+mod tests;
 
 use std::io::{self, IsTerminal as _};
 use std::process::ExitCode;
@@ -34,6 +38,7 @@ use show::{Clock, Inbox};
 use terminal::Guard;
 
 pub use lang::Lang;
+pub use scene::Scene;
 
 /// The plan that is chosen where none is named.
 const PLAN: &str = "test-plans/functional.toml";

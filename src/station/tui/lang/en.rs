@@ -97,6 +97,8 @@ pub(super) static TEXTS: Texts = Texts {
     leave_stop_first: "leaving after the run has stopped",
     prompt_title: "Please",
     asked_since: "asked {} ago",
+    done: "Done",
+    not_possible: "Not possible",
     on_no: "If it is not possible, {} ends as errored and the run goes on.",
     on: "ON",
     off: "OFF",

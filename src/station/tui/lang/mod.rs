@@ -159,6 +159,8 @@ pub(crate) struct Texts {
     pub leave_stop_first: &'static str,
     pub prompt_title: &'static str,
     pub asked_since: &'static str,
+    pub done: &'static str,
+    pub not_possible: &'static str,
     pub on_no: &'static str,
     pub on: &'static str,
     pub off: &'static str,

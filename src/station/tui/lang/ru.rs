@@ -98,6 +98,8 @@ pub(super) static TEXTS: Texts = Texts {
     leave_stop_first: "выход после остановки прогона",
     prompt_title: "Просьба",
     asked_since: "ожидание {}",
+    done: "Сделано",
+    not_possible: "Нельзя",
     on_no: "Если это невозможно, {} получит сбой, прогон продолжится.",
     on: "ВКЛ",
     off: "ВЫКЛ",

@@ -98,6 +98,8 @@ pub(super) static TEXTS: Texts = Texts {
     leave_stop_first: "运行停止后退出",
     prompt_title: "请操作",
     asked_since: "已等待 {}",
+    done: "完成",
+    not_possible: "做不到",
     on_no: "如果做不到，{} 记为出错，运行继续。",
     on: "开",
     off: "关",

@@ -1,5 +1,6 @@
 //! One item: its attempts, with every value and its limit.
 
+use gnc_executive::event::Level;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::printable::printable;
 use gnc_executive::state::{Attempt, Row};
@@ -107,7 +108,7 @@ fn attempt_lines(model: &Model, row: &Row, attempt: &Attempt, cells: usize) -> V
     let texts = model.texts;
     let mut lines = Vec::new();
     if let Some(error) = &attempt.error {
-        lines.extend(sentence("!", &printable(&error.text), style::strong(), cells));
+        lines.extend(sentence((texts.level)(Level::Error), &printable(&error.text), style::strong(), cells));
         if !error.hint.is_empty() {
             lines.extend(sentence(texts.try_this, &printable(&error.hint), Style::new(), cells));
         }

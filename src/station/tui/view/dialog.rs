@@ -39,7 +39,7 @@ fn answers(model: &Model) -> Line<'static> {
     let spans = [Action::Yes, Action::No].into_iter().flat_map(|action| {
         let key = keymap::bindings(Place::Confirm).find(|binding| binding.action == action);
         let name = key.map(|binding| keymap::name(binding.key)).unwrap_or_default();
-        let what = (model.texts.key)(action).short;
+        let what = super::frame::key_label(model, action);
         [Span::styled(name, style::turned()), Span::raw(format!(" {what}   "))]
     });
     Line::from(spans.collect::<Vec<_>>())

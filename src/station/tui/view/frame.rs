@@ -9,7 +9,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::{style, text};
-use crate::tui::keymap::{self, Action};
+use crate::tui::keymap::{self, Action, Place};
 use crate::tui::lang::fill;
 use crate::tui::model::{Loaded, Model, Page, Pause};
 
@@ -66,13 +66,15 @@ pub(super) fn foot(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(shown, area);
 }
 
-/// What a key does now: a second stop is another one.
-fn key_label(model: &Model, action: Action) -> &'static str {
+/// What a key does now: a second stop is another one, and a request is done rather than agreed to.
+pub(super) fn key_label(model: &Model, action: Action) -> &'static str {
     let texts = model.texts;
     let run = model.run.as_ref().filter(|run| !run.over);
     match action {
         Action::Stop if run.is_some_and(|run| run.stops > 0) => texts.stop_now,
         Action::Pause if run.is_some_and(|run| run.pause == Pause::Asked) => texts.go_on,
+        Action::Yes if model.place() == Place::Prompt => texts.done,
+        Action::No if model.place() == Place::Prompt => texts.not_possible,
         _ => (texts.key)(action).short,
     }
 }

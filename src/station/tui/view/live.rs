@@ -178,11 +178,42 @@ fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl
         dataset.style(style::axis(model.look, axis)).data(points)
     });
     let time = format!("-{} s", SPAN.as_secs());
+    let block = Block::bordered().title(format!(" {title} "));
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let [curves, ends] = Layout::horizontal([Constraint::Fill(1), Constraint::Length(2)]).areas(inner);
     let chart = Chart::new(datasets.collect())
-        .block(Block::bordered().title(format!(" {title} ")))
         .x_axis(Axis::default().bounds([-SPAN.as_secs_f64(), 0.0]).labels([time, "0".to_owned()]))
         .y_axis(Axis::default().bounds([low, high]).labels([label(low), label(high)]));
-    frame.render_widget(chart, area);
+    frame.render_widget(chart, curves);
+    let newest = axes.map(|points| points.last().map(|(_, value)| *value));
+    names_of_curves(model, frame, ends, newest, (low, high));
+}
+
+/// Beside the end of each curve its name: colours are not the only sign.
+fn names_of_curves(
+    model: &Model,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    newest: [Option<f64>; 3],
+    (low, high): (f64, f64),
+) {
+    // The axis and its labels take the last two rows.
+    let rows = area.height.saturating_sub(2);
+    if rows == 0 {
+        return;
+    }
+    let mut taken = Vec::new();
+    for (axis, value) in newest.into_iter().enumerate() {
+        let Some(value) = value.filter(|value| value.is_finite()) else { continue };
+        let wanted = ((high - value) / (high - low) * f64::from(rows - 1)).round() as u16;
+        // Curves that end together have their names below one another.
+        let row = (0..rows).map(|down| (wanted + down) % rows).find(|row| !taken.contains(row)).unwrap_or(wanted);
+        taken.push(row);
+        let place = Rect { y: area.y + row.min(rows - 1), height: 1, ..area };
+        let name = Span::styled([" X", " Y", " Z"][axis], style::axis(model.look, axis).patch(style::strong()));
+        frame.render_widget(name, place);
+    }
 }
 
 fn label(value: f64) -> String {

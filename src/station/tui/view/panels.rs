@@ -174,7 +174,7 @@ pub(super) fn times(model: &Model, frame: &mut Frame<'_>, area: Rect) {
         lines.push(line(texts.round, &round(model, run)));
     }
     if !run.over {
-        lines.push(share(model, run, cells));
+        lines.push(share_bar(model, run, cells));
         // Five lines are all that a small screen has: the bar gives way to the round.
         if lines.len() > usize::from(inner.height) {
             lines.pop();
@@ -263,10 +263,15 @@ fn round(model: &Model, run: &RunView) -> String {
     if counts.is_empty() { which } else { format!("{which}: {}", counts.join(", ")) }
 }
 
-/// Items that are over, as a bar.
-fn share(model: &Model, run: &RunView, cells: usize) -> Line<'static> {
-    let all = run.state.rows().iter().filter(|row| row.planned.selected).count();
-    let over = run.state.rows().iter().filter(|row| row.planned.selected && row.is_over()).count();
+/// Items that are over, of those that are to be run.
+fn share(run: &RunView) -> (usize, usize) {
+    let selected = || run.state.rows().iter().filter(|row| row.planned.selected);
+    (selected().filter(|row| row.is_over()).count(), selected().count())
+}
+
+/// The same as a bar.
+fn share_bar(model: &Model, run: &RunView, cells: usize) -> Line<'static> {
+    let (over, all) = share(run);
     let label = format!(" {over}/{all}");
     let room = cells.saturating_sub(text::width(&label));
     Line::styled(format!("{}{label}", bar(over, all, room)), style::accent(model.look))
@@ -282,18 +287,7 @@ pub(super) fn bar(part: usize, whole: usize, cells: usize) -> String {
 pub(super) fn verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let outcome = model.run.as_ref().and_then(RunView::verdict);
-    let Some(outcome) = outcome else {
-        let running = model.is_running();
-        let (word, style) = match running {
-            true => (texts.running, style::accent(model.look).patch(style::strong())),
-            false => (texts.ready, style::faint()),
-        };
-        let block = Block::bordered();
-        let inner = block.inner(area);
-        frame.render_widget(block, area);
-        let middle = Rect { y: inner.y + inner.height / 2, height: 1.min(inner.height), ..inner };
-        return frame.render_widget(Paragraph::new(word).centered().style(style), middle);
-    };
+    let Some(outcome) = outcome else { return no_verdict(model, frame, area) };
     let style = style::area(model.look, outcome);
     let times = model.run.as_ref().map(|run| times_line(model, run)).unwrap_or_default();
     let caveat = match frame::no_evidence(model).len() {
@@ -308,6 +302,23 @@ pub(super) fn verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let inner = block.inner(area);
     frame.render_widget(block, area);
     big::draw(frame, inner, (texts.verdict)(outcome), style);
+}
+
+/// Before the verdict: how many items are over, or that all is ready.
+fn no_verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    if let Some(run) = &model.run {
+        let (over, all) = share(run);
+        let block = block(texts.running);
+        let inner = block.inner(area);
+        frame.render_widget(block.border_style(style::accent(model.look)), area);
+        return big::draw(frame, inner, &format!("{over}/{all}"), style::accent(model.look));
+    }
+    let block = Block::bordered();
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let middle = Rect { y: inner.y + inner.height / 2, height: 1.min(inner.height), ..inner };
+    frame.render_widget(Paragraph::new(texts.ready).centered().style(style::faint()), middle);
 }
 
 /// Beside the verdict itself, since it may be all that somebody sees.

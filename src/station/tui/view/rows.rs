@@ -1,5 +1,6 @@
 //! The items as a list: ticks, marks, outcomes, times, what decided; under a bad one what to look at.
 
+use gnc_executive::event::Level;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::printable::printable;
@@ -133,7 +134,11 @@ impl List<'_> {
                 row.elapsed_us().map(|us| words::duration(us as f64 / 1e6)).unwrap_or_default(),
             ),
             None if !row.planned.selected => (Span::raw("  "), Span::raw(""), String::new()),
-            None => (Span::raw("  "), Span::styled(texts.waiting, style::faint()), String::new()),
+            None => {
+                let word =
+                    if self.state.outcome().is_some() { (texts.outcome_word)(Outcome::NotRun) } else { texts.waiting };
+                (Span::raw("  "), Span::styled(word, style::faint()), String::new())
+            }
         };
         let outcome = Span::styled(text::fit(&outcome.content, columns.outcome), outcome.style);
         let reason = match at_work {
@@ -222,7 +227,7 @@ fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
         lines.push(Line::styled(format!("         {more}, {}", texts.enter_opens), style::faint()));
     }
     if let Some(error) = &attempt.error {
-        lines.extend(labelled("!", &printable(&error.text), cells));
+        lines.extend(labelled((texts.level)(Level::Error), &printable(&error.text), cells));
         if !error.hint.is_empty() {
             lines.extend(labelled(texts.try_this, &printable(&error.hint), cells));
         }
