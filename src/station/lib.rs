@@ -17,7 +17,9 @@ pub mod procedure;
 mod records;
 pub mod report;
 pub mod runner;
+mod serial_number;
 mod setup;
 mod statistics;
 
 pub mod store;
+pub mod tui;

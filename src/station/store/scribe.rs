@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io::{self, Write as _};
-use std::sync::{Arc, Mutex, PoisonError, mpsc as channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
@@ -20,6 +20,9 @@ use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
+
+/// Hears of an event that is written. `false`: nobody listens any more, or is too far behind.
+pub type Watcher = Box<dyn FnMut(&Event) -> bool + Send>;
 
 type Written = oneshot::Sender<Result<(), StoreError>>;
 
@@ -37,11 +40,7 @@ impl Scribe {
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
-    pub fn start(
-        folder: RunFolder,
-        plan: &Plan,
-        watchers: Vec<channel::SyncSender<Event>>,
-    ) -> Result<Self, StoreError> {
+    pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         let state = Arc::new(Mutex::new(RunState::new()));
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
@@ -129,7 +128,7 @@ struct Writer {
     journal: File,
     /// At least up to the event being written; what an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
-    watchers: Vec<channel::SyncSender<Event>>,
+    watchers: Vec<Watcher>,
     line: Vec<u8>,
 }
 
@@ -140,7 +139,7 @@ impl Writer {
             let failed = result.is_err();
             if !failed {
                 // Somebody who no longer listens, or is that far behind, is no reason to stop.
-                self.watchers.retain(|watcher| watcher.try_send(event.clone()).is_ok());
+                self.watchers.retain_mut(|watcher| watcher(&event));
             }
             match written {
                 Some(written) => {
