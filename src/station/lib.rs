@@ -7,6 +7,7 @@ mod check;
 pub mod cli;
 pub mod compute;
 pub mod control;
+mod doctor;
 pub mod figures;
 mod files;
 pub mod fixture;

@@ -130,8 +130,11 @@ fn weights(kind: Kind, m: usize) -> Vec<f64> {
     }
 }
 
-const WHITE: Source =
-    Source { noise: Noise::WhiteRate, make: |n, dice| (0..n).map(|_| dice.normal()).collect(), variance: |w| w.iter().map(|v| v * v).sum() };
+const WHITE: Source = Source {
+    noise: Noise::WhiteRate,
+    make: |n, dice| (0..n).map(|_| dice.normal()).collect(),
+    variance: |w| w.iter().map(|v| v * v).sum(),
+};
 
 /// Steps of variance 1, each carried by all later rates.
 const WALK: Source = Source {
@@ -209,7 +212,10 @@ fn intervals_cover_the_truth() {
                 }
             }
         }
-        KINDS.iter().zip(covered).for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
+        KINDS
+            .iter()
+            .zip(covered)
+            .for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
         println!("{name}: named {named:?}");
         // From 2 samples on, where the simulated walk is a walk.
         for (covered, kind) in covered.iter().zip(KINDS) {
