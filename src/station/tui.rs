@@ -30,7 +30,7 @@ use gnc_executive::outcome::Outcome;
 use tokio::sync::{mpsc, watch};
 
 use crate::auto::Refusal;
-use crate::cli::{RunArgs, refuse};
+use crate::cli::{RunArgs, complain, refuse};
 use crate::runner::Live;
 use model::{Loaded, Model, Rounds};
 use session::{Session, Signals};
@@ -85,8 +85,7 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     let (gone_in, gone) = std::sync::mpsc::channel();
     let drawing = Drawing { guard: guard.clone(), model, inbox, commands: commands_in, clock };
     spawn("screen", move || {
-        drawing.run();
-        let _ = gone_in.send(());
+        let _ = gone_in.send(drawing.run());
     })?;
     spawn("keys", move || terminal::read_keys(&keys_in))?;
 
@@ -102,8 +101,10 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     // Reading records may go on; nobody waits for it.
     runtime.shutdown_background();
     // The session is gone, so the screen ends by itself, unless its terminal stands still.
-    if gone.recv_timeout(GIVE_BACK_WITHIN).is_err() {
-        guard.give_back_modes();
+    match gone.recv_timeout(GIVE_BACK_WITHIN) {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => complain(format_args!("the screen ended: {error}"), "check the terminal, and open it again"),
+        Err(_) => drop(guard.give_back_modes()),
     }
     Ok(outcome)
 }
@@ -144,18 +145,13 @@ struct Drawing {
 
 impl Drawing {
     /// Ends when somebody leaves or the terminal is gone; then the commands end, and the session hears of it.
-    fn run(mut self) {
-        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_time().build() else { return };
-        let Ok(mut terminal) = self.guard.take() else { return self.guard.give_back() };
-        // An error of the terminal is its loss.
-        let _ended = runtime.block_on(show::show(
-            &mut terminal,
-            &mut self.model,
-            self.inbox,
-            &self.commands,
-            self.clock,
-            || self.guard.is_taken(),
-        ));
+    fn run(mut self) -> io::Result<()> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
+        let shown = self.guard.take().and_then(|mut terminal| {
+            let ours = || self.guard.is_taken();
+            runtime.block_on(show::show(&mut terminal, &mut self.model, self.inbox, &self.commands, self.clock, ours))
+        });
         self.guard.give_back();
+        shown.map(drop)
     }
 }

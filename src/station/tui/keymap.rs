@@ -45,6 +45,8 @@ pub(crate) enum Action {
     Log,
     /// Compares the run with its digests.
     Verify,
+    /// Draws everything again.
+    Redraw,
     /// Shows only runs of one outcome.
     Filter,
     /// Reads the records again.
@@ -178,6 +180,7 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(9), Action::NextPage, PAGES),
     shown(Key::F(10), Action::Leave, PAGES),
     silent(Key::F(10), Action::Leave, &[Place::Setup, Place::Help, Place::Prompt]),
+    silent(Key::Ctrl('r'), Action::Redraw, PAGES),
     silent(Key::Up, Action::Up, LISTS),
     silent(Key::Down, Action::Down, LISTS),
     silent(Key::Left, Action::Left, &[Place::Setup]),

@@ -299,6 +299,8 @@ pub(crate) struct Model {
     pub records: Records,
     /// Leaves as soon as the run has stopped.
     pub leaving: bool,
+    /// Every cell is to be drawn again, since something else wrote over them.
+    pub redraw: bool,
     /// How far the last drawing could scroll.
     pub scroll_end: Cell<usize>,
     /// Files to choose from.
@@ -331,6 +333,7 @@ impl Model {
             watching: false,
             records: Records::default(),
             leaving: false,
+            redraw: false,
             scroll_end: Cell::new(0),
             choices: super::setup_form::Choices::default(),
         }

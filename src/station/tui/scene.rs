@@ -164,6 +164,7 @@ impl Scene {
         self.event(EventKind::ItemEnded { item, outcome, cause: None });
     }
 
+    #[cfg(test)]
     pub(crate) fn run_ends(&mut self, outcome: Outcome) {
         self.event(EventKind::RunEnded { outcome });
         self.tell(Msg::RunOver { store_error: None, refusal: None });

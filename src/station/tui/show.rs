@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use chrono::Local;
 use ratatui::Terminal;
 use ratatui::backend::Backend;
+use ratatui::layout::{Position, Rect};
 use tokio::sync::{mpsc, watch};
 
 use super::decode::Key;
@@ -65,7 +66,7 @@ pub(crate) async fn show<B: Backend>(
 ) -> Result<Ended, B::Error> {
     let mut drawn = Instant::now();
     terminal.draw(|frame| view::draw(model, frame))?;
-    let mut changed = false;
+    let (mut changed, mut anew) = (false, false);
     loop {
         let due = if changed { drawn + FRAME } else { drawn + rest(model) };
         let mut arrived = Vec::new();
@@ -84,7 +85,7 @@ pub(crate) async fn show<B: Backend>(
                 if resized.is_err() {
                     return Ok(Ended::Left);
                 }
-                terminal.clear()?;
+                anew = true;
             }
             () = tokio::time::sleep_until(due.into()) => {}
         }
@@ -109,6 +110,12 @@ pub(crate) async fn show<B: Backend>(
         changed = true;
         if Instant::now() >= drawn + FRAME {
             drawn = Instant::now();
+            if std::mem::take(&mut anew) || std::mem::take(&mut model.redraw) {
+                // As large as it is now, and every cell again. (`clear` would ask the terminal where its cursor is, and
+                // the answer would come among the keys.)
+                let size = terminal.size()?;
+                terminal.resize(Rect::from((Position::ORIGIN, size)))?;
+            }
             terminal.draw(|frame| view::draw(model, frame))?;
             changed = false;
         }

@@ -143,7 +143,11 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
             if let Some(why) = why {
                 model.say(Weight::Error, why);
             }
-            return model.leaving.then_some(Command::Leave);
+            return match model.leaving {
+                true => Some(Command::Leave),
+                // The records page was turned to while the module was being switched off.
+                false => keys::read_if_due(model),
+            };
         }
         Msg::EndAsked => model.leaving = true,
         Msg::Days(_) | Msg::Runs(_) | Msg::Opened(_) | Msg::Verified { .. } => take_records(model, msg),

@@ -94,6 +94,7 @@ pub(crate) struct Texts {
     pub module_off: &'static str,
     pub scan_here: &'static str,
     pub loading: &'static str,
+    pub still_loading: &'static str,
     // Run panel.
     pub started: &'static str,
     pub elapsed: &'static str,

@@ -134,6 +134,7 @@ fn act(model: &mut Model, place: Place, action: Action) -> Option<Command> {
         Action::No => return answer(model, false),
         Action::Log => model.over.push(Over::Log { scroll: 0 }),
         Action::Verify => return verify(model),
+        Action::Redraw => model.redraw = true,
         Action::Filter => model.records.turn_filter(),
         Action::Reload => return read_records(model),
         Action::Left | Action::Right => {
@@ -174,6 +175,7 @@ fn begin(model: &mut Model, what: What) -> Option<Command> {
         take_number(model, next);
     }
     let lacking = match (&model.bench, &model.plan) {
+        (Loaded::Loading, _) | (_, Loaded::Loading) => Some(model.texts.still_loading),
         (Loaded::Ready(_), Loaded::Ready(_)) => None,
         (Loaded::Ready(_), _) => Some(model.texts.no_plan),
         _ => Some(model.texts.no_bench),
@@ -264,12 +266,18 @@ fn next_page(model: &mut Model) -> Option<Command> {
         Page::Live => Page::Records,
         Page::Records => Page::Tests,
     };
-    if unwatched.is_none() && model.page == Page::Records { read_records(model) } else { unwatched }
+    model.records.reading = model.page == Page::Records;
+    unwatched.or_else(|| read_if_due(model))
 }
 
 fn leave_watch(model: &mut Model) -> Option<Command> {
     model.page = Page::Tests;
     Some(Command::Stop)
+}
+
+/// Reads what the records page waits for.
+pub(super) fn read_if_due(model: &mut Model) -> Option<Command> {
+    if model.page == Page::Records && model.records.reading { read_records(model) } else { None }
 }
 
 fn read_records(model: &mut Model) -> Option<Command> {

@@ -2,7 +2,6 @@
 
 use gnc_executive::event::Level;
 use gnc_executive::measurement::Measurement;
-use gnc_executive::printable::printable;
 use gnc_executive::state::{Attempt, Row};
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -44,7 +43,7 @@ pub(super) fn show(model: &Model, row: Option<&Row>, frame: &mut Frame<'_>, area
 
 fn title(model: &Model, row: Option<&Row>) -> String {
     match row {
-        Some(row) => format!("{}: {}", printable(&row.planned.name), (model.texts.item_title)(row.planned.id)),
+        Some(row) => format!("{}: {}", text::shown(&row.planned.name), (model.texts.item_title)(row.planned.id)),
         None => model.texts.detail.to_owned(),
     }
 }
@@ -79,7 +78,7 @@ fn lines(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some(cause) = &row.cause {
         let why = format!("{}: {}", (texts.outcome_word)(row.outcome), (texts.cause)(cause));
-        lines.extend(text::wrap(&printable(&why), cells).into_iter().map(Line::raw));
+        lines.extend(text::wrap(&text::shown(&why), cells).into_iter().map(Line::raw));
     }
     // The attempt that counts stands first.
     for (index, attempt) in row.attempts.iter().enumerate().rev() {
@@ -108,14 +107,14 @@ fn attempt_lines(model: &Model, row: &Row, attempt: &Attempt, cells: usize) -> V
     let texts = model.texts;
     let mut lines = Vec::new();
     if let Some(error) = &attempt.error {
-        lines.extend(sentence((texts.level)(Level::Error), &printable(&error.text), style::strong(), cells));
+        lines.extend(sentence((texts.level)(Level::Error), &text::shown(&error.text), style::strong(), cells));
         if !error.hint.is_empty() {
-            lines.extend(sentence(texts.try_this, &printable(&error.hint), Style::new(), cells));
+            lines.extend(sentence(texts.try_this, &text::shown(&error.hint), Style::new(), cells));
         }
     }
     for record in &attempt.error_records {
         let said = format!("{} ({}): {} / {}", record.what, record.location, record.expected, record.got);
-        lines.extend(sentence(texts.board_says, &printable(&said), Style::new(), cells));
+        lines.extend(sentence(texts.board_says, &text::shown(&said), Style::new(), cells));
     }
     if attempt.measurements.is_empty() && attempt.outcome.is_some() {
         lines.push(Line::styled(texts.nothing_measured, style::faint()));
@@ -142,7 +141,7 @@ fn attempt_lines(model: &Model, row: &Row, attempt: &Attempt, cells: usize) -> V
 }
 
 fn value_line(model: &Model, measurement: &Measurement, name_cells: usize, value_cells: usize) -> Line<'static> {
-    let mut name = printable(&measurement.name).into_owned();
+    let mut name = text::shown(&measurement.name);
     if let Some(repeat) = measurement.repeat {
         name.push_str(&format!(" ({repeat})"));
     }
@@ -154,9 +153,9 @@ fn value_line(model: &Model, measurement: &Measurement, name_cells: usize, value
         Span::styled(format!("{mark} "), style),
         Span::raw(text::fit(&name, name_cells)),
         Span::raw(" "),
-        Span::styled(text::fit(&measurement.value_text(), value_cells), style),
+        Span::styled(text::fit(&text::shown(&measurement.value_text()), value_cells), style),
         Span::raw(" "),
-        Span::raw(text::cut(&measurement.limit_text(), value_cells)),
+        Span::raw(text::cut(&text::shown(&measurement.limit_text()), value_cells)),
     ])
 }
 

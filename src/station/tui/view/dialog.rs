@@ -2,7 +2,6 @@
 
 use chrono::{DateTime, FixedOffset};
 use gnc_executive::outcome::Outcome;
-use gnc_executive::printable::printable;
 use gnc_executive::text::duration;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -63,7 +62,7 @@ pub(super) fn again(
     outcome: Option<Outcome>,
 ) {
     let [time, outcome] = earlier_words(model, &Earlier { at, outcome });
-    let number = model.scan.current.as_deref().map(printable).unwrap_or_default();
+    let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
     let words = fill(model.texts.again_question, &[&number, &time, &outcome]);
     question(model, frame, area, model.texts.again_title, &words);
 }
@@ -79,10 +78,10 @@ pub(super) fn prompt(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let Some(prompt) = model.run.as_ref().and_then(|run| run.prompt.as_ref()) else { return };
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
     let what = text::wrap(&texts.ask(&prompt.ask), cells);
-    let on_no = text::wrap(&fill(texts.on_no, &[&printable(&prompt.item)]), cells);
+    let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
     let picture_rows = picture::rows(&prompt.ask);
     let (what_rows, on_no_rows) = (what.len() as u16, on_no.len() as u16);
-    let title = format!("{}: {}", texts.prompt_title, printable(&prompt.item));
+    let title = format!("{}: {}", texts.prompt_title, text::shown(&prompt.item));
     let place = over(model, frame, area, &title, what_rows + picture_rows + on_no_rows + 4);
     let [what_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
         Constraint::Length(what_rows + 1),

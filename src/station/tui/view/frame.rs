@@ -1,7 +1,6 @@
 //! The first line, the message and the keys.
 
 use gnc_executive::event::BenchKind;
-use gnc_executive::printable::printable;
 use gnc_executive::state::RunState;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -37,7 +36,7 @@ pub(super) fn head(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 fn badge(model: &Model) -> String {
     match &model.bench {
         Loaded::Ready(bench) if bench.kind == BenchKind::Simulated => {
-            format!(" {}: {} ", model.texts.simulated, printable(&bench.name))
+            format!(" {}: {} ", model.texts.simulated, text::shown(&bench.name))
         }
         _ => String::new(),
     }
@@ -47,7 +46,8 @@ fn badge(model: &Model) -> String {
 pub(super) fn message(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let Some((weight, message)) = &model.message else { return };
     let cells = usize::from(area.width).saturating_sub(2);
-    let line = Line::styled(format!(" {}", text::cut(&printable(message), cells)), style::weight(model.look, *weight));
+    let line =
+        Line::styled(format!(" {}", text::cut(&text::shown(message), cells)), style::weight(model.look, *weight));
     frame.render_widget(line, area);
 }
 
@@ -85,7 +85,7 @@ pub(super) fn no_evidence(model: &Model) -> Vec<String> {
     let Some(header) = model.shown_state().and_then(RunState::header) else { return reasons };
     if header.bench.kind == BenchKind::Simulated {
         let name = header.bench.personality.as_deref().unwrap_or_default();
-        reasons.push(fill(model.texts.simulated_long, &[&printable(name)]));
+        reasons.push(fill(model.texts.simulated_long, &[&text::shown(name)]));
     }
     if header.selection.is_some() {
         reasons.push(model.texts.selection_long.to_owned());

@@ -207,10 +207,12 @@ fn names_of_curves(
     for (axis, value) in newest.into_iter().enumerate() {
         let Some(value) = value.filter(|value| value.is_finite()) else { continue };
         let wanted = ((high - value) / (high - low) * f64::from(rows - 1)).round() as u16;
-        // Curves that end together have their names below one another.
-        let row = (0..rows).map(|down| (wanted + down) % rows).find(|row| !taken.contains(row)).unwrap_or(wanted);
+        // Curves that end together have their names in the nearest free rows.
+        let mut free: Vec<u16> = (0..rows).filter(|row| !taken.contains(row)).collect();
+        free.sort_by_key(|row| row.abs_diff(wanted));
+        let Some(row) = free.first().copied() else { return };
         taken.push(row);
-        let place = Rect { y: area.y + row.min(rows - 1), height: 1, ..area };
+        let place = Rect { y: area.y + row, height: 1, ..area };
         let name = Span::styled([" X", " Y", " Z"][axis], style::axis(model.look, axis).patch(style::strong()));
         frame.render_widget(name, place);
     }

@@ -2,7 +2,6 @@
 
 use gnc_executive::event::Level;
 use gnc_executive::outcome::Outcome;
-use gnc_executive::printable::printable;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -65,8 +64,7 @@ fn lines(model: &Model, state: Option<&RunState>, cells: usize) -> Vec<Line<'sta
 
 fn entries(model: &Model, state: &RunState) -> Vec<Entry> {
     let texts = model.texts;
-    let plain =
-        |elapsed_us, text: String| Entry { elapsed_us, style: Style::new(), text: printable(&text).into_owned() };
+    let plain = |elapsed_us, text: String| Entry { elapsed_us, style: Style::new(), text: text::shown(&text) };
     let mut entries = Vec::new();
     if let Some(header) = state.header() {
         let plan = format!("{} {}", header.plan.name, header.plan.version);

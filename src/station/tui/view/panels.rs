@@ -2,7 +2,6 @@
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::StopHow;
-use gnc_executive::printable::printable;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -45,7 +44,7 @@ pub(super) fn product(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let (number, number_style) = serial_number(model);
     let mut lines = vec![line(texts.serial_number, &number, number_style)];
     if let Some(next) = &model.scan.next {
-        lines.push(line(texts.next_module, &printable(next), style::strong()));
+        lines.push(line(texts.next_module, &text::shown(next), style::strong()));
     } else {
         lines.push(line(texts.part, &part(model), Style::new()));
     }
@@ -53,9 +52,9 @@ pub(super) fn product(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let station = model.bench.ready().map_or("", |bench| bench.station.as_str());
     let who =
         if roomy { model.operator.clone() } else { join(&model.operator, &format!("{} {station}", texts.station)) };
-    lines.push(line(texts.operator, &printable(&who), Style::new()));
+    lines.push(line(texts.operator, &text::shown(&who), Style::new()));
     if roomy {
-        lines.push(line(texts.station, &printable(station), Style::new()));
+        lines.push(line(texts.station, &text::shown(station), Style::new()));
     }
     lines.push(line(texts.plan, &plan(model), Style::new()));
     let (board, board_style) = board(model);
@@ -76,11 +75,11 @@ fn join(first: &str, second: &str) -> String {
 fn serial_number(model: &Model) -> (String, Style) {
     let typed = &model.scan.typed;
     if !typed.is_empty() {
-        return (format!("{}_", printable(typed.text())), style::accent(model.look).patch(style::strong()));
+        return (format!("{}_", text::shown(typed.text())), style::accent(model.look).patch(style::strong()));
     }
     let tested = model.run.as_ref().map(|run| &run.serial_number);
     match tested.or(model.scan.current.as_ref()) {
-        Some(number) => (printable(number).into_owned(), style::strong()),
+        Some(number) => (text::shown(number), style::strong()),
         None => (format!("_  ({})", model.texts.scan_here), style::accent(model.look)),
     }
 }
@@ -89,7 +88,7 @@ fn serial_number(model: &Model) -> (String, Style) {
 fn part(model: &Model) -> String {
     let measured = model.run.as_ref().and_then(|run| measured_part(&run.state));
     let planned = || model.plan.ready().and_then(|plan| plan.part.clone());
-    measured.or_else(planned).map_or_else(|| "-".to_owned(), |part| printable(&part).into_owned())
+    measured.or_else(planned).map_or_else(|| "-".to_owned(), |part| text::shown(&part))
 }
 
 fn measured_part(state: &RunState) -> Option<String> {
@@ -100,7 +99,7 @@ fn measured_part(state: &RunState) -> Option<String> {
 
 fn plan(model: &Model) -> String {
     match &model.plan {
-        Loaded::Ready(plan) => format!("{} {}", printable(&plan.name), printable(&plan.version)),
+        Loaded::Ready(plan) => format!("{} {}", text::shown(&plan.name), text::shown(&plan.version)),
         Loaded::Loading => model.texts.loading.to_owned(),
         Loaded::Refused(_) => format!("{}: {}", model.texts.mistakes, model.plan_path),
     }
@@ -115,11 +114,11 @@ fn board(model: &Model) -> (String, Style) {
             Some(power) if power.on => texts.module_on,
             _ => texts.module_off,
         };
-        return (printable(&format!("{} · {power} · {}", board.board_serial, board.link)).into_owned(), Style::new());
+        return (text::shown(&format!("{} · {power} · {}", board.board_serial, board.link)), Style::new());
     }
     match &model.bench {
         Loaded::Ready(bench) if bench.link.is_empty() => (texts.no_board_yet.to_owned(), style::faint()),
-        Loaded::Ready(bench) => (format!("{} · {}", texts.no_board_yet, printable(&bench.link)), style::faint()),
+        Loaded::Ready(bench) => (format!("{} · {}", texts.no_board_yet, text::shown(&bench.link)), style::faint()),
         Loaded::Loading => (texts.loading.to_owned(), style::faint()),
         Loaded::Refused(why) => (why.lines().next().unwrap_or_default().to_owned(), style::strong()),
     }
@@ -343,7 +342,7 @@ pub(super) fn mistakes(model: &Model, frame: &mut Frame<'_>, area: Rect, why: &s
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
     let mut lines = vec![Line::styled(model.texts.mistakes_found, style::strong())];
-    lines.extend(why.lines().map(|line| Line::raw(text::cut(&printable(line), cells))));
+    lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(line), cells))));
     let room = usize::from(inner.height);
     if lines.len() > room && room > 0 {
         let more = lines.len() - room + 1;

@@ -1,7 +1,6 @@
 //! The records page.
 
 use gnc_executive::outcome::Outcome;
-use gnc_executive::printable::printable;
 use gnc_executive::text::duration;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -43,7 +42,7 @@ fn days(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let folder = model.bench.ready().map(|bench| bench.records.display().to_string()).unwrap_or_default();
     let say = |words: String| Line::styled(words, style::faint());
     let lines = match (&records.days, &records.error) {
-        (_, Some(error)) => vec![Line::styled(printable(error).into_owned(), style::weight(model.look, Weight::Error))],
+        (_, Some(error)) => vec![Line::styled(text::shown(error), style::weight(model.look, Weight::Error))],
         (None, None) => vec![say(texts.reading_records.to_owned())],
         (Some(days), None) if days.is_empty() => vec![say(fill(texts.no_records, &[&folder]))],
         (Some(days), None) => {
@@ -52,7 +51,8 @@ fn days(model: &Model, frame: &mut Frame<'_>, area: Rect) {
             let shown = days.iter().enumerate().skip(first).take(room);
             let each = shown.map(|(index, day)| {
                 let count = format!("{:>6}  {}", day.serial_numbers, texts.serial_number);
-                let spans = vec![Span::raw(text::fit(&printable(&day.name), 14)), Span::styled(count, style::faint())];
+                let spans =
+                    vec![Span::raw(text::fit(&text::shown(&day.name), 14)), Span::styled(count, style::faint())];
                 line(index == records.day_cursor, spans, usize::from(inner.width))
             });
             each.collect()
@@ -71,7 +71,7 @@ fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     let title = format!("{}: {} · {}: {filter}", texts.records, runs.day, texts.filter);
     let mut block = block(&title);
     if !records.search.is_empty() {
-        block = block.title_bottom(format!(" {}: {}_ ", texts.search, printable(records.search.text())));
+        block = block.title_bottom(format!(" {}: {}_ ", texts.search, text::shown(records.search.text())));
     }
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -87,7 +87,7 @@ fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     );
     let mut lines = vec![Line::styled(text::cut(&head, cells), style::faint())];
     if let Some(error) = &records.error {
-        lines.push(Line::styled(printable(error).into_owned(), style::weight(model.look, Weight::Error)));
+        lines.push(Line::styled(text::shown(error), style::weight(model.look, Weight::Error)));
     }
     if shown.is_empty() {
         lines.push(Line::styled(text::cut(texts.no_run_matches, cells), style::faint()));
@@ -122,9 +122,9 @@ fn run_spans(model: &Model, run: &RunLine, same: bool) -> Vec<Span<'static>> {
     }
     vec![
         Span::raw(text::fit(&time, 9)),
-        Span::styled(text::fit(&printable(&run.serial_number), 19), number_style),
+        Span::styled(text::fit(&text::shown(&run.serial_number), 19), number_style),
         Span::styled(text::fit(&format!("{mark} {word}"), OUTCOME + 1), mark_style),
-        Span::raw(text::fit(&printable(&run.plan), 14)),
+        Span::raw(text::fit(&text::shown(&run.plan), 14)),
         Span::raw(text::right(&duration(run.elapsed_s), 9)),
         Span::styled(format!(" {}", caveats.join(" ")), style::faint()),
     ]
@@ -146,7 +146,7 @@ fn mark(model: &Model, mark: Mark) -> (&'static str, &'static str, Style) {
 fn one(model: &Model, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let [top, body] = Layout::vertical([Constraint::Length(6), Constraint::Fill(1)]).areas(area);
-    let name = open.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = text::shown(&open.path.file_name().unwrap_or_default().to_string_lossy());
     let block = block(&name);
     let inner = block.inner(top);
     frame.render_widget(block, top);
@@ -157,12 +157,12 @@ fn one(model: &Model, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
         let started = open.state.started().map(|at| at.format("%F %T").to_string()).unwrap_or_default();
         lines.push(Line::from(vec![
             Span::styled(format!("{sign} {} ", word.to_uppercase()), sign_style.patch(style::strong())),
-            Span::styled(format!("{}  ", printable(&header.serial_number)), style::strong()),
-            Span::raw(format!("{} {}  {started}", printable(&header.plan.name), printable(&header.plan.version))),
+            Span::styled(format!("{}  ", text::shown(&header.serial_number)), style::strong()),
+            Span::raw(format!("{} {}  {started}", text::shown(&header.plan.name), text::shown(&header.plan.version))),
         ]));
         let operator = header.operator.as_deref().unwrap_or("-");
         let who = format!("{} {operator}  {} {}", texts.operator, texts.station, header.station);
-        lines.push(Line::raw(text::cut(&printable(&who), cells)));
+        lines.push(Line::raw(text::cut(&text::shown(&who), cells)));
     }
     lines.push(check(model, &open.check, cells));
     lines.push(Line::styled(text::cut(&edges::no_evidence(model).join(" · "), cells), style::strong()));
@@ -186,7 +186,7 @@ fn check(model: &Model, check: &Check, cells: usize) -> Line<'static> {
             Line::styled(format!("✓ {}", texts.as_written), style::outcome(model.look, Outcome::Passed))
         }
         Check::Done(problems) => {
-            let all = format!("✗ {}: {}", texts.not_as_written, printable(&problems.join("; ")));
+            let all = format!("✗ {}: {}", texts.not_as_written, text::shown(&problems.join("; ")));
             Line::styled(text::cut(&all, cells), style::outcome(model.look, Outcome::Failed))
         }
     }

@@ -3,7 +3,6 @@
 use gnc_executive::event::Level;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
-use gnc_executive::printable::printable;
 use gnc_executive::record::ItemRecord;
 use gnc_executive::state::{Row, RunState};
 use gnc_executive::text as words;
@@ -53,7 +52,7 @@ pub(super) fn of_plan(model: &Model, plan: &PlanView, frame: &mut Frame<'_>, are
         let spans = vec![
             Span::raw(if ticked { "[x] " } else { "[ ] " }),
             Span::raw("  "),
-            Span::raw(text::fit(&printable(&item.name), columns.name + 1)),
+            Span::raw(text::fit(&text::shown(&item.name), columns.name + 1)),
             Span::styled(text::cut(&title, columns.outcome + columns.time + 3 + columns.reason), style::faint()),
         ];
         lines.push(marked(model, position == model.cursor, spans, usize::from(area.width)));
@@ -148,7 +147,7 @@ impl List<'_> {
         let spans = vec![
             Span::raw(tick),
             mark,
-            Span::raw(text::fit(&printable(&row.planned.name), columns.name + 1)),
+            Span::raw(text::fit(&text::shown(&row.planned.name), columns.name + 1)),
             outcome,
             Span::raw(text::right(&time, columns.time + 1)),
             Span::raw("  "),
@@ -196,8 +195,8 @@ fn work(progress: &Progress, cells: usize) -> String {
 /// What decided an item.
 pub(super) fn decided(model: &Model, row: &Row) -> String {
     match &row.cause {
-        Some(cause) => printable(&(model.texts.cause)(cause)).into_owned(),
-        None if row.is_over() => words::reason(&ItemRecord::from(row)),
+        Some(cause) => text::shown(&(model.texts.cause)(cause)),
+        None if row.is_over() => text::shown(&words::reason(&ItemRecord::from(row))),
         None => String::new(),
     }
 }
@@ -215,7 +214,7 @@ fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     for measurement in bad.iter().take(VALUES) {
         let outcome = measurement.outcome.unwrap_or(Outcome::Errored);
-        let value = format!("       {} {}", style::mark(outcome), words::measurement_line(measurement));
+        let value = format!("       {} {}", style::mark(outcome), text::shown(&words::measurement_line(measurement)));
         lines.push(Line::styled(text::cut(&value, cells), style::outcome(model.look, outcome)));
         if let Some(spec) = row.planned.id.spec().measurement(&measurement.name) {
             let sentence = (texts.look_at_sentence)(spec.look_at);
@@ -227,9 +226,9 @@ fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
         lines.push(Line::styled(format!("         {more}, {}", texts.enter_opens), style::faint()));
     }
     if let Some(error) = &attempt.error {
-        lines.extend(labelled((texts.level)(Level::Error), &printable(&error.text), cells));
+        lines.extend(labelled((texts.level)(Level::Error), &text::shown(&error.text), cells));
         if !error.hint.is_empty() {
-            lines.extend(labelled(texts.try_this, &printable(&error.hint), cells));
+            lines.extend(labelled(texts.try_this, &text::shown(&error.hint), cells));
         }
     }
     lines

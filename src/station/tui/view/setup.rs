@@ -1,6 +1,5 @@
 //! The form for plan, bench, operator, rounds and language.
 
-use gnc_executive::printable::printable;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -50,7 +49,7 @@ pub(super) fn draw(model: &Model, form: &Form, frame: &mut Frame<'_>, area: Rect
         (Loaded::Refused(why), _) | (_, Loaded::Refused(why)) => mistakes(model, frame, below, why),
         (_, Loaded::Ready(plan)) => {
             let good = fill(texts.plan_good, &[&plan.items.len().to_string()]);
-            let line = format!(" {} {}: {good}", printable(&plan.name), printable(&plan.version));
+            let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
             frame.render_widget(Line::raw(line), below);
         }
         _ => frame.render_widget(Line::raw(format!(" {}", texts.loading)), below),
@@ -71,7 +70,7 @@ fn label(model: &Model, line: FormLine) -> &'static str {
 
 fn value(model: &Model, form: &Form, line: FormLine, here: bool) -> String {
     let texts = model.texts;
-    let typed = |text: &str| format!("{}{}", printable(text), if here { "_" } else { "" });
+    let typed = |text: &str| format!("{}{}", text::shown(text), if here { "_" } else { "" });
     match line {
         FormLine::Plan => typed(form.plan.text()),
         FormLine::Bench => typed(form.bench.text()),

@@ -1,6 +1,20 @@
 //! Text in cells: Chinese characters take two, and nothing may be wider than its place.
 
+use gnc_executive::printable::printable;
 use ratatui::text::Span;
+
+/// Text from outside as the screen shows it. Only characters on whose width all terminals agree: one that combines
+/// with others, or runs from right to left, would shift all that stands behind it.
+pub(super) fn shown(text: &str) -> String {
+    printable(text).chars().map(|character| if is_steady(character) { character } else { '?' }).collect()
+}
+
+fn is_steady(character: char) -> bool {
+    matches!(character,
+        ' '..='~' | '\u{a0}'..='\u{17f}' | '\u{391}'..='\u{3c9}' | '\u{400}'..='\u{45f}' | '–' | '—' | '…' | '•'
+        | '\u{3001}'..='\u{3020}' | '\u{3041}'..='\u{3096}' | '\u{30a1}'..='\u{30fe}' | '\u{4e00}'..='\u{9fff}'
+        | '\u{ac00}'..='\u{d7a3}' | '\u{ff01}'..='\u{ff5e}' | '“' | '”' | '‘' | '’')
+}
 
 /// Cells of a text.
 pub(in crate::tui) fn width(text: &str) -> usize {
@@ -113,6 +127,14 @@ mod tests {
         assert_eq!(fit("检", 4), "检  ");
         assert_eq!(right("1.5", 5), "  1.5");
         assert_eq!(cut("abc", 0), "");
+    }
+
+    /// Escapes, marks that combine, right-to-left letters and wide pictures lose their power.
+    #[test]
+    fn text_from_outside_keeps_its_width() {
+        assert_eq!(shown("SN-1 模块 Модуль é µ"), "SN-1 模块 Модуль é µ");
+        assert_eq!(shown("a\u{1b}[2J"), "a\\u{1b}[2J");
+        assert_eq!(shown("e\u{301} \u{5d0} 👩‍🚀"), "e? ? ?\\u{200d}?");
     }
 
     #[test]
