@@ -2,9 +2,13 @@
 
 mod auto;
 pub mod board;
+pub mod capture;
 mod check;
 pub mod cli;
 pub mod compute;
+pub mod control;
+mod doctor;
+pub mod figures;
 mod files;
 pub mod fixture;
 pub mod link;
@@ -12,8 +16,11 @@ mod nmea;
 mod ports;
 pub mod procedure;
 mod records;
+pub mod report;
 pub mod runner;
+mod serial_number;
 mod setup;
 mod statistics;
-pub mod stop;
+
 pub mod store;
+pub mod tui;

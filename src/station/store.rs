@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use gnc_executive::state::OutOfOrder;
 
 pub use folder::RunFolder;
-pub use scribe::Scribe;
+pub use scribe::{Scribe, Watcher};
 
 /// The journal of a run.
 pub const JOURNAL: &str = "events.jsonl";

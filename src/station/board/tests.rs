@@ -87,7 +87,7 @@ fn answers(heard: &Frame, said: &mut u32, pieces: u32) -> Vec<Frame> {
 async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     let (link, end) = CanLink::in_memory();
     let played = tokio::spawn(talkative_board(end, 3000));
-    let board = Board::connect(Link::Can(Box::new(link)), 1).await.unwrap();
+    let board = Board::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
     let desk = Desk::new(&board, watch::channel(Advance::default()).0);
     let stream = desk.listen(StreamId::Gnss).await.unwrap();
     for _ in 0..2 {

@@ -3,7 +3,7 @@
 mod bus;
 mod interface;
 mod memory;
-mod slcan;
+pub(crate) mod slcan;
 mod socket;
 
 use std::collections::VecDeque;

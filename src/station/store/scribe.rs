@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io::{self, Write as _};
-use std::sync::{Arc, Mutex, PoisonError, mpsc as channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
@@ -16,9 +16,13 @@ use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
 use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
+use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
+
+/// Hears of an event that is written. `false`: nobody listens any more, or is too far behind.
+pub type Watcher = Box<dyn FnMut(&Event) -> bool + Send>;
 
 type Written = oneshot::Sender<Result<(), StoreError>>;
 
@@ -36,11 +40,7 @@ impl Scribe {
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
-    pub fn start(
-        folder: RunFolder,
-        plan: &Plan,
-        watchers: Vec<channel::SyncSender<Event>>,
-    ) -> Result<Self, StoreError> {
+    pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         let state = Arc::new(Mutex::new(RunState::new()));
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
@@ -128,7 +128,7 @@ struct Writer {
     journal: File,
     /// At least up to the event being written; what an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
-    watchers: Vec<channel::SyncSender<Event>>,
+    watchers: Vec<Watcher>,
     line: Vec<u8>,
 }
 
@@ -139,7 +139,7 @@ impl Writer {
             let failed = result.is_err();
             if !failed {
                 // Somebody who no longer listens, or is that far behind, is no reason to stop.
-                self.watchers.retain(|watcher| watcher.try_send(event.clone()).is_ok());
+                self.watchers.retain_mut(|watcher| watcher(&event));
             }
             match written {
                 Some(written) => {
@@ -198,6 +198,11 @@ impl Writer {
         if let Some(record) = record {
             self.folder.put(LOG, |out| out.write_all(text::log_txt(&record).as_bytes()))?;
             self.folder.put(RECORD, |out| pretty(out, &record))?;
+            // Those of the files from which everything else can be made again.
+            let digests = [JOURNAL, RECORD]
+                .map(|name| digest::of_file(&self.folder.path().join(name)).map(|digest| (name.to_owned(), digest)));
+            let digests: Vec<_> = digests.into_iter().collect::<Result<_, _>>()?;
+            self.folder.put(REPORT, |out| out.write_all(report::html(&record, &digests).as_bytes()))?;
         }
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
