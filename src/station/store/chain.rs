@@ -204,7 +204,6 @@ pub fn verify(records: &Path) -> Result<Checked, StoreError> {
         (None, Some(_)) => {
             checked.problems.push(format!("{COUNTER} is missing, so nobody knows how many runs there were"));
         }
-        }
         (Some((number, _)), last) if last.map_or(0, |last| last.number) < number => {
             let last = last.map_or(0, |last| last.number);
             checked
