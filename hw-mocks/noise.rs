@@ -43,6 +43,10 @@ pub enum Source {
     InternalFlash = 15,
     /// What happens to bytes on their way to the board.
     LineToBoard = 16,
+    /// Faults of CAN on the way to the host.
+    CanToHost = 17,
+    /// Faults of CAN on the way to the board.
+    CanToBoard = 18,
 }
 
 /// One stream of chance.

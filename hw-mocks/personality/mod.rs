@@ -110,6 +110,18 @@
 //! [wire.to_host]                       # [wire.to_board] alike: stands for all of [wire.both] in this direction
 //! lost_frames_per_million = 1e6
 //!
+//! [can_wire.both]                      # [can_wire.to_host], [can_wire.to_board] alike: each way between station and bus
+//! lost_frames_per_million = 1000.0     # damaged ones too: controllers throw them away
+//! lost_bursts_per_million = 1000.0     # it and up to 31 behind it: cuts messages
+//! flipped_frames_per_million = 1000.0  # one bit, unnoticed by any controller; of messages alone
+//! doubled_frames_per_million = 1000.0
+//! overtaken_frames_per_million = 1000.0
+//! delayed_frames_per_million = 1000.0
+//! delay_ms = 80.0
+//! stalled_frames_per_million = 1000.0
+//! stall_ms = 300.0
+//! babbled_frames_per_million = 1000.0  # one that nobody sent goes before it
+//!
 //! [reboot]
 //! on = "sdram"                         # at a request to this device ...
 //! nth = 1                              # ... the first only; without it, each time
@@ -129,6 +141,7 @@ use serde::Deserialize;
 use check::Mistake;
 
 use crate::boards::BOARDS;
+use crate::can_faults::CanWireFaults;
 use crate::devices::ad::Rails;
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
@@ -215,6 +228,7 @@ pub(crate) struct Model {
     pub(crate) sci: SciFaults,
     pub(crate) can: CanFaults,
     pub(crate) wire: WireFaults,
+    pub(crate) can_wire: CanWireFaults,
     pub(crate) reboot: Option<RebootTrigger>,
 }
 
@@ -296,6 +310,7 @@ impl Default for Model {
             sci: SciFaults::default(),
             can: CanFaults::default(),
             wire: WireFaults::default(),
+            can_wire: CanWireFaults::default(),
             reboot: None,
         }
     }

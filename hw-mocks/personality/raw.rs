@@ -32,6 +32,7 @@ pub(super) struct Personality {
     pub(super) sci: Sci,
     pub(super) can: Can,
     pub(super) wire: Wire,
+    pub(super) can_wire: CanWire,
     pub(super) reboot: Option<Reboot>,
 }
 
@@ -219,6 +220,29 @@ pub(super) struct Direction {
     pub(super) stall_ms: Option<Spanned<f64>>,
     pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
     pub(super) echoed_frames_per_million: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CanWire {
+    pub(super) both: CanDirection,
+    pub(super) to_host: Option<CanDirection>,
+    pub(super) to_board: Option<CanDirection>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CanDirection {
+    pub(super) lost_frames_per_million: Option<Spanned<f64>>,
+    pub(super) lost_bursts_per_million: Option<Spanned<f64>>,
+    pub(super) flipped_frames_per_million: Option<Spanned<f64>>,
+    pub(super) doubled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) overtaken_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delayed_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delay_ms: Option<Spanned<f64>>,
+    pub(super) stalled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) stall_ms: Option<Spanned<f64>>,
+    pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

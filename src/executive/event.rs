@@ -33,8 +33,8 @@ pub struct Event {
 /// Events of a run come in this order:
 ///
 /// 1. `run_started`, once and first;
-/// 2. for each item that is run: for each attempt `item_started`, then any number of `measured` and `error_record`,
-///    then `attempt_ended`; after the last attempt `item_ended`. Attempts count from 1. Items may overlap: events of
+/// 2. for each item that is run: for each attempt `item_started`, then any number of `measured`, `found` and
+///    `error_record`, then `attempt_ended`; after the last attempt `item_ended`. Attempts count from 1. Items may overlap: events of
 ///    one item keep their order, those of different items interleave;
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
@@ -79,6 +79,15 @@ pub enum EventKind {
         attempt: u32,
         /// The value with its judgement.
         measurement: Measurement,
+    },
+    /// What an analysis found beside the measurements: equations, covariances, residuals, what a report draws.
+    Found {
+        /// Name of the item.
+        item: String,
+        /// Attempt, from 1.
+        attempt: u32,
+        /// As the analysis gives it; once for each round within the attempt.
+        details: serde_json::Value,
     },
     /// The slave made an error record for fault analysis.
     ErrorRecord {
@@ -366,6 +375,7 @@ impl EventKind {
             EventKind::Power(_) => "power",
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",
+            EventKind::Found { .. } => "found",
             EventKind::ErrorRecord { .. } => "error_record",
             EventKind::AttemptEnded { .. } => "attempt_ended",
             EventKind::ItemEnded { .. } => "item_ended",

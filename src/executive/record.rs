@@ -108,6 +108,9 @@ pub struct AttemptRecord {
     pub elapsed_s: Option<f64>,
     /// What was measured, in the order of measuring.
     pub measurements: Vec<Measurement>,
+    /// What an analysis found beside them, once for each round: its form is that of the item.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub details: Vec<serde_json::Value>,
     /// Why the station could not tell.
     pub error: Option<AttemptError>,
     /// What the slave recorded for fault analysis.
@@ -228,6 +231,7 @@ impl From<&Attempt> for AttemptRecord {
             started: attempt.started.at,
             elapsed_s: attempt.ended.map(|stamp| took(stamp.elapsed_us)),
             measurements: attempt.measurements.clone(),
+            details: attempt.details.clone(),
             error: attempt.error.clone(),
             error_records: attempt.error_records.clone(),
         }

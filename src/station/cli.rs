@@ -31,6 +31,15 @@ pub struct Cli {
 enum Command {
     /// Lists the serial ports that are there.
     Ports,
+    /// Looks at ports, rights, buses, disk and clock, and names what mends them; changes nothing.
+    Doctor {
+        /// The bench file; `bench.toml` if that is there.
+        #[arg(long, value_name = "FILE")]
+        bench: Option<PathBuf>,
+        /// The records folder; the bench file's, if not given.
+        #[arg(long, value_name = "DIR")]
+        records: Option<PathBuf>,
+    },
     /// Computes calibrations, deviations and spectra from a record.
     Compute(crate::compute::Args),
     /// Looks at plans without running them.
@@ -72,12 +81,12 @@ pub enum RecordsCommand {
     List,
     /// Shows a run.
     Show {
-        /// Its folder, whole or below the records folder.
+        /// Its folder, whole or below the records folder; or a serial number, for its newest run.
         run: PathBuf,
     },
     /// Compares runs with their digests and their journals.
     Verify {
-        /// Their folders; all runs if none is named.
+        /// Their folders or serial numbers; all runs if none is named.
         runs: Vec<PathBuf>,
     },
 }
@@ -180,6 +189,7 @@ pub fn main() -> ExitCode {
     match cli.command {
         Some(Command::Compute(args)) => crate::compute::run(&args),
         Some(Command::Ports) => crate::ports::run(),
+        Some(Command::Doctor { bench, records }) => crate::doctor::run(bench.as_deref(), records.as_deref()),
         Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {
             crate::check::run(&plans, bench.as_deref(), sim)
         }

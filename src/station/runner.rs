@@ -33,7 +33,7 @@ use crate::procedure::{self, Bench, Trouble};
 use crate::store::StoreError;
 use connection::connect;
 use journal::Journal;
-use recovery::session_lives;
+use recovery::{session_lives, spoilt};
 use report::Report;
 use verdict::judge;
 
@@ -370,6 +370,15 @@ impl Run<'_> {
                 self.end_attempt(&landed, Outcome::Aborted, Some(error)).await
             }
             End::Done(Err(ref trouble)) if !session_lives(trouble) => self.lost_session(board, landed, flight).await,
+            End::Done(Err(Trouble::Board(ref error))) if error.is_crowded() && !flight.is_empty() => {
+                // The line carries each of them, but not both.
+                self.one_by_one.set(true);
+                let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
+                let text = "it did not fit on the line beside what else ran: from here on one item after the other";
+                self.note(Level::Info, text.into(), name).await?;
+                let error = spoilt(Some(&error.to_string()));
+                self.end_attempt(&landed, Outcome::Errored, Some(error)).await
+            }
             End::Done(ref done) => {
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };

@@ -18,7 +18,7 @@ use crate::link::can::CanTarget;
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
 /// Where records go if nobody says otherwise.
-const RECORDS: &str = "records";
+pub(crate) const RECORDS: &str = "records";
 
 /// A bench that is ready to be used.
 #[derive(Debug)]

@@ -16,6 +16,7 @@ use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
 use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
+use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
@@ -197,6 +198,11 @@ impl Writer {
         if let Some(record) = record {
             self.folder.put(LOG, |out| out.write_all(text::log_txt(&record).as_bytes()))?;
             self.folder.put(RECORD, |out| pretty(out, &record))?;
+            // Those of the files from which everything else can be made again.
+            let digests = [JOURNAL, RECORD]
+                .map(|name| digest::of_file(&self.folder.path().join(name)).map(|digest| (name.to_owned(), digest)));
+            let digests: Vec<_> = digests.into_iter().collect::<Result<_, _>>()?;
+            self.folder.put(REPORT, |out| out.write_all(report::html(&record, &digests).as_bytes()))?;
         }
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
