@@ -81,12 +81,12 @@ pub enum RecordsCommand {
     List,
     /// Shows a run.
     Show {
-        /// Its folder, whole or below the records folder.
+        /// Its folder, whole or below the records folder; or a serial number, for its newest run.
         run: PathBuf,
     },
     /// Compares runs with their digests and their journals.
     Verify {
-        /// Their folders; all runs if none is named.
+        /// Their folders or serial numbers; all runs if none is named.
         runs: Vec<PathBuf>,
     },
 }

@@ -1,5 +1,7 @@
 //! The whole program on a pseudo-terminal, seen as an operator sees it.
 
+#![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
+
 mod terminal;
 
 use std::io::{BufRead as _, BufReader};

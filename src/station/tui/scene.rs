@@ -52,7 +52,7 @@ impl Scene {
         let plan = PlanView {
             name: "functional".into(),
             version: "1.0".into(),
-            items: items(None),
+            items: items(),
             part: Some("GNC-POP-26".into()),
             expected_s: Some(4.8),
         };
@@ -68,7 +68,7 @@ impl Scene {
     /// As [`Scene::new`].
     pub fn at_work(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let mut scene = Self::new(lang, width, height)?;
-        scene.start("DEMO-1", None);
+        scene.start("DEMO-1");
         scene.passes(&["identity", "cpu", "timers", "internal-ram"]);
         for item in ["imu", "gnss", "sdram"] {
             scene.event(EventKind::ItemStarted { item: item.into(), attempt: 1 });
@@ -118,15 +118,15 @@ impl Scene {
     }
 
     /// Scans a number, starts, and lets the board answer.
-    pub(crate) fn start(&mut self, serial_number: &str, selection: Option<Vec<String>>) {
+    pub(crate) fn start(&mut self, serial_number: &str) {
         self.types(serial_number);
         self.key(Key::Enter);
         self.key(Key::F(5));
         self.tell(Msg::Earlier { serial_number: serial_number.into(), run: None });
         self.run_began = self.now.since_start;
         self.seq = 0;
-        let header = Box::new(header(serial_number, selection.clone()));
-        self.event(EventKind::RunStarted { header, items: items(selection.as_deref()) });
+        let header = Box::new(header(serial_number));
+        self.event(EventKind::RunStarted { header, items: items() });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
         self.event(EventKind::BoardFound(Board {
             board_serial: "SIM-BOARD-1".into(),
@@ -239,19 +239,19 @@ fn noon() -> DateTime<FixedOffset> {
     offset.map_or_else(|| at.fixed_offset(), |offset| at.with_timezone(&offset))
 }
 
-fn items(selection: Option<&[String]>) -> Vec<PlannedItem> {
+fn items() -> Vec<PlannedItem> {
     let each = ItemId::ALL.into_iter().map(|id| PlannedItem {
         name: id.as_str().to_owned(),
         id,
         title: id.spec().title.to_owned(),
         phase: Phase::Test,
         optional: id == ItemId::Can,
-        selected: selection.is_none_or(|names| names.iter().any(|name| name == id.as_str())),
+        selected: true,
     });
     each.collect()
 }
 
-fn header(serial_number: &str, selection: Option<Vec<String>>) -> RunHeader {
+fn header(serial_number: &str) -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.into(),
         serial_number: serial_number.into(),
@@ -260,7 +260,7 @@ fn header(serial_number: &str, selection: Option<Vec<String>>) -> RunHeader {
         program: Program { name: "gnc-station".into(), version: "0.1.0".into() },
         bench: Bench::simulated("good", "1", 1),
         plan: PlanInfo { name: "functional".into(), version: "1.0".into(), sha256: "00".repeat(32) },
-        selection,
+        selection: None,
         looped: None,
     }
 }

@@ -95,13 +95,10 @@ impl Form {
             Line::Rounds if self.rounds != RoundsKind::Once => &mut self.number,
             Line::Rounds | Line::AfterFailure | Line::Language => return,
         };
+        // A number has no letters and stays short.
+        let fits = |character: char, field: &Field| !number || (character.is_ascii_digit() && field.characters() < 5);
         match key {
-            Key::Char(character) | Key::Pasted(character) => {
-                // A number has no letters and stays short.
-                if !number || (character.is_ascii_digit() && field.characters() < 5) {
-                    field.push(character);
-                }
-            }
+            Key::Char(character) | Key::Pasted(character) if fits(character, field) => field.push(character),
             Key::Backspace => field.pop(),
             _ => {}
         }

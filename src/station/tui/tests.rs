@@ -36,7 +36,7 @@ fn check(name: &str, play: impl Fn(&mut Scene)) {
 }
 
 fn fail(scene: &mut Scene) {
-    scene.start("DEMO-1", None);
+    scene.start("DEMO-1");
     scene.passes(&["identity", "cpu", "timers"]);
     let item = || "imu".to_owned();
     scene.event(EventKind::ItemStarted { item: item(), attempt: 1 });
@@ -52,7 +52,7 @@ fn fail(scene: &mut Scene) {
 }
 
 fn error(scene: &mut Scene) {
-    scene.start("DEMO-1", None);
+    scene.start("DEMO-1");
     scene.passes(&["identity"]);
     let item = || "sci".to_owned();
     scene.event(EventKind::ItemStarted { item: item(), attempt: 1 });
@@ -144,7 +144,7 @@ fn running() {
         }
     }
     check("paused", |scene| {
-        scene.start("DEMO-1", None);
+        scene.start("DEMO-1");
         scene.passes(&["identity", "cpu"]);
         scene.key(Key::F(6));
     });
@@ -153,7 +153,7 @@ fn running() {
 #[test]
 fn passed() {
     check("passed", |scene| {
-        scene.start("DEMO-1", None);
+        scene.start("DEMO-1");
         let all: Vec<&str> = gnc_executive::catalogue::ItemId::ALL.iter().map(|item| item.as_str()).collect();
         scene.passes(&all);
         scene.run_ends(Outcome::Passed);
@@ -177,7 +177,7 @@ fn errored() {
 #[test]
 fn prompt() {
     let ask = |scene: &mut Scene, ask: Ask| {
-        scene.start("DEMO-1", None);
+        scene.start("DEMO-1");
         scene.event(EventKind::ItemStarted { item: "ad".into(), attempt: 1 });
         scene.tell(Msg::Asked { item: "ad".into(), ask });
         scene.pass_time(Duration::from_secs(12));
@@ -190,7 +190,7 @@ fn prompt() {
 #[test]
 fn live() {
     check("live", |scene| {
-        scene.start("DEMO-1", None);
+        scene.start("DEMO-1");
         scene.readings(300);
         scene.key(Key::F(9));
     });
@@ -215,7 +215,7 @@ fn help_and_setup() {
         scene.key(Key::F(2));
     });
     check("leave", |scene| {
-        scene.start("DEMO-1", None);
+        scene.start("DEMO-1");
         scene.key(Key::F(10));
     });
 }
@@ -283,7 +283,7 @@ fn a_scanner_types_and_nothing_happens() {
         fail,
         |scene| drop(scene.key(Key::F(9))),
         |scene| {
-            scene.start("DEMO-1", None);
+            scene.start("DEMO-1");
             scene.tell(Msg::Asked { item: "ad".into(), ask: Ask::Switches(None) });
         },
     ];
@@ -412,7 +412,7 @@ fn the_form_refuses_no_rounds() {
 #[test]
 fn missed_events_are_read_from_the_record() {
     let mut scene = scene(Lang::En);
-    scene.start("DEMO-1", None);
+    scene.start("DEMO-1");
     scene.miss_an_event();
     scene.passes(&["identity"]);
     let command = scene.tell(Msg::RunOver { store_error: None, refusal: None });
@@ -428,7 +428,7 @@ fn missed_events_are_read_from_the_record() {
 #[test]
 fn a_lost_record_is_no_pass() {
     let mut scene = scene(Lang::En);
-    scene.start("DEMO-1", None);
+    scene.start("DEMO-1");
     scene.passes(&["identity"]);
     scene.event(EventKind::RunEnded { outcome: Outcome::Passed });
     scene.tell(Msg::RunOver { store_error: Some("no space left on device".into()), refusal: None });

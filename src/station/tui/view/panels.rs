@@ -59,10 +59,9 @@ pub(super) fn product(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     lines.push(line(texts.plan, &plan(model), Style::new()));
     let (board, board_style) = board(model);
     lines.push(line(texts.board, &board, board_style));
-    if roomy {
-        if let Some(run) = model.run.as_ref().and_then(|run| run.folder.as_ref()) {
-            lines.push(line(texts.record_in, &run.display().to_string(), style::faint()));
-        }
+    let folder = model.run.as_ref().and_then(|run| run.folder.as_ref());
+    if let Some(folder) = folder.filter(|_| roomy) {
+        lines.push(line(texts.record_in, &text::shown(&folder.display().to_string()), style::faint()));
     }
     frame.render_widget(Paragraph::new(lines), inner);
 }
