@@ -347,3 +347,18 @@ fn a_run_is_found_by_its_serial_number() {
         assert!(run.stderr.contains("there is no run SN-NEVER"), "{}", run.stderr);
     }
 }
+
+/// A whole run is taken out of the folder: nothing that is left is wrong, and still it is found.
+#[test]
+fn a_run_that_was_taken_away_is_missed() {
+    let place = Place::new(STATION);
+    for _ in 0..2 {
+        assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, Some(0));
+    }
+    let run = place.run(["records", "verify"]);
+    assert!(run.stdout.contains("the chain of 2 closed runs is whole"), "{}", run.stdout);
+    fs::remove_dir_all(&place.runs()[1]).expect("a run");
+    let run = place.run(["records", "verify"]);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stdout.contains("was closed and is gone"), "{}", run.stdout);
+}

@@ -344,6 +344,7 @@ impl raw::Direction {
         let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);
         Ok(WireRates {
             lost_bytes: share(&self.lost_bytes_per_million, "lost_bytes_per_million")?,
+            lost_byte_at: count(self.lost_byte_at.as_ref(), "lost_byte_at")?,
             flipped_bits: share(&self.flipped_bits_per_million, "flipped_bits_per_million")?,
             lost_frames: share(&self.lost_frames_per_million, "lost_frames_per_million")?,
             cut_frames: share(&self.cut_frames_per_million, "cut_frames_per_million")?,

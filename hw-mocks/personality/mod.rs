@@ -95,6 +95,7 @@
 //!
 //! [wire.both]                          # each way between host and board; chance comes from the seed
 //! lost_bytes_per_million = 100.0
+//! lost_byte_at = 40                    # of every frame that has so many, its delimiter counted
 //! flipped_bits_per_million = 10.0
 //! lost_frames_per_million = 1000.0
 //! cut_frames_per_million = 1000.0      # the rest of the frame is lost

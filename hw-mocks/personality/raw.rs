@@ -209,6 +209,7 @@ pub(super) struct Wire {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Direction {
     pub(super) lost_bytes_per_million: Option<Spanned<f64>>,
+    pub(super) lost_byte_at: Option<Spanned<u32>>,
     pub(super) flipped_bits_per_million: Option<Spanned<f64>>,
     pub(super) lost_frames_per_million: Option<Spanned<f64>>,
     pub(super) cut_frames_per_million: Option<Spanned<f64>>,

@@ -10,7 +10,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 
 use crate::cli::{RecordsCommand, complain, refuse};
-use crate::store::{DIGESTS, JOURNAL, RECORD, StoreError, reader};
+use crate::store::{DIGESTS, JOURNAL, RECORD, StoreError, chain, reader};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -99,12 +99,29 @@ fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
         }
     }
     let _ = writeln!(out, "{} of {} runs are as written", folders.len() - bad, folders.len());
+    if runs.is_empty() {
+        bad += along_the_chain(records, &mut out)?;
+    }
     if bad > 0 {
         let try_this = "run the module again where a run was interrupted; restore what was changed from a backup";
-        complain(format_args!("{bad} of the runs prove nothing"), try_this);
+        complain("these records are not as they were written, so they prove nothing", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says what the chain of closed runs shows; how much of it is not as it was written.
+fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
+    let chain::Checked { runs, first, problems } = chain::verify(records)?;
+    if problems.is_empty() && runs > 0 {
+        let elsewhere =
+            if first > 1 { format!(" from run {first} on; earlier ones are elsewhere") } else { String::new() };
+        let _ = writeln!(out, "the chain of {runs} closed runs is whole{elsewhere}");
+    }
+    for problem in &problems {
+        let _ = writeln!(out, "chain: {}", printable(problem));
+    }
+    Ok(problems.len())
 }
 
 /// The runs that the user named, oldest first: by a folder, from here or below the records folder, or by a serial

@@ -3,6 +3,7 @@
 //! A run has a folder `DATE/SERIAL/TIME-PLAN`. Its journal is written as things happen and synced at the end of each
 //! item; everything else is made from it at the end, and a list of digests closes the folder.
 
+pub mod chain;
 pub mod digest;
 pub mod folder;
 pub mod reader;

@@ -15,7 +15,7 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
-use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
+use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, chain, digest, folder, on};
 use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
@@ -207,7 +207,8 @@ impl Writer {
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
         let digests = digest::list(self.folder.path())?;
-        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
+        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
+        chain::append(self.folder.path())
     }
 }
 
