@@ -158,7 +158,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
-    #[arg(long)]
+    #[arg(long, requires = "auto")]
     pub events: bool,
 }
 

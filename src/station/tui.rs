@@ -30,9 +30,10 @@ use gnc_executive::outcome::Outcome;
 use tokio::sync::{mpsc, watch};
 
 use crate::auto::Refusal;
-use crate::cli::{RunArgs, complain, refuse};
+use crate::cli::{OnFailArg, RunArgs, complain, refuse};
 use crate::runner::Live;
-use model::{Loaded, Model, Rounds};
+use crate::serial_number;
+use model::{AfterFailure, Loaded, Model, Rounds};
 use session::{Session, Signals};
 use show::{Clock, Inbox};
 use terminal::Guard;
@@ -72,7 +73,9 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     };
     let clock = Clock { began };
     let plan = args.plan.clone().unwrap_or_else(|| PLAN.into());
-    let model = first_model(args, &plan, clock);
+    let serial_number = args.serial_number.as_deref().map(serial_number::check).transpose();
+    let serial_number = serial_number.map_err(|error| Refusal::new(error, "scan the module's label again"))?;
+    let model = first_model(args, &plan, serial_number, clock);
 
     let live = Live::default();
     let (screen, messages) = mpsc::channel(MESSAGES);
@@ -114,7 +117,7 @@ fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Refusal
     spawned.map(drop).map_err(|error| Refusal::new(format!("cannot start the screen: {error}"), ""))
 }
 
-fn first_model(args: &RunArgs, plan: &std::path::Path, clock: Clock) -> Model {
+fn first_model(args: &RunArgs, plan: &std::path::Path, serial_number: Option<String>, clock: Clock) -> Model {
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
     let mut model = Model::new(lang, look, clock.now());
     model.operator = args.operator.clone().unwrap_or_default();
@@ -127,10 +130,13 @@ fn first_model(args: &RunArgs, plan: &std::path::Path, clock: Clock) -> Model {
         let minutes = u32::try_from(time.as_secs().div_ceil(60)).unwrap_or(u32::MAX);
         model.rounds = Rounds::Minutes(minutes.clamp(1, setup_form::MAX_ROUNDS));
     }
-    if let Some(serial_number) = args.serial_number.as_deref().and_then(|given| crate::serial_number::check(given).ok())
-    {
-        model.scan.current = Some(serial_number);
-    }
+    model.after_failure = match args.on_fail {
+        Some(OnFailArg::Stop) => AfterFailure::Stop,
+        Some(OnFailArg::Continue) => AfterFailure::GoOn,
+        None => AfterFailure::AsPlanned,
+    };
+    model.only.clone_from(&args.only);
+    model.scan.current = serial_number;
     model
 }
 

@@ -169,6 +169,42 @@ fn a_lost_terminal_ends_the_run_with_its_record() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
+/// A terminal that takes nothing more (a stopped one, a line that hangs): the run goes on and is filed, and a signal still
+/// ends the program.
+#[test]
+fn a_stopped_terminal_does_not_stop_the_run() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &[]), 200, 60);
+    terminal.wait_for("functional 1.0");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    // Curves on a large screen: a few drawings fill what the system holds for a reader.
+    terminal.types(F9);
+    terminal.wait_for("gauss");
+    let runs = place.runs();
+    wait_for_file(&runs[0], "SHA256SUMS");
+    terminal.signal(Signal::SIGTERM);
+    let status = terminal.end_unread();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(outcomes(&place), ["passed"]);
+}
+
+/// Waits until a file is in a folder.
+fn wait_for_file(folder: &std::path::Path, name: &str) {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
+    use std::os::fd::AsFd as _;
+    let inotify = Inotify::init(InitFlags::IN_CLOEXEC).expect("inotify");
+    inotify.add_watch(folder, AddWatchFlags::IN_CREATE | AddWatchFlags::IN_MOVED_TO).expect("a watch");
+    while !folder.join(name).exists() {
+        let minute = PollTimeout::try_from(60_000).expect("a minute");
+        let ready = poll(&mut [PollFd::new(inotify.as_fd(), PollFlags::POLLIN)], minute).expect("poll");
+        assert!(ready > 0, "{name} does not come into {}", folder.display());
+        inotify.read_events().expect("events");
+    }
+}
+
 /// Windows that change all the time, down to nothing, while a run is on.
 #[test]
 fn a_storm_of_sizes() {

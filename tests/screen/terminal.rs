@@ -121,6 +121,11 @@ impl Terminal {
         (status, after == self.before && shown)
     }
 
+    /// Waits for the program's end without reading anything from it.
+    pub(crate) fn end_unread(self) -> ExitStatus {
+        self.ended.recv_timeout(self.left()).expect("the station's end")
+    }
+
     fn left(&self) -> Duration {
         self.deadline.saturating_duration_since(Instant::now())
     }

@@ -7,6 +7,7 @@
 
 use std::fs::File;
 use std::io::{Read as _, Write as _};
+use std::num::NonZero;
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -15,6 +16,7 @@ use std::time::{Duration, Instant};
 use gnc_station::tui::{Lang, Scene};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::pty::{Winsize, openpty};
+use nix::time::{ClockId, clock_gettime};
 use nix::unistd::{SysconfVar, sysconf};
 
 /// Drawing of 160 x 50, the slowest of a hundred.
@@ -50,14 +52,21 @@ fn drawing() {
         let mut times: Vec<f64> = (0..3000)
             .map(|_| {
                 scene.next_sample();
-                let began = Instant::now();
+                let began = own_time();
                 scene.draw().expect("memory");
-                began.elapsed().as_secs_f64() * 1e3
+                (own_time() - began).as_secs_f64() * 1e3
             })
             .collect();
         times.sort_by(f64::total_cmp);
+        println!("drawing 160 x 50, {page}, median                 {:>10.4} ms", times[times.len() / 2]);
         verdict(&format!("drawing 160 x 50, {page}, p99 of 3000"), times[times.len() * 99 / 100], DRAW_MS, "ms");
     }
+}
+
+/// Processor time of this thread: on a busy machine the wall's time is that of the others.
+fn own_time() -> Duration {
+    let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).expect("a clock");
+    Duration::from(time)
 }
 
 /// The program itself on a pseudo-terminal.
@@ -66,7 +75,7 @@ fn program() {
         .map(|_| {
             let began = Instant::now();
             let mut screen = Screen::open();
-            screen.wait_for(b"GNC");
+            screen.wait_for("GNC test station");
             let took = began.elapsed().as_secs_f64() * 1e3;
             screen.leave();
             took
@@ -76,13 +85,13 @@ fn program() {
     verdict("first picture, slowest of 10", first[9], FIRST_MS, "ms");
 
     let mut screen = Screen::open();
-    screen.wait_for(b"functional 1.0");
+    screen.wait_for("functional 1.0");
     screen.read_for(Duration::from_secs(1));
     verdict("idle, share of a core", screen.share(), IDLE_SHARE, "");
 
     // Raw values at the live page: the board streams, the screen draws ten times a second.
     screen.types(b"\x1b[20~\x1b[15~");
-    screen.wait_for(b"IMU ");
+    screen.wait_for("IMU ");
     verdict("live values shown, share of a core", screen.share(), STREAM_SHARE, "");
     screen.types(b"\x1b[19~");
     screen.read_for(Duration::from_secs(1));
@@ -92,11 +101,11 @@ fn program() {
     // A run: the cursor moves while items are at work.
     screen.types(b"BENCH-1\r");
     screen.types(b"\x1b[15~");
-    screen.wait_for(b"RUNNING");
+    screen.wait_for("Started   ");
     let mut keys: Vec<f64> = (0..20)
         .map(|index| {
             let key: &[u8] = if index % 2 == 0 { b"\x1bOP" } else { b"\x1b" };
-            let shows: &[u8] = if index % 2 == 0 { b"Begin no further item" } else { b"RUNNING" };
+            let shows = if index % 2 == 0 { "Begin no further item" } else { "Elapsed " };
             let began = Instant::now();
             screen.types(key);
             screen.wait_for(shows);
@@ -109,10 +118,11 @@ fn program() {
     screen.end();
 }
 
-/// The program on a terminal whose text is only searched.
+/// The program on a terminal in memory.
 struct Screen {
     child: Child,
     master: File,
+    seen: vt100::Parser,
     _records: tempfile::TempDir,
 }
 
@@ -134,21 +144,22 @@ impl Screen {
             .stderr(Stdio::null())
             .spawn()
             .expect("the station");
-        Self { child, master: File::from(pty.master), _records: records }
+        let cells = |count| NonZero::new(count).expect("more than none");
+        let seen = vt100::Parser::new(cells(50), cells(160), 0);
+        Self { child, master: File::from(pty.master), seen, _records: records }
     }
 
     fn types(&mut self, bytes: &[u8]) {
         self.master.write_all(bytes).expect("a terminal");
     }
 
-    /// What comes within a time; empty if nothing does.
-    fn read(&mut self, time: Duration) -> Vec<u8> {
+    /// Takes what comes within a time.
+    fn read(&mut self, time: Duration) {
         let wait = PollTimeout::try_from(time).unwrap_or(PollTimeout::MAX);
         let ready = poll(&mut [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)], wait).expect("poll");
         let mut bytes = vec![0; 1 << 16];
         let count = if ready > 0 { self.master.read(&mut bytes).unwrap_or(0) } else { 0 };
-        bytes.truncate(count);
-        bytes
+        self.seen.process(&bytes[..count]);
     }
 
     fn read_for(&mut self, time: Duration) {
@@ -158,13 +169,12 @@ impl Screen {
         }
     }
 
-    /// Waits for a text that is drawn in one piece.
-    fn wait_for(&mut self, text: &[u8]) {
-        let until = Instant::now() + Duration::from_secs(30);
-        let mut seen = Vec::new();
-        while !seen.windows(text.len()).any(|window| window == text) {
-            assert!(Instant::now() < until, "{} is not seen", text.escape_ascii());
-            seen.extend(self.read(Duration::from_secs(1)));
+    /// Waits until a text is on the screen.
+    fn wait_for(&mut self, text: &str) {
+        let until = Instant::now() + Duration::from_secs(60);
+        while !self.seen.screen().contents().contains(text) {
+            assert!(Instant::now() < until, "{text} is not seen:\n{}", self.seen.screen().contents());
+            self.read(Duration::from_secs(1));
         }
     }
 

@@ -37,6 +37,8 @@ pub(crate) enum Action {
     Open,
     /// Goes back.
     Back,
+    /// Takes what was chosen.
+    Take,
     /// Yes.
     Yes,
     /// No.
@@ -170,7 +172,8 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::Enter, Action::Yes, &[Place::Prompt, Place::Confirm]),
     shown(Key::Esc, Action::No, &[Place::Prompt, Place::Confirm]),
     shown(Key::Enter, Action::Open, &[Place::Records, Place::Record]),
-    silent(Key::Enter, Action::Open, &[Place::Idle, Place::Running, Place::Setup]),
+    silent(Key::Enter, Action::Open, &[Place::Idle, Place::Running]),
+    shown(Key::Enter, Action::Take, &[Place::Setup]),
     shown(Key::Ctrl('l'), Action::Log, &[Place::Record]),
     silent(Key::Ctrl('l'), Action::Log, &[Place::Idle, Place::Running]),
     shown(Key::Esc, Action::Back, &[Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help]),

@@ -290,6 +290,8 @@ pub(crate) struct Model {
     pub pending: Option<Pending>,
     /// Items that are to be run, in the order of the plan.
     pub ticks: Vec<bool>,
+    /// Items that the command line chose.
+    pub only: Option<Vec<String>>,
     /// The line under the cursor, in the order shown.
     pub cursor: usize,
     pub run: Option<RunView>,
@@ -327,6 +329,7 @@ impl Model {
             scan: Scan::default(),
             pending: None,
             ticks: Vec::new(),
+            only: None,
             cursor: 0,
             run: None,
             live: super::live::History::default(),

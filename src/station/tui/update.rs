@@ -156,7 +156,9 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
 }
 
 fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
-    model.ticks = vec![true; plan.ready().map_or(0, |plan| plan.items.len())];
+    let chosen = |name: &String| model.only.as_ref().is_none_or(|only| only.contains(name));
+    let items = plan.ready().map_or(&[][..], |plan| &plan.items);
+    model.ticks = items.iter().map(|item| chosen(&item.name)).collect();
     if model.plan_path != path && !model.is_running() {
         // The verdict on the screen was by another plan.
         model.run = None;

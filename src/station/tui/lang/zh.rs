@@ -179,6 +179,7 @@ fn key(action: Action) -> KeyText {
         Action::Tick => ("勾选", "选择是否运行该项目。"),
         Action::TickAll => ("全选", "勾选全部项目；已全选时全部取消。"),
         Action::Open => ("打开", "打开光标处的内容。"),
+        Action::Take => ("采用", "采用此处的测试方案、台架、轮数和语言。"),
         Action::Back => ("返回", "返回，或删除已输入的内容。"),
         Action::Yes => ("是", "是，或已完成。"),
         Action::No => ("否", "否，或做不到。"),

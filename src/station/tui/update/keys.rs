@@ -128,6 +128,7 @@ fn act(model: &mut Model, place: Place, action: Action) -> Option<Command> {
             model.ticks.iter_mut().for_each(|tick| *tick = !all);
         }
         Action::Open => return open(model, place),
+        Action::Take => return take_form(model),
         Action::Back if place == Place::Watching => return leave_watch(model),
         Action::Back => back(model, place),
         Action::Yes => return answer(model, true),
@@ -311,7 +312,6 @@ fn tick(model: &mut Model) {
 
 fn open(model: &mut Model, place: Place) -> Option<Command> {
     match place {
-        Place::Setup => return take_form(model),
         Place::Records => {
             let records = &mut model.records;
             if records.runs.is_none() {
