@@ -16,6 +16,7 @@ use nix::sys::time::TimeSpec;
 use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
 use crate::port::Tty;
+use crate::turntable::{Direction, TableRefusal};
 use crate::world::{Axis, Sign};
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
@@ -29,8 +30,31 @@ const INTERFACE_AWAY: Duration = Duration::from_millis(20);
 #[error("the simulated bench has ended")]
 pub struct BenchGone;
 
+/// Why the turntable did not do what it was told.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TableError {
+    /// There is no bench any more.
+    #[error(transparent)]
+    Gone(#[from] BenchGone),
+    /// It refused.
+    #[error(transparent)]
+    Refused(#[from] TableRefusal),
+}
+
+#[derive(Debug)]
+enum Motion {
+    Orient(Direction, Axis, Sign, f64),
+    OrientUp([f64; 3], f64),
+    Rotate(f64, f64),
+    Spin(f64),
+    Stop,
+}
+
 #[derive(Debug)]
 enum Command {
+    Move(Motion, Sender<Result<(), TableRefusal>>),
+    WaitStill(Sender<Result<(), TableRefusal>>),
+    IsMoving(Sender<bool>),
     SetSwitch(u8, bool),
     SetHeading(f64),
     SetAxisUp(Axis, Sign),
@@ -42,6 +66,16 @@ enum Command {
 
 /// What an operator or a fixture does at the bench. Each call returns when it is done, so that a request sent to the
 /// board afterwards finds it done.
+///
+/// # The turntable
+/// [`Control::orient`], [`Control::rotate`], [`Control::spin`] and [`Control::stop`] begin a motion and return at once;
+/// it begins in that moment of bench time, takes the time that [`crate::turntable`] says and ends by itself.
+/// [`Control::wait_still`] returns when bench time has passed its end.
+///
+/// # Waiting
+/// [`Control::sleep`] and [`Control::wait_still`] block their thread until bench time has come so far. At maximum speed
+/// they let bench time move, also without any request or stream. But bench time stands while a port is full, so that a
+/// stream is never dropped: whoever waits beside a running stream must go on reading it on another thread.
 #[derive(Debug, Clone)]
 pub struct Control {
     commands: Sender<(Command, Option<Sender<()>>)>,
@@ -89,6 +123,74 @@ impl Control {
         let (done, awake) = mpsc::channel();
         self.post(Command::Sleep(span, done), None)?;
         awake.recv().map_err(|_| BenchGone)
+    }
+
+    /// Begins to point an axis of the module along a direction, the next axis (Y for X, Z for Y, X for Z) at a heading.
+    ///
+    /// # Errors
+    /// [`TableError`]: the bench has ended, or the table is moving.
+    pub fn orient(&self, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Orient(along, axis, sign, heading_deg))
+    }
+
+    /// Begins to lay the module down in any attitude: `up`, in the module's axes and of any length, points up. Of the
+    /// axis nearest to it the next one points at the heading as nearly as it can.
+    ///
+    /// # Errors
+    /// As [`Control::orient`]; or `up` is no direction.
+    pub fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::OrientUp(up, heading_deg))
+    }
+
+    /// Begins a rotation about the table's axis, which is along the module's axis of the last orientation, positive by
+    /// the right-hand rule about that axis. Ramps take 10 % of the span each: 1080 deg in 5 s peak at 240 deg/s.
+    ///
+    /// # Errors
+    /// [`TableError`]: the bench has ended, the table is moving, or it cannot turn so fast.
+    pub fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Rotate(angle_deg, span_s))
+    }
+
+    /// Begins to spin about the table's axis, without end; from another spin it goes over to this one.
+    ///
+    /// # Errors
+    /// As [`Control::rotate`].
+    pub fn spin(&self, rate_dps: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Spin(rate_dps))
+    }
+
+    /// Begins to stop whatever motion runs; no error where none does.
+    ///
+    /// # Errors
+    /// [`TableError::Gone`].
+    pub fn stop(&self) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Stop)
+    }
+
+    /// Whether the module moves. At maximum speed it goes on doing so until something lets bench time pass.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn moving(&self) -> Result<bool, BenchGone> {
+        let (told, moving) = mpsc::channel();
+        self.post(Command::IsMoving(told), None)?;
+        moving.recv().map_err(|_| BenchGone)
+    }
+
+    /// Returns when the module is still.
+    ///
+    /// # Errors
+    /// [`TableError`]: the bench has ended, or the table spins without end, also if it begins to while somebody waits.
+    pub fn wait_still(&self) -> Result<(), TableError> {
+        let (done, still) = mpsc::channel();
+        self.post(Command::WaitStill(done), None)?;
+        Ok(still.recv().map_err(|_| BenchGone)??)
+    }
+
+    fn set_in_motion(&self, motion: Motion) -> Result<(), TableError> {
+        let (done, answer) = mpsc::channel();
+        self.post(Command::Move(motion, done), None)?;
+        Ok(answer.recv().map_err(|_| BenchGone)??)
     }
 
     /// What really is.
@@ -238,12 +340,20 @@ impl Driver {
     /// Carries out what was ordered; `false` to stop.
     fn obey(&mut self) -> bool {
         while let Ok((command, done)) = self.received.try_recv() {
+            self.bench.pass_time(self.started.elapsed());
             match command {
                 Command::SetSwitch(number, on) => self.bench.set_switch(number, on),
                 Command::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
                 Command::SetAxisUp(axis, sign) => self.bench.set_axis_up(axis, sign),
                 Command::SetTurn(axis, rate_dps) => self.bench.set_turn(axis, rate_dps),
                 Command::Sleep(span, done) => self.bench.sleep(span, done),
+                Command::Move(motion, done) => {
+                    let _ = done.send(self.set_in_motion(&motion));
+                }
+                Command::WaitStill(done) => self.bench.wait_still(done),
+                Command::IsMoving(told) => {
+                    let _ = told.send(self.bench.is_moving());
+                }
                 Command::Truth(told) => {
                     // Whoever asked and left needs no answer.
                     let _ = told.send(self.bench.truth());
@@ -255,6 +365,19 @@ impl Driver {
             }
         }
         true
+    }
+
+    fn set_in_motion(&mut self, motion: &Motion) -> Result<(), TableRefusal> {
+        match *motion {
+            Motion::Orient(along, axis, sign, heading_deg) => self.bench.orient(along, axis, sign, heading_deg),
+            Motion::OrientUp(up, heading_deg) => self.bench.orient_up(up, heading_deg),
+            Motion::Rotate(angle_deg, span_s) => self.bench.rotate(angle_deg, span_s),
+            Motion::Spin(rate_dps) => self.bench.spin(rate_dps),
+            Motion::Stop => {
+                self.bench.stop();
+                Ok(())
+            }
+        }
     }
 
     fn read(&mut self, now: Duration) -> io::Result<()> {

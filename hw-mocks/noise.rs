@@ -47,6 +47,10 @@ pub enum Source {
     CanToHost = 17,
     /// Faults of CAN on the way to the board.
     CanToBoard = 18,
+    /// The turntable: what is new each time.
+    Table = 19,
+    /// The turntable: what an orientation has whenever it is taken up.
+    TablePosition = 20,
 }
 
 /// One stream of chance.

@@ -8,6 +8,7 @@ use toml::Spanned;
 use super::{Model, RebootTrigger, raw};
 use crate::can_faults::{CanRates, CanWireFaults};
 use crate::devices::ad::Rails;
+use crate::devices::calibration::{CalibrationFaults, LostBit};
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
@@ -18,11 +19,12 @@ use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
+use crate::turntable::TableModel;
 use crate::wire_faults::{WireFaults, WireRates};
 use crate::world::Axis;
 
 /// Names of devices that a trigger may wait for.
-const DEVICES: [&str; 15] = [
+const DEVICES: [&str; 16] = [
     "power",
     "identity",
     "cpu",
@@ -32,6 +34,7 @@ const DEVICES: [&str; 15] = [
     "spi-flash",
     "internal-flash",
     "imu",
+    "calibration",
     "gnss",
     "ad",
     "io",
@@ -168,6 +171,7 @@ impl raw::Personality {
                 accel: self.accel.faults()?,
                 mag: self.mag.faults()?,
             },
+            calibration: self.calibration.check()?,
             gnss: self.gnss.check()?,
             unwired_switches: self.ad.check()?,
             lines: self.io.check(&self.spi)?,
@@ -183,6 +187,7 @@ impl raw::Personality {
             },
             wire: self.wire.check()?,
             can_wire: self.can_wire.check()?,
+            turntable: self.turntable.check(d.turntable)?,
             reboot: self.reboot.map(raw::Reboot::check).transpose()?,
         })
     }
@@ -288,6 +293,21 @@ impl raw::Triad {
     }
 }
 
+impl raw::Calibration {
+    fn check(&self) -> Result<CalibrationFaults, Mistake> {
+        // The coefficients take 300 bytes.
+        let lost = |lost: &raw::LostBit| {
+            let byte = integer(&lost.byte, "byte", 0, 299)?;
+            Ok(LostBit {
+                byte: u16::try_from(byte).unwrap_or(0),
+                bit: small(&lost.bit, "bit", 0, 7)?,
+                after_power_cycle: lost.after_power_cycle,
+            })
+        };
+        Ok(CalibrationFaults { lost_bit: self.lost_bit.as_ref().map(lost).transpose()?, transposed: self.transposed })
+    }
+}
+
 impl raw::Gnss {
     fn check(&self) -> Result<GnssFaults, Mistake> {
         let metres = |value: Option<&Spanned<f64>>, name| number(value, name, -1e6, 1e6, 0.0);
@@ -324,6 +344,58 @@ impl raw::Io {
             open: self.open.iter().map(|line| small(line, "line", 0, 3)).collect::<Result<_, _>>()?,
             stuck: self.stuck.iter().map(stuck).collect::<Result<_, _>>()?,
             flip_every_bits: count(spi.flip_every_bits.as_ref(), "flip_every_bits")?,
+        })
+    }
+}
+
+/// Each of some numbers, or the defaults.
+fn numbers<const N: usize>(
+    values: Option<&[Spanned<f64>; N]>,
+    name: &str,
+    most: f64,
+    default: [f64; N],
+) -> Result<[f64; N], Mistake> {
+    let mut checked = default;
+    for (place, value) in values.into_iter().flatten().enumerate() {
+        checked[place] = number(Some(value), name, -most, most, 0.0)?;
+    }
+    Ok(checked)
+}
+
+impl raw::Turntable {
+    fn check(&self, d: TableModel) -> Result<TableModel, Mistake> {
+        // A degree, beyond which it is no error of a table but another attitude.
+        const MOST_ARCSEC: f64 = 3600.0;
+        let both =
+            |value: &Option<Spanned<f64>>, name, most: f64, default| number(value.as_ref(), name, -most, most, default);
+        let spread =
+            |value: &Option<Spanned<f64>>, name, default| number(value.as_ref(), name, 0.0, MOST_ARCSEC, default);
+        Ok(TableModel {
+            axis_error_arcsec: numbers(
+                self.axis_error_arcsec.as_ref(),
+                "axis_error_arcsec",
+                MOST_ARCSEC,
+                d.axis_error_arcsec,
+            )?,
+            heading_error_arcsec: both(
+                &self.heading_error_arcsec,
+                "heading_error_arcsec",
+                10.0 * MOST_ARCSEC,
+                d.heading_error_arcsec,
+            )?,
+            mounting_deg: numbers(self.mounting_deg.as_ref(), "mounting_deg", 10.0, d.mounting_deg)?,
+            attitude_error_arcsec: spread(
+                &self.attitude_error_arcsec,
+                "attitude_error_arcsec",
+                d.attitude_error_arcsec,
+            )?,
+            repeatability_arcsec: spread(&self.repeatability_arcsec, "repeatability_arcsec", d.repeatability_arcsec)?,
+            angle_error_ppm: both(&self.angle_error_ppm, "angle_error_ppm", 1e5, d.angle_error_ppm)?,
+            angle_error_arcsec: spread(&self.angle_error_arcsec, "angle_error_arcsec", d.angle_error_arcsec)?,
+            rate_error_ppm: both(&self.rate_error_ppm, "rate_error_ppm", 1e5, d.rate_error_ppm)?,
+            wobble_arcsec: spread(&self.wobble_arcsec, "wobble_arcsec", d.wobble_arcsec)?,
+            lever_arm_mm: numbers(self.lever_arm_mm.as_ref(), "lever_arm_mm", 1000.0, d.lever_arm_mm)?,
+            slew_s: number(self.slew_s.as_ref(), "slew_s", 0.0, 600.0, d.slew_s)?,
         })
     }
 }

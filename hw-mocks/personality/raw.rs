@@ -25,6 +25,7 @@ pub(super) struct Personality {
     pub(super) gyro: Triad,
     pub(super) accel: Triad,
     pub(super) mag: Triad,
+    pub(super) calibration: Calibration,
     pub(super) gnss: Gnss,
     pub(super) ad: Ad,
     pub(super) io: Io,
@@ -33,6 +34,7 @@ pub(super) struct Personality {
     pub(super) can: Can,
     pub(super) wire: Wire,
     pub(super) can_wire: CanWire,
+    pub(super) turntable: Turntable,
     pub(super) reboot: Option<Reboot>,
 }
 
@@ -152,6 +154,22 @@ pub(super) struct Triad {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+pub(super) struct Calibration {
+    pub(super) lost_bit: Option<LostBit>,
+    pub(super) transposed: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LostBit {
+    pub(super) byte: Spanned<u32>,
+    pub(super) bit: Spanned<u32>,
+    #[serde(default)]
+    pub(super) after_power_cycle: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct Gnss {
     pub(super) no_sky: bool,
     pub(super) repeater_north_m: Option<Spanned<f64>>,
@@ -194,6 +212,22 @@ pub(super) struct Can {
     pub(super) swap_every: Option<Spanned<u32>>,
     pub(super) tx_error_every: Option<Spanned<u32>>,
     pub(super) bus_off_after: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Turntable {
+    pub(super) axis_error_arcsec: Option<[Spanned<f64>; 2]>,
+    pub(super) heading_error_arcsec: Option<Spanned<f64>>,
+    pub(super) mounting_deg: Option<[Spanned<f64>; 3]>,
+    pub(super) attitude_error_arcsec: Option<Spanned<f64>>,
+    pub(super) repeatability_arcsec: Option<Spanned<f64>>,
+    pub(super) angle_error_ppm: Option<Spanned<f64>>,
+    pub(super) angle_error_arcsec: Option<Spanned<f64>>,
+    pub(super) rate_error_ppm: Option<Spanned<f64>>,
+    pub(super) wobble_arcsec: Option<Spanned<f64>>,
+    pub(super) lever_arm_mm: Option<[Spanned<f64>; 3]>,
+    pub(super) slew_s: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -6,6 +6,7 @@
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::Site;
 use crate::catalogue::ItemId;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -170,8 +171,14 @@ pub struct RunHeader {
     pub program: Program,
     /// The bench that it runs on.
     pub bench: Bench,
+    /// Where the bench stands, as its file said: figures depend on gravity and latitude.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub site: Option<Site>,
     /// The plan that it follows.
     pub plan: PlanInfo,
+    /// The run whose raw record was judged again; absent where something was captured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recomputed: Option<Recomputed>,
     /// Names of the chosen items; `None` for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop this run is; `None` outside of loops.
@@ -258,6 +265,15 @@ pub struct PlanInfo {
     pub version: String,
     /// SHA-256 over the texts of the plan and all that it includes, as hexadecimal digits.
     pub sha256: String,
+}
+
+/// The run whose raw record was judged again.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recomputed {
+    /// Name of its folder.
+    pub run: String,
+    /// SHA-256 of its journal.
+    pub journal_sha256: String,
 }
 
 /// A round of a loop.

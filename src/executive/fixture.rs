@@ -94,6 +94,8 @@ pub(crate) fn header() -> RunHeader {
         program: Program { name: "gnc-station".to_owned(), version: "0.1.0".to_owned() },
         bench: Bench { port: Some("/dev/ttyUSB0".to_owned()), rate_bps: Some(921_600), ..Bench::real() },
         plan: PlanInfo { name: "small".to_owned(), version: "1.0".to_owned(), sha256: "00".repeat(32) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     }

@@ -5,9 +5,11 @@
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::Site;
 use crate::catalogue::ItemId;
 use crate::event::{
-    AttemptError, Bench, BenchKind, Board, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program, StopHow,
+    AttemptError, Bench, BenchKind, Board, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program, Recomputed,
+    StopHow,
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -30,6 +32,12 @@ pub struct RunRecord {
     pub serial_number: String,
     /// The plan that was followed.
     pub plan: PlanInfo,
+    /// Where the bench stands, as its file said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub site: Option<Site>,
+    /// The run whose raw record was judged again; absent where something was captured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recomputed: Option<Recomputed>,
     /// Which station.
     pub station: String,
     /// Who tested.
@@ -161,6 +169,8 @@ impl RunRecord {
             interrupted,
             serial_number: header.serial_number,
             plan: header.plan,
+            site: header.site,
+            recomputed: header.recomputed,
             station: header.station,
             operator: header.operator,
             program: header.program,

@@ -194,6 +194,8 @@ pub(crate) fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: 
             version: plan.version.clone(),
             sha256: digest::of_plan(plan.files()),
         },
+        site: setup.site.clone(),
+        recomputed: None,
         selection: args.only.clone(),
         looped: None,
     }

@@ -16,6 +16,26 @@ pub struct Capture {
     pub samples: Vec<ImuSample>,
     /// What is missing, by place. A capture with losses is evidence of the loss, and no figure comes from it.
     pub losses: Losses,
+    /// What the satellite receiver said meanwhile, where that was captured.
+    pub receiver: Receiver,
+}
+
+/// What the satellite receiver said, and its pulses.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Receiver {
+    /// Its bytes as they came.
+    pub said: Vec<Said>,
+    /// Board time of each 1PPS edge, nanoseconds, by a timer of 10 ns resolution.
+    pub pulses_ns: Vec<u64>,
+}
+
+/// Some bytes of the receiver.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Said {
+    /// Board time of the first one, microseconds.
+    pub board_time_us: u64,
+    /// The bytes; a sentence may end in the next ones.
+    pub bytes: Vec<u8>,
 }
 
 /// What a capture is of. Written into the raw record before the first sample.

@@ -47,6 +47,18 @@ enum Command {
         #[command(subcommand)]
         what: PlanCommand,
     },
+    /// Works out all figures and verdicts of a run once more, from its raw record and its plan.
+    #[command(after_help = crate::recompute::EXIT_CODES)]
+    Recompute {
+        /// Its folder, whole or below the records folder.
+        run: PathBuf,
+        /// Judges by this plan instead, into a new folder beside the run.
+        #[arg(long, value_name = "FILE")]
+        plan: Option<PathBuf>,
+        /// The records folder.
+        #[arg(long, value_name = "DIR", default_value = "records")]
+        records: PathBuf,
+    },
     /// Looks through the records.
     Records {
         #[command(subcommand)]
@@ -193,6 +205,7 @@ pub fn main() -> ExitCode {
         Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {
             crate::check::run(&plans, bench.as_deref(), sim)
         }
+        Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
         Some(Command::Records { what, records }) => crate::records::run(&what, &records),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
         None => crate::tui::run(&cli.run),

@@ -3,6 +3,7 @@
 //! A procedure captures; what the samples say is worked out here alone, so that `recompute` cannot differ from the run.
 
 use gnc_executive::bench::Site;
+use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Params;
 
@@ -28,4 +29,31 @@ pub struct Findings {
     pub measured: Vec<(String, Value)>,
     /// Everything else for records, reports and later items: equation, parameters, covariance, residuals, budget.
     pub details: serde_json::Value,
+}
+
+/// Why no figure comes from captures.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FigureError {
+    /// The item has no figures from captures.
+    #[error("{item} has no figures from captures")]
+    NoAnalysis {
+        /// The item.
+        item: ItemId,
+    },
+}
+
+impl FigureError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        "take the item out of the plan"
+    }
+}
+
+/// Works out the figures of an item.
+///
+/// # Errors
+/// [`FigureError`].
+pub fn analyse(item: ItemId, _: &Question<'_>) -> Result<Findings, FigureError> {
+    Err(FigureError::NoAnalysis { item })
 }

@@ -44,6 +44,15 @@ pub enum FixtureError {
         /// Why.
         source: hw_mocks::BenchGone,
     },
+    /// The simulated turntable did not do it.
+    #[cfg(feature = "sim")]
+    #[error("the turntable could not {what}")]
+    Table {
+        /// What was to be done.
+        what: &'static str,
+        /// Why.
+        source: hw_mocks::TableError,
+    },
 }
 
 impl FixtureError {
@@ -55,6 +64,8 @@ impl FixtureError {
             Self::Refused { .. } => "mend the fixture and run the item again",
             #[cfg(feature = "sim")]
             Self::Simulation { .. } => "start the simulated bench again",
+            #[cfg(feature = "sim")]
+            Self::Table { .. } => "see what it was told in the plan; start the simulated bench again",
         }
     }
 }

@@ -12,9 +12,12 @@ pub mod figures;
 mod files;
 pub mod fixture;
 pub mod link;
+pub mod motion;
 mod nmea;
 mod ports;
 pub mod procedure;
+pub mod raw;
+mod recompute;
 mod records;
 pub mod report;
 pub mod runner;
@@ -24,3 +27,4 @@ mod statistics;
 
 pub mod store;
 pub mod tui;
+pub mod turntable;

@@ -1,7 +1,9 @@
 //! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
 
 mod ad;
+mod calibration;
 mod can;
+mod capturing;
 mod cpu;
 mod flash;
 mod gnss;
@@ -19,10 +21,13 @@ use gnc_executive::plan::{ParamError, Params};
 
 use crate::board::stream::Losses;
 use crate::board::{BoardError, Desk};
+use crate::figures::{FigureError, Findings};
 use crate::fixture::{Fixture, FixtureError};
 use crate::link::can::{CanOpenError, CanTarget};
+use crate::motion::watch::Spoilt;
 use crate::runner::report::Report;
 use crate::store::StoreError;
+use crate::store::captures::CapturesError;
 
 /// What a procedure works with.
 #[derive(Debug)]
@@ -35,6 +40,8 @@ pub struct Bench<'a> {
     pub site: Option<&'a Site>,
     /// The bench's CAN bus, where the conversation does not go over it anyway.
     pub can: Option<&'a CanTarget>,
+    /// What the items that ended before this attempt found, in the order of the plan, each with its name.
+    pub earlier: Vec<(String, Findings)>,
 }
 
 /// Why a procedure came to no end.
@@ -63,6 +70,54 @@ pub enum Trouble {
         /// What came and what did not.
         losses: Losses,
     },
+    /// A capture has a gap, so that no figure may come from it.
+    #[error(
+        "capture `{label}` has a gap after sample {after} ({at_s:.3} s): {} received, {} lost on the board, {} on the line",
+        losses.received, losses.on_board, losses.on_line
+    )]
+    CaptureLost {
+        /// The capture.
+        label: String,
+        /// Samples before the gap.
+        after: u32,
+        /// Time in the capture.
+        at_s: f64,
+        /// What came and what did not.
+        losses: Losses,
+    },
+    /// A capture is of no use.
+    #[error("capture `{label}` is spoilt at {at_s:.2} s")]
+    Spoilt {
+        /// The capture.
+        label: String,
+        /// Time in the capture.
+        at_s: f64,
+        /// What is wrong.
+        #[source]
+        spoilt: Spoilt,
+    },
+    /// The turn was not the one that was asked for.
+    #[error("capture `{label}`: the module turned by {seen_deg:.0} deg instead of {wanted_deg:.0} deg")]
+    NotTurned {
+        /// The capture.
+        label: String,
+        /// What was asked for.
+        wanted_deg: f64,
+        /// What the gyroscope of the axis saw, at nominal scale.
+        seen_deg: f64,
+    },
+    /// No figure comes from the captures.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// Nothing could be worked out from the captures: a mistake in this program.
+    #[error("nothing could be worked out: {why}")]
+    Analysis {
+        /// What happened.
+        why: String,
+    },
+    /// What another item captured cannot be read back.
+    #[error(transparent)]
+    Captures(#[from] CapturesError),
     /// The CAN bus could not be joined.
     #[error(transparent)]
     CanOpen(#[from] CanOpenError),
@@ -120,6 +175,17 @@ impl Trouble {
             Self::Store(error) => error.try_this(),
             Self::Param(_) => "report this: the plan was accepted and should not have been",
             Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::CaptureLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::Spoilt { spoilt: Spoilt::Moved { .. }, .. } => {
+                "keep hands and draughts off the table; run the item again"
+            }
+            Self::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => {
+                "turn slower, or keep the magnet away; if the module lies still, suspect the sensor"
+            }
+            Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
+            Self::Figure(error) => error.try_this(),
+            Self::Analysis { .. } => "keep the raw samples and report this",
+            Self::Captures(error) => error.source.try_this(),
             Self::CanOpen(error) => error.try_this(),
             Self::CanGone(_) => {
                 "check the CAN adapter, its cable and that its interface is up (`ip -details link show NAME`), then start again"
@@ -161,5 +227,22 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         ItemId::Spi => spi::run(bench, params, report).await,
         ItemId::Sci => sci::run(bench, params, report).await,
         ItemId::Can => can::run(bench, report).await,
+        ItemId::SixPosition
+        | ItemId::GyroStill
+        | ItemId::Rotation
+        | ItemId::GyroBias
+        | ItemId::AccelBias
+        | ItemId::BiasStability
+        | ItemId::BiasRepeatability
+        | ItemId::ScaleFactorRepeatability
+        | ItemId::CrossCoupling
+        | ItemId::Resolution
+        | ItemId::Allan
+        | ItemId::Psd
+        | ItemId::MagnetometerEllipse
+        | ItemId::MagnetometerEllipsoid
+        | ItemId::GnssAccuracy
+        | ItemId::CalibrationDownload
+        | ItemId::CalibrationCheck => calibration::run(item, bench, params, report).await,
     }
 }

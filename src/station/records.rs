@@ -126,7 +126,7 @@ fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usiz
 
 /// The runs that the user named, oldest first: by a folder, from here or below the records folder, or by a serial
 /// number.
-fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, StoreError> {
+pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, StoreError> {
     // Any of them: a run whose journal was taken away is to be found out.
     let is_run = |folder: &PathBuf| [JOURNAL, RECORD, DIGESTS].iter().any(|file| folder.join(file).exists());
     if let Some(folder) = [named.to_owned(), records.join(named)].into_iter().find(is_run) {
@@ -138,7 +138,7 @@ fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(reader::list(records)?.into_iter().filter(of_module).map(|found| found.path).collect())
 }
 
-fn no_such(named: &Path) -> ExitCode {
+pub(crate) fn no_such(named: &Path) -> ExitCode {
     let what = format!("there is no run {}", printable(&named.to_string_lossy()));
     refuse(what, "name a run's folder or a serial number; `gnc-station records list` shows what is there")
 }

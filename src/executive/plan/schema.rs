@@ -120,6 +120,7 @@ fn params(spec: &ItemSpec) -> Value {
                 ParamKind::Choices { of, default } => json!({
                     "type": "array", "minItems": 1, "uniqueItems": true, "default": default, "items": { "enum": of }
                 }),
+                ParamKind::Source { .. } => json!({ "$ref": "#/$defs/name" }),
             };
             let about = match param.kind {
                 ParamKind::Quantity { unit, min, max, .. } => {

@@ -228,7 +228,7 @@ impl Endpoint {
             _ if number == self.work.back => self.take(false, can.data(), now),
             id::KEEP_ALIVE if self.role == Role::Board => Some(Ok(event_frame(event::KEEP_ALIVE, Payload::new()))),
             id::BOARD_EVENTS if self.role == Role::Host => self.board_event(can.data()).map(Ok),
-            id::IMU_GYRO..=id::PPS if self.role == Role::Host => {
+            id::IMU_GYRO..=id::COMPENSATED_CLOCK if self.role == Role::Host => {
                 let samples = self.unpacker.receive(number, can.data())?;
                 let stream = StreamId::from_number(samples.head.stream)?;
                 Some(Ok(Frame { header: stream_header(stream), payload: samples.to_payload().ok()? }))

@@ -133,6 +133,8 @@ fn header() -> RunHeader {
         program: Program { name: "own_cost".to_owned(), version: "0".to_owned() },
         bench: Bench::real(),
         plan: PlanInfo { name: "many".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     }

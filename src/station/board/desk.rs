@@ -96,6 +96,16 @@ impl<'a> Desk<'a> {
         });
     }
 
+    /// Tells people how far a whole program of captures is.
+    pub fn advanced(&self, done_s: f64, whole_s: f64) {
+        let ms = |span_s: f64| (span_s * 1e3) as u32;
+        self.advance.send_replace(Advance {
+            done_permille: (done_s / whole_s.max(1e-3) * 1e3).clamp(0.0, 1e3) as u16,
+            elapsed_ms: ms(done_s),
+            expected_ms: ms(whole_s),
+        });
+    }
+
     /// Board time that was needed: of requests by their results, of streams by whoever listened.
     pub fn spent(&self, board_time: Duration) {
         self.busy.set(self.busy.get() + board_time);

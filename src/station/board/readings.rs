@@ -107,6 +107,8 @@ impl Gauges {
                 let edges = frame.samples.len() / size_of::<PpsCapture>().max(1);
                 self.now.pulses = self.now.pulses.saturating_add(u32::try_from(edges).unwrap_or(0));
             }
+            // The raw ones are shown; these follow from them.
+            StreamId::Compensated => {}
         }
         self.hand_on(false);
     }

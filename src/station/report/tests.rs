@@ -25,6 +25,8 @@ fn record(serial_number: &str) -> RunRecord {
         program: Program { name: "gnc-station".to_owned(), version: "0".to_owned() },
         bench: Bench::simulated("good", "max", 1),
         plan: PlanInfo { name: "functional".to_owned(), version: "1.0".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     };

@@ -15,7 +15,11 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
-use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, chain, digest, folder, on};
+use super::raw::RawThread;
+use super::{
+    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, chain, digest, folder, item_folder, on,
+    raw_file,
+};
 use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
@@ -32,6 +36,8 @@ pub struct Scribe {
     events: mpsc::Sender<(Event, Option<Written>)>,
     thread: JoinHandle<Result<(), StoreError>>,
     state: Arc<Mutex<RunState>>,
+    folder: RunFolder,
+    raw: Mutex<Vec<RawThread>>,
 }
 
 impl Scribe {
@@ -49,10 +55,44 @@ impl Scribe {
         }
         let journal = folder.create_file(JOURNAL)?;
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
-        let writer = Writer { folder, journal, state: Arc::clone(&state), watchers, line: Vec::new() };
+        let writer = Writer { folder: folder.clone(), journal, state: Arc::clone(&state), watchers, line: Vec::new() };
         let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
         let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
-        Ok(Self { events, thread, state })
+        Ok(Self { events, thread, state, folder, raw: Mutex::default() })
+    }
+
+    /// Opens a file for the raw samples of an attempt of an item.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+        let position = self.state.lock().unwrap_or_else(PoisonError::into_inner).position(item).unwrap_or_default();
+        let name = format!("{}/{}", item_folder(position, item), raw_file(attempt, repeat));
+        let (file, thread) = RawFile::create(&self.folder, &name)?;
+        self.threads().push(thread);
+        Ok(file)
+    }
+
+    /// Waits until every raw file is whole, also those that nobody waits for after a stop.
+    pub async fn raw_files_ended(&self) {
+        let threads = std::mem::take(&mut *self.threads());
+        let joined = tokio::task::spawn_blocking(|| {
+            for thread in threads {
+                // What went wrong is told where the file was written.
+                let _ = thread.join();
+            }
+        });
+        let _ = joined.await;
+    }
+
+    fn threads(&self) -> std::sync::MutexGuard<'_, Vec<RawThread>> {
+        self.raw.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Where the run's record is.
+    #[must_use]
+    pub fn folder(&self) -> &std::path::Path {
+        self.folder.path()
     }
 
     /// The fold over the events handed over, shared with whoever emits them: a run may have 20,000 items, and one
@@ -188,7 +228,7 @@ impl Writer {
                 run_started,
                 item: ItemRecord::from(row),
             };
-            (format!("{:02}-{}/{ITEM}", position + 1, folder::folder_name(item)), file)
+            (format!("{}/{ITEM}", item_folder(position, item)), file)
         };
         self.folder.put(&name, |out| pretty(out, &file))
     }

@@ -107,6 +107,8 @@ fn header() -> RunHeader {
         program: Program { name: "control".to_owned(), version: "0".to_owned() },
         bench: Bench::simulated("good", "1", 1),
         plan: PlanInfo { name: "short".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     }

@@ -259,6 +259,8 @@ fn header(serial_number: &str) -> RunHeader {
         station: "line-2".into(),
         program: Program { name: "gnc-station".into(), version: "0.1.0".into() },
         bench: Bench::simulated("good", "1", 1),
+        site: None,
+        recomputed: None,
         plan: PlanInfo { name: "functional".into(), version: "1.0".into(), sha256: "00".repeat(32) },
         selection: None,
         looped: None,

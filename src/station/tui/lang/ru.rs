@@ -239,6 +239,23 @@ fn item_title(item: ItemId) -> &'static str {
         ItemId::Spi => "SPI",
         ItemId::Sci => "Эхо SCI (RS-422)",
         ItemId::Can => "Эхо CAN",
+        ItemId::SixPosition => "Калибровка в шести положениях",
+        ItemId::GyroStill => "Гироскопы в покое",
+        ItemId::Rotation => "Гироскопы на поворотах",
+        ItemId::GyroBias => "Смещение гироскопов",
+        ItemId::AccelBias => "Смещение акселерометров",
+        ItemId::BiasStability => "Стабильность смещений",
+        ItemId::BiasRepeatability => "Повторяемость смещений",
+        ItemId::ScaleFactorRepeatability => "Повторяемость масштаба",
+        ItemId::CrossCoupling => "Взаимное влияние осей",
+        ItemId::Resolution => "Разрешение",
+        ItemId::Allan => "Вариация Аллана",
+        ItemId::Psd => "Спектр шума",
+        ItemId::MagnetometerEllipse => "Магнитометр: эллипс",
+        ItemId::MagnetometerEllipsoid => "Магнитометр: эллипсоид",
+        ItemId::GnssAccuracy => "Точность ГНСС",
+        ItemId::CalibrationDownload => "Запись калибровки",
+        ItemId::CalibrationCheck => "Проверка калибровки",
     }
 }
 

@@ -240,6 +240,23 @@ fn item_title(item: ItemId) -> &'static str {
         ItemId::Spi => "SPI",
         ItemId::Sci => "SCI（RS-422）回环",
         ItemId::Can => "CAN 回环",
+        ItemId::SixPosition => "六位置标定",
+        ItemId::GyroStill => "陀螺静态标定",
+        ItemId::Rotation => "陀螺转动标定",
+        ItemId::GyroBias => "陀螺零偏",
+        ItemId::AccelBias => "加速度计零偏",
+        ItemId::BiasStability => "零偏稳定性",
+        ItemId::BiasRepeatability => "零偏重复性",
+        ItemId::ScaleFactorRepeatability => "标度因数重复性",
+        ItemId::CrossCoupling => "交叉耦合",
+        ItemId::Resolution => "分辨率",
+        ItemId::Allan => "Allan 方差",
+        ItemId::Psd => "噪声功率谱",
+        ItemId::MagnetometerEllipse => "磁强计椭圆校正",
+        ItemId::MagnetometerEllipsoid => "磁强计椭球校正",
+        ItemId::GnssAccuracy => "卫星导航精度",
+        ItemId::CalibrationDownload => "标定参数下载",
+        ItemId::CalibrationCheck => "标定检查",
     }
 }
 

@@ -146,6 +146,7 @@ fn stream(model: &Model, reading: &StreamReading, cells: usize) -> Line<'static>
         StreamId::Imu => "IMU",
         StreamId::Gnss => "GNSS",
         StreamId::Pps => "1PPS",
+        StreamId::Compensated => "COMP",
     };
     let lost = reading.on_board + reading.on_line;
     let line = format!(
