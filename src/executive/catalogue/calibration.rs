@@ -149,8 +149,7 @@ pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
     timeout_s: 60.0,
 };
 
-const CHECK_ACCEL: &str =
-    "The stored calibration does not give gravity: was the module moved in its socket since, or another one stored?";
+const CHECK_ACCEL: &str = "The stored calibration does not give gravity: was the module moved in its socket since, or another one stored? If not, calibrate again.";
 const CHECK_GYRO: &str =
     "The stored calibration does not give the angle turned: check the table, then calibrate again.";
 

@@ -7,6 +7,7 @@ use crate::printable::quoted;
 use crate::quantity::Dimension;
 use crate::spanned::{Span, Table, Walk};
 use crate::suggest::nearest;
+use crate::uncertainty::Decision;
 
 /// Tries of an item: one that fails ten times will fail again.
 const MAX_ATTEMPTS: i64 = 10;
@@ -59,6 +60,7 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     }
     let repeats = table.integer("repeats", (1, MAX_REPEATS), 1);
     let timeout_s = timeout(walk, &table).unwrap_or(spec.timeout_s);
+    let decision = decision(walk, &table);
     let prompt = prompt(walk, &table);
     let written = table.table("params");
     let params = params::read(walk, written.as_ref(), id);
@@ -84,6 +86,7 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
         retry_failed,
         repeats: u32::try_from(repeats).unwrap_or(1),
         timeout_s,
+        decision,
         prompt,
         params,
         limits: limits.unwrap_or_default(),
@@ -103,6 +106,16 @@ fn phase(walk: &Walk<'_>, table: &Table<'_, '_>) -> Phase {
             Phase::Test
         }
     }
+}
+
+fn decision(walk: &Walk<'_>, table: &Table<'_, '_>) -> Decision {
+    let Some((text, span)) = table.text("decision") else { return Decision::default() };
+    let known = [Decision::Simple, Decision::GuardBand].into_iter().find(|decision| decision.as_str() == text);
+    known.unwrap_or_else(|| {
+        let hint = "\"simple\": the value decides; \"guard-band\": its whole coverage interval must keep the limit";
+        walk.mistake(span, format!("unknown decision {}", quoted(text)), hint);
+        Decision::default()
+    })
 }
 
 fn timeout(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<f64> {

@@ -93,6 +93,10 @@ fn item(id: ItemId) -> Value {
                 "description": format!("Board time for an attempt; {} s if it is left out.", spec.timeout_s),
                 "type": "string"
             },
+            "decision": {
+                "description": "simple: the value decides. guard-band: the whole coverage interval of a figure must keep its limit.",
+                "enum": ["simple", "guard-band"]
+            },
             "prompt": { "description": "What the operator is asked to do before the first attempt.", "type": "string" },
             "params": params(spec),
             "limits": limits(spec)
