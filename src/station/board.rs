@@ -7,6 +7,8 @@ mod conversation;
 mod desk;
 mod readings;
 pub mod stream;
+#[cfg(test)]
+mod tests;
 
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
@@ -152,7 +154,10 @@ impl BoardError {
     #[must_use]
     pub fn try_this(&self) -> &'static str {
         match self {
-            Self::Gone { .. } => "plug the adapter in and start again; `gnc-station ports` lists what is there",
+            Self::Gone { .. } => {
+                "plug the adapter in and start again: `gnc-station ports` lists serial ports; `sudo ip link set NAME up type \
+                 can bitrate 500000` switches a CAN interface on"
+            }
             Self::NoAnswer { .. } | Self::Silent { .. } => {
                 "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
             }

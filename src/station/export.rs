@@ -9,7 +9,7 @@ use clap::ValueEnum;
 
 use crate::capture::{Capture, Pose};
 use crate::cli::{complain, refuse};
-use crate::records::resolve;
+use crate::records;
 use crate::runner::chain;
 use crate::store::captures::{self, CapturesError};
 use crate::store::{StoreError, on};
@@ -52,8 +52,11 @@ impl ExportError {
 }
 
 /// Writes the raw samples of a run into a folder of their own; the record itself is not touched.
-pub(crate) fn run(run: &Path, records: &Path, format: Format, out: Option<&Path>) -> ExitCode {
-    let folder = resolve(records, run);
+pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>) -> ExitCode {
+    let folder = match records::one(folder, run) {
+        Ok(folder) => folder,
+        Err(refused) => return refused,
+    };
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let out = out.map_or_else(|| PathBuf::from(format!("{name}-export")), Path::to_owned);
     match format {

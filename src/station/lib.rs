@@ -7,6 +7,7 @@ mod check;
 pub mod cli;
 pub mod compute;
 pub mod control;
+mod doctor;
 mod export;
 pub mod figures;
 mod files;
@@ -21,8 +22,10 @@ mod recompute;
 mod records;
 pub mod report;
 pub mod runner;
+mod serial_number;
 mod setup;
 mod statistics;
 
 pub mod store;
+pub mod tui;
 pub mod turntable;

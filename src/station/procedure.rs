@@ -125,15 +125,22 @@ pub enum Trouble {
     /// The CAN bus went away.
     #[error("the CAN bus is gone")]
     CanGone(#[from] std::io::Error),
-    /// Test frames did not come back, and the module's controller knows of no error.
-    #[error("{lost} of {sent} CAN frames did not come back; the module received {received} and counts no error")]
+    /// Test frames did not come back as they went out, and the module's controller knows of no error.
+    #[error(
+        "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
+         and counts no error{}", lost_here(*by_host)
+    )]
     FramesLost {
         /// Test frames sent.
         sent: u64,
         /// Of those, not back.
         lost: u64,
-        /// Of those, received by the module as it says.
+        /// Back twice, or before one that was sent earlier.
+        astray: u64,
+        /// Received by the module as it says.
         received: u32,
+        /// Frames that this computer lost meanwhile, as far as it knows.
+        by_host: u64,
     },
     /// The answer does not fit the question, under a good checksum.
     #[error("the board's answer to {what} does not fit the question: {why}")]
@@ -181,7 +188,12 @@ impl Trouble {
             Self::Analysis { .. } => "keep the raw samples and report this",
             Self::Captures(error) => error.source.try_this(),
             Self::CanOpen(error) => error.try_this(),
-            Self::CanGone(_) => "check the CAN adapter and its cable, then start again",
+            Self::CanGone(_) => {
+                "check the CAN adapter, its cable and that its interface is up (`ip -details link show NAME`), then start again"
+            }
+            Self::FramesLost { by_host: 1.., .. } => {
+                "this computer is too slow for its CAN controller: end other programs; `ip -statistics link` counts what it lost"
+            }
             Self::FramesLost { .. } => {
                 "check the CAN cable, its termination (60 ohm between the lines) and the adapter"
             }
@@ -190,6 +202,10 @@ impl Trouble {
             Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
         }
     }
+}
+
+fn lost_here(by_host: u64) -> String {
+    if by_host == 0 { String::new() } else { format!("; this computer's controller or driver lost {by_host} frames") }
 }
 
 /// Runs the procedure of an item.

@@ -5,6 +5,7 @@
 //! the end, and a list of digests closes the folder.
 
 pub mod captures;
+pub mod chain;
 pub mod digest;
 pub mod folder;
 mod raw;
@@ -18,7 +19,7 @@ use gnc_executive::state::OutOfOrder;
 
 pub use folder::RunFolder;
 pub use raw::RawFile;
-pub use scribe::Scribe;
+pub use scribe::{Scribe, Watcher};
 
 /// The journal of a run.
 pub const JOURNAL: &str = "events.jsonl";

@@ -16,7 +16,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
 use super::readings::Gauges;
-use super::stream::Newest;
+use super::stream::{AHEAD, Newest};
 use super::{Advance, BoardError, Pulse, Readings};
 use crate::link::Link;
 
@@ -194,7 +194,8 @@ impl Conversation {
     pub(super) async fn run(mut self) -> LinkReport {
         loop {
             let due = self.next_due();
-            let behind = self.held.front().and_then(|(id, _)| self.sender_of(*id));
+            let behind = self.behind();
+            let reads = self.reads();
             tokio::select! {
                 biased;
                 () = sleep_until(due) => self.overdue(),
@@ -202,10 +203,10 @@ impl Conversation {
                     Some(command) => self.command(command),
                     None => break,
                 },
-                () = async { if let Some(sender) = &behind { let _ = sender.reserve().await; } }, if behind.is_some() => {
+                () = async { if let Some((sender, room)) = &behind { let _ = sender.reserve_many(*room).await; } }, if behind.is_some() => {
                     self.deliver_held();
                 }
-                received = self.link.next(behind.is_none()) => match received {
+                received = self.link.next(reads) => match received {
                     Ok(Ok(frame)) => self.receive(&frame),
                     // A damaged frame was counted by the link; whoever misses it asks again.
                     Ok(Err(_)) => {}
@@ -224,6 +225,23 @@ impl Conversation {
         };
         self.link.close().await;
         self.report
+    }
+
+    /// A listener who is behind, and the room that makes it good.
+    fn behind(&self) -> Option<(StreamSender, usize)> {
+        if let Some(sender) = self.held.iter().find_map(|(id, _)| self.sender_of(*id)) {
+            return Some((sender, 1));
+        }
+        let slow = |sender: &StreamSender| sender.capacity() < AHEAD && !sender.is_closed();
+        self.streams.iter().find(|(_, sender)| slow(sender)).map(|(_, sender)| (sender.clone(), AHEAD))
+    }
+
+    /// Whether the line is read. Not for a listener who is behind, so that a bench at full speed waits for him; but an
+    /// answer that somebody awaits comes behind samples, and whoever awaits it may be who keeps the listener from his
+    /// work.
+    fn reads(&self) -> bool {
+        let awaited = !self.pending.is_empty() || self.greeting.is_some();
+        self.held.is_empty() && (awaited || self.behind().is_none())
     }
 
     fn next_due(&self) -> Instant {
@@ -268,8 +286,7 @@ impl Conversation {
                 });
             }
             Command::Listen { stream, sender } => {
-                self.streams.retain(|(id, _)| *id != stream);
-                self.held.retain(|(id, _)| *id != stream);
+                self.forget(stream);
                 self.streams.push((stream, sender));
             }
         }
@@ -277,6 +294,10 @@ impl Conversation {
 
     fn overdue(&mut self) {
         let now = Instant::now();
+        if !self.reads() {
+            // Whoever does not listen hears no silence.
+            (self.heard, self.beat) = (now, now);
+        }
         if self.session.is_some() && now >= self.silent_due() {
             self.silent(now);
         }
@@ -536,8 +557,14 @@ impl Conversation {
         match sender.try_send(Ok(Box::new(frame))) {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(Ok(frame))) => self.held.push_back((id, frame)),
-            Err(_) => self.streams.retain(|(other, _)| *other != id),
+            Err(_) => self.forget(id),
         }
+    }
+
+    /// Nobody listens to the stream any more.
+    fn forget(&mut self, id: StreamId) {
+        self.streams.retain(|(other, _)| *other != id);
+        self.held.retain(|(other, _)| *other != id);
     }
 
     fn deliver_held(&mut self) {
@@ -545,7 +572,7 @@ impl Conversation {
             match self.sender_of(id).map(|sender| sender.try_send(Ok(frame))) {
                 None | Some(Ok(())) => {}
                 Some(Err(mpsc::error::TrySendError::Full(Ok(frame)))) => return self.held.push_front((id, frame)),
-                Some(Err(_)) => self.streams.retain(|(other, _)| *other != id),
+                Some(Err(_)) => self.forget(id),
             }
         }
     }

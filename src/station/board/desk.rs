@@ -9,12 +9,9 @@ use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::conversation::{Answer, Command};
-use super::stream::{Closed, Stream};
+use super::stream::{AHEAD, Closed, Stream, WAITING};
 use super::{Advance, Board, BoardError, gone};
 use crate::link::can::Tap;
-
-/// Frames waiting for whoever reads a stream: a second of 1 kHz in single samples.
-const STREAM_FRAMES: usize = 1024;
 
 /// What one attempt of an item asks of the board. Several items may do so at once.
 #[derive(Debug)]
@@ -71,7 +68,7 @@ impl<'a> Desk<'a> {
     /// # Errors
     /// [`BoardError::Gone`].
     pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
-        let (sender, frames) = mpsc::channel(STREAM_FRAMES);
+        let (sender, frames) = mpsc::channel(WAITING + AHEAD);
         self.streams.borrow_mut().push(stream);
         self.board.send(Command::Listen { stream, sender }).await?;
         Ok(Stream::new(stream, frames, self.board.pulse()))

@@ -31,6 +31,12 @@ impl<'a> Report<'a> {
         Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured, findings }
     }
 
+    /// Name of the item.
+    #[must_use]
+    pub fn item(&self) -> &str {
+        &self.item.name
+    }
+
     pub(super) fn begin_repeat(&self, repeat: u32) {
         *self.repeat.borrow_mut() = repeat;
     }

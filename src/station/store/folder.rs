@@ -138,7 +138,7 @@ impl RunFolder {
     }
 }
 
-fn sync_dir(dir: &Path) -> Result<(), StoreError> {
+pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
     on(File::open(dir).and_then(|dir| dir.sync_all()), "write", dir)
 }
 

@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io::{self, Write as _};
-use std::sync::{Arc, Mutex, PoisonError, mpsc as channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
@@ -17,13 +17,16 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::raw::RawThread;
 use super::{
-    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, digest, folder, item_folder, on,
+    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, chain, digest, folder, item_folder, on,
     raw_file,
 };
 use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
+
+/// Hears of an event that is written. `false`: nobody listens any more, or is too far behind.
+pub type Watcher = Box<dyn FnMut(&Event) -> bool + Send>;
 
 type Written = oneshot::Sender<Result<(), StoreError>>;
 
@@ -43,11 +46,7 @@ impl Scribe {
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
-    pub fn start(
-        folder: RunFolder,
-        plan: &Plan,
-        watchers: Vec<channel::SyncSender<Event>>,
-    ) -> Result<Self, StoreError> {
+    pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         let state = Arc::new(Mutex::new(RunState::new()));
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
@@ -169,7 +168,7 @@ struct Writer {
     journal: File,
     /// At least up to the event being written; what an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
-    watchers: Vec<channel::SyncSender<Event>>,
+    watchers: Vec<Watcher>,
     line: Vec<u8>,
 }
 
@@ -180,7 +179,7 @@ impl Writer {
             let failed = result.is_err();
             if !failed {
                 // Somebody who no longer listens, or is that far behind, is no reason to stop.
-                self.watchers.retain(|watcher| watcher.try_send(event.clone()).is_ok());
+                self.watchers.retain_mut(|watcher| watcher(&event));
             }
             match written {
                 Some(written) => {
@@ -248,7 +247,8 @@ impl Writer {
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
         let digests = digest::list(self.folder.path())?;
-        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
+        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
+        chain::append(self.folder.path())
     }
 }
 

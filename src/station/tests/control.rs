@@ -16,7 +16,7 @@ use gnc_station::fixture::Fixture;
 use gnc_station::link::Target;
 use gnc_station::runner::journal::Journal;
 use gnc_station::runner::{self, Live, Order, looking};
-use gnc_station::store::{RunFolder, Scribe};
+use gnc_station::store::{RunFolder, Scribe, Watcher};
 use hw_mocks::{Options, RunningBench, Speed};
 
 const PLAN: &str = r#"
@@ -80,6 +80,7 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
         };
         let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
         let (watcher, events) = mpsc::sync_channel(1000);
+        let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
         let scribe = Scribe::start(folder, &plan, vec![watcher]).expect("a store");
         let control = Control::default();
         let asks = control.clone();
