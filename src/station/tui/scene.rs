@@ -279,6 +279,8 @@ pub(crate) fn measured(name: &str, value: f64, outcome: Outcome) -> Measurement 
         high: Some(if outcome.is_good() { 2.0 } else { 1.0 }),
         marginal_low: None,
         marginal_high: None,
+        uncertainty: None,
+        decision: None,
         expected: None,
         outcome: Some(outcome),
     }
