@@ -5,7 +5,8 @@
 //! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
 //! everything said before has left through the port.
 
-use std::sync::mpsc::Sender;
+mod hands;
+
 use std::time::Duration;
 
 use gnc_protocol::can::CanFrame;
@@ -23,8 +24,9 @@ use crate::devices::inertial::SensorModels;
 use crate::line::Line;
 use crate::noise::{Dice, Source};
 use crate::personality::Personality;
+use crate::turntable::{TableTruth, Turntable};
 use crate::wire_faults::FaultyWire;
-use crate::world::{Axis, Influence, Sign, Site, World};
+use crate::world::{Influence, Site, World};
 
 /// Samples waiting for so much time of the line, beyond which the board drops new ones.
 const SAMPLES_WAIT_S: f64 = 0.7;
@@ -33,12 +35,18 @@ const SAMPLES_WAIT_S: f64 = 0.7;
 const SAMPLES_AHEAD_S: f64 = 0.025;
 /// Bytes waiting beyond which whole frames are lost: nobody has listened for long.
 const FRAMES_WAIT: usize = 256 * 1024;
+/// Time of a memory test that is computed between two looks at the line: far below the 50 ms for an ACCEPT, so that
+/// even a computer that takes twice as long for it keeps them.
+const COMPUTED_AT_ONCE: Duration = Duration::from_millis(10);
 /// Bytes taken from the host ahead of the line's pace.
 const INPUT_WAIT: usize = 4096;
 
 /// At maximum speed bench time stands for so long after a loss on the line: the host's wait before it asks again is
 /// link time, and minutes of the board's would pass in it.
 const REPAIR: Duration = Duration::from_millis(125);
+
+/// The same on CAN, where an answer may take 85 ms on the bus.
+const CAN_REPAIR: Duration = Duration::from_millis(250);
 
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,12 +125,8 @@ pub struct Truth {
     pub spi_flash_erases: u32,
     /// Erases that the internal flash did.
     pub internal_flash_erases: u32,
-}
-
-#[derive(Debug)]
-struct Sleeper {
-    until_ns: u64,
-    done: Sender<()>,
+    /// The turntable.
+    pub table: TableTruth,
 }
 
 /// The ways by which a host reaches the board.
@@ -145,6 +149,7 @@ pub struct Bench {
     /// The host's CAN adapter holds frames that it could not hand on yet.
     pub(crate) can_held: bool,
     board: SimulatedBoard,
+    table: Turntable,
     decoder: Decoder,
     incoming: Line,
     outgoing: Line,
@@ -153,7 +158,7 @@ pub struct Bench {
     wire_to_host: FaultyWire,
     /// Link time that a loss on the line takes to be noticed, during which bench time stands at maximum speed.
     repaired_at: Duration,
-    sleepers: Vec<Sleeper>,
+    sleepers: Vec<hands::Sleeper>,
     /// Rate of the line; `None` for one without pace.
     pace: Option<f64>,
     speed: Speed,
@@ -176,8 +181,9 @@ impl Bench {
             can_slave: Slave::default(),
             session_on: Port::Serial,
             can_held: false,
-            can: CanBus::new(can_pace, wire.can_lose_every),
+            can: CanBus::new(can_pace, wire.can_lose_every, options.personality.model.can_wire, options.seed),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
+            table: Turntable::new(options.personality.model.turntable, options.seed),
             decoder: Decoder::default(),
             incoming: Line::new(pace),
             outgoing: Line::new(pace),
@@ -214,6 +220,11 @@ impl Bench {
         self.outgoing.consume(count);
     }
 
+    /// The CAN bus is one of the kernel, which has a pace at any speed.
+    pub(crate) fn pace_can(&mut self) {
+        self.can.pace();
+    }
+
     /// How many frames [`Bench::receive_can`] takes now.
     #[must_use]
     pub fn can_room(&self) -> usize {
@@ -221,8 +232,8 @@ impl Bench {
     }
 
     /// A frame from the host's CAN adapter.
-    pub fn receive_can(&mut self, frame: CanFrame) {
-        self.can.push(frame);
+    pub fn receive_can(&mut self, frame: CanFrame, now: Duration) {
+        self.can.push(frame, now);
     }
 
     /// The next frame that the host's CAN adapter took off the bus.
@@ -234,14 +245,7 @@ impl Bench {
     pub fn advance(&mut self, now: Duration) {
         self.carry(now);
         // Time first: what a request starts, starts now and not at the last look.
-        if let Speed::Times(times) = self.speed {
-            self.board.line_full = match self.session_on {
-                Port::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
-                Port::Can => self.can.is_full(),
-            };
-            self.board.advance((now.as_nanos() as f64 * times) as u64);
-            self.after_time();
-        }
+        self.pass_time(now);
         self.hear(now);
         self.run_bus(now);
         if self.speed == Speed::Max
@@ -254,6 +258,23 @@ impl Bench {
         self.speak(now);
         self.run_bus(now);
         self.wake_sleepers();
+    }
+
+    /// Lets bench time follow link time, so that what an operator or a fixture does next happens now and not at the last
+    /// look. At maximum speed bench time does not follow anything.
+    pub fn pass_time(&mut self, now: Duration) {
+        if let Speed::Times(times) = self.speed {
+            self.board.line_full = match self.session_on {
+                Port::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
+                Port::Can => self.can.is_full(),
+            };
+            let now_ns = (now.as_nanos() as f64 * times) as u64;
+            // A computer too slow to run a memory test at this speed still hears the host and answers in link time:
+            // the board's clock falls behind instead, until the test has ended.
+            let reach_ns = self.board.now_ns().saturating_add((COMPUTED_AT_ONCE.as_nanos() as f64 * times) as u64);
+            self.board.advance(if self.board.is_computing() { now_ns.min(reach_ns) } else { now_ns });
+            self.after_time();
+        }
     }
 
     /// The next link time at which [`Bench::advance`] or [`Bench::output`] has something to do; it may lie in the past.
@@ -272,34 +293,6 @@ impl Bench {
             .chain(wires)
             .flatten()
             .fold(idle, Duration::min)
-    }
-
-    /// Flips a DIP switch, 1 to 5.
-    pub fn set_switch(&mut self, number: u8, on: bool) {
-        self.board.module.ad.set_switch(number, on);
-    }
-
-    /// Points the module's reference axis.
-    pub fn set_heading_deg(&mut self, heading_deg: f64) {
-        self.board.world.set_heading_deg(heading_deg);
-    }
-
-    /// Lays the module down with an axis up.
-    pub fn set_axis_up(&mut self, axis: Axis, sign: Sign) {
-        self.board.world.set_axis_up(axis, sign);
-    }
-
-    /// Turns the module steadily about one of its axes.
-    pub fn set_turn(&mut self, axis: Axis, rate_dps: f64) {
-        let now_s = self.board.true_s(self.board.now_ns());
-        self.board.world.set_turn(axis, rate_dps, now_s);
-    }
-
-    /// Tells `done` when bench time has passed `span` more.
-    pub fn sleep(&mut self, span: Duration, done: Sender<()>) {
-        let span_ns = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX / 2);
-        self.sleepers.push(Sleeper { until_ns: self.board.now_ns().saturating_add(span_ns), done });
-        self.wake_sleepers();
     }
 
     /// Bench time in ns.
@@ -328,6 +321,7 @@ impl Bench {
             has_fix: board.is_powered() && board.module.gnss.has_fix(now_s),
             spi_flash_erases: board.module.spi_flash.erases(),
             internal_flash_erases: board.module.internal_flash.erases(),
+            table: self.table.truth(&board.world, now_s),
         }
     }
 
@@ -355,12 +349,14 @@ impl Bench {
         if self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed() {
             self.repaired_at = now + REPAIR;
         }
+        if self.can.take_harmed() {
+            self.repaired_at = now + CAN_REPAIR;
+        }
     }
 
     /// The next event in bench time.
     fn next_ns(&self) -> Option<u64> {
-        let sleeper = self.sleepers.iter().map(|sleeper| sleeper.until_ns).min();
-        [self.board.next_event_ns(), sleeper].into_iter().flatten().min()
+        [self.board.next_event_ns(), self.sleeper_due_ns()].into_iter().flatten().min()
     }
 
     /// Frames that have arrived go to the board.
@@ -478,17 +474,5 @@ impl Bench {
         let echo = self.wire_to_host.take_echo();
         self.incoming.push(echo, now);
         self.carry(now);
-    }
-
-    fn wake_sleepers(&mut self) {
-        let now_ns = self.board.now_ns();
-        self.sleepers.retain(|sleeper| {
-            // A sleeper that gave up waiting is gone; it needs no word.
-            let due = sleeper.until_ns <= now_ns;
-            !due || {
-                let _ = sleeper.done.send(());
-                false
-            }
-        });
     }
 }

@@ -1,7 +1,8 @@
-//! The simulated bench on real ports (a pseudo-terminal for RS-422, another one or an interface for CAN), served by a thread of its own.
+//! The simulated bench on real ports (a pseudo-terminal or a serial port for RS-422, another pseudo-terminal or an
+//! interface for CAN), served by a thread of its own.
 
 use std::io::{self, Read, Write};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -9,27 +10,51 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, ppoll};
-use nix::pty::openpty;
-use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::sys::time::TimeSpec;
-use nix::unistd::ttyname;
 
 use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
+use crate::port::Tty;
+use crate::turntable::{Direction, TableRefusal};
 use crate::world::{Axis, Sign};
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);
+
+/// Between two looks for a CAN interface that went away.
+const INTERFACE_AWAY: Duration = Duration::from_millis(20);
 
 /// The thread that serves the bench has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the simulated bench has ended")]
 pub struct BenchGone;
 
+/// Why the turntable did not do what it was told.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TableError {
+    /// There is no bench any more.
+    #[error(transparent)]
+    Gone(#[from] BenchGone),
+    /// It refused.
+    #[error(transparent)]
+    Refused(#[from] TableRefusal),
+}
+
+#[derive(Debug)]
+enum Motion {
+    Orient(Direction, Axis, Sign, f64),
+    OrientUp([f64; 3], f64),
+    Rotate(f64, f64),
+    Spin(f64),
+    Stop,
+}
+
 #[derive(Debug)]
 enum Command {
+    Move(Motion, Sender<Result<(), TableRefusal>>),
+    WaitStill(Sender<Result<(), TableRefusal>>),
+    IsMoving(Sender<bool>),
     SetSwitch(u8, bool),
     SetHeading(f64),
     SetAxisUp(Axis, Sign),
@@ -41,6 +66,16 @@ enum Command {
 
 /// What an operator or a fixture does at the bench. Each call returns when it is done, so that a request sent to the
 /// board afterwards finds it done.
+///
+/// # The turntable
+/// [`Control::orient`], [`Control::rotate`], [`Control::spin`] and [`Control::stop`] begin a motion and return at once;
+/// it begins in that moment of bench time, takes the time that [`crate::turntable`] says and ends by itself.
+/// [`Control::wait_still`] returns when bench time has passed its end.
+///
+/// # Waiting
+/// [`Control::sleep`] and [`Control::wait_still`] block their thread until bench time has come so far. At maximum speed
+/// they let bench time move, also without any request or stream. But bench time stands while a port is full, so that a
+/// stream is never dropped: whoever waits beside a running stream must go on reading it on another thread.
 #[derive(Debug, Clone)]
 pub struct Control {
     commands: Sender<(Command, Option<Sender<()>>)>,
@@ -88,6 +123,74 @@ impl Control {
         let (done, awake) = mpsc::channel();
         self.post(Command::Sleep(span, done), None)?;
         awake.recv().map_err(|_| BenchGone)
+    }
+
+    /// Begins to point an axis of the module along a direction, the next axis (Y for X, Z for Y, X for Z) at a heading.
+    ///
+    /// # Errors
+    /// [`TableError`]: the bench has ended, or the table is moving.
+    pub fn orient(&self, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Orient(along, axis, sign, heading_deg))
+    }
+
+    /// Begins to lay the module down in any attitude: `up`, in the module's axes and of any length, points up. Of the
+    /// axis nearest to it the next one points at the heading as nearly as it can.
+    ///
+    /// # Errors
+    /// As [`Control::orient`]; or `up` is no direction.
+    pub fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::OrientUp(up, heading_deg))
+    }
+
+    /// Begins a rotation about the table's axis, which is along the module's axis of the last orientation, positive by
+    /// the right-hand rule about that axis. Ramps take 10 % of the span each: 1080 deg in 5 s peak at 240 deg/s.
+    ///
+    /// # Errors
+    /// [`TableError`]: the bench has ended, the table is moving, or it cannot turn so fast.
+    pub fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Rotate(angle_deg, span_s))
+    }
+
+    /// Begins to spin about the table's axis, without end; from another spin it goes over to this one.
+    ///
+    /// # Errors
+    /// As [`Control::rotate`].
+    pub fn spin(&self, rate_dps: f64) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Spin(rate_dps))
+    }
+
+    /// Begins to stop whatever motion runs; no error where none does.
+    ///
+    /// # Errors
+    /// [`TableError::Gone`].
+    pub fn stop(&self) -> Result<(), TableError> {
+        self.set_in_motion(Motion::Stop)
+    }
+
+    /// Whether the module moves. At maximum speed it goes on doing so until something lets bench time pass.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn moving(&self) -> Result<bool, BenchGone> {
+        let (told, moving) = mpsc::channel();
+        self.post(Command::IsMoving(told), None)?;
+        moving.recv().map_err(|_| BenchGone)
+    }
+
+    /// Returns when the module is still.
+    ///
+    /// # Errors
+    /// [`TableError`]: the bench has ended, or the table spins without end, also if it begins to while somebody waits.
+    pub fn wait_still(&self) -> Result<(), TableError> {
+        let (done, still) = mpsc::channel();
+        self.post(Command::WaitStill(done), None)?;
+        Ok(still.recv().map_err(|_| BenchGone)??)
+    }
+
+    fn set_in_motion(&self, motion: Motion) -> Result<(), TableError> {
+        let (done, answer) = mpsc::channel();
+        self.post(Command::Move(motion, done), None)?;
+        Ok(answer.recv().map_err(|_| BenchGone)??)
     }
 
     /// What really is.
@@ -145,24 +248,40 @@ impl RunningBench {
     /// # Errors
     /// As [`RunningBench::start`]; or there is no such interface.
     pub fn start_with(options: &Options, interface: Option<&str>) -> io::Result<Self> {
-        let pty = Pty::open()?;
-        let port = pty.path().to_owned();
+        Self::serve(options, Tty::pseudo_terminal()?, interface)
+    }
+
+    /// As [`RunningBench::start_with`], on a serial port of this computer at the rate of the options; the host opens
+    /// the other end of the cable.
+    ///
+    /// # Errors
+    /// As [`RunningBench::start_with`]; or it is no port, or does not have the rate.
+    pub fn start_on(options: &Options, device: &Path, interface: Option<&str>) -> io::Result<Self> {
+        Self::serve(options, Tty::device(device, options.rate_baud)?, interface)
+    }
+
+    fn serve(options: &Options, tty: Tty, interface: Option<&str>) -> io::Result<Self> {
+        let port = tty.name.clone();
         let can = match interface {
             Some(interface) => CanPort::socket(interface)?,
             None => CanPort::slcan()?,
         };
-        let can_port = can.name(interface);
+        let can_port = can.name();
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let driver = Driver { bench: Bench::new(options), pty, can, woken, received, started: Instant::now() };
+        let mut bench = Bench::new(options);
+        if interface.is_some() {
+            bench.pace_can();
+        }
+        let driver = Driver { bench, tty, can, woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
         Ok(Self { port, can_port, control, thread: Some(thread) })
     }
 
-    /// The pseudo-terminal that the host opens.
+    /// The pseudo-terminal that the host opens, or the device that the bench is served on.
     #[must_use]
     pub fn port(&self) -> &Path {
         &self.port
@@ -191,39 +310,9 @@ impl Drop for RunningBench {
     }
 }
 
-/// A pseudo-terminal in raw mode.
-#[derive(Debug)]
-pub(crate) struct Pty {
-    master: OwnedFd,
-    /// Without an open slave end the master reports an error whenever the host closes its own.
-    _kept_open: OwnedFd,
-    path: PathBuf,
-}
-
-impl Pty {
-    pub(crate) fn open() -> io::Result<Self> {
-        let pty = openpty(None, None)?;
-        let mut settings = tcgetattr(&pty.slave)?;
-        cfmakeraw(&mut settings);
-        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings)?;
-        let path = ttyname(&pty.slave)?;
-        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL)?);
-        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
-        Ok(Self { master: pty.master, _kept_open: pty.slave, path })
-    }
-
-    pub(crate) fn master(&self) -> &OwnedFd {
-        &self.master
-    }
-
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
 struct Driver {
     bench: Bench,
-    pty: Pty,
+    tty: Tty,
     can: CanPort,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
@@ -238,7 +327,7 @@ impl Driver {
             }
             let now = self.started.elapsed();
             self.read(now)?;
-            self.can.read(&mut self.bench)?;
+            self.can.read(&mut self.bench, now)?;
             // What the adapter has not handed on yet was said and has not left: time must not pass by it.
             self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);
@@ -251,12 +340,20 @@ impl Driver {
     /// Carries out what was ordered; `false` to stop.
     fn obey(&mut self) -> bool {
         while let Ok((command, done)) = self.received.try_recv() {
+            self.bench.pass_time(self.started.elapsed());
             match command {
                 Command::SetSwitch(number, on) => self.bench.set_switch(number, on),
                 Command::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
                 Command::SetAxisUp(axis, sign) => self.bench.set_axis_up(axis, sign),
                 Command::SetTurn(axis, rate_dps) => self.bench.set_turn(axis, rate_dps),
                 Command::Sleep(span, done) => self.bench.sleep(span, done),
+                Command::Move(motion, done) => {
+                    let _ = done.send(self.set_in_motion(&motion));
+                }
+                Command::WaitStill(done) => self.bench.wait_still(done),
+                Command::IsMoving(told) => {
+                    let _ = told.send(self.bench.is_moving());
+                }
                 Command::Truth(told) => {
                     // Whoever asked and left needs no answer.
                     let _ = told.send(self.bench.truth());
@@ -270,6 +367,19 @@ impl Driver {
         true
     }
 
+    fn set_in_motion(&mut self, motion: &Motion) -> Result<(), TableRefusal> {
+        match *motion {
+            Motion::Orient(along, axis, sign, heading_deg) => self.bench.orient(along, axis, sign, heading_deg),
+            Motion::OrientUp(up, heading_deg) => self.bench.orient_up(up, heading_deg),
+            Motion::Rotate(angle_deg, span_s) => self.bench.rotate(angle_deg, span_s),
+            Motion::Spin(rate_dps) => self.bench.spin(rate_dps),
+            Motion::Stop => {
+                self.bench.stop();
+                Ok(())
+            }
+        }
+    }
+
     fn read(&mut self, now: Duration) -> io::Result<()> {
         let mut buffer = [0; 4096];
         loop {
@@ -277,7 +387,7 @@ impl Driver {
             if room == 0 {
                 return Ok(());
             }
-            match nix::unistd::read(self.pty.master(), &mut buffer[..room]) {
+            match nix::unistd::read(&self.tty.end, &mut buffer[..room]) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                 Ok(count) => self.bench.receive(&buffer[..count], now),
                 Err(Errno::EINTR) => {}
@@ -293,7 +403,7 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            match nix::unistd::write(self.pty.master(), bytes) {
+            match nix::unistd::write(&self.tty.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                 Ok(count) => self.bench.consume(count),
                 Err(Errno::EINTR) => {}
@@ -320,14 +430,19 @@ impl Driver {
         if can_full {
             can_wanted |= PollFlags::POLLOUT;
         }
-        let mut fds = [
-            PollFd::new(self.pty.master().as_fd(), wanted),
-            PollFd::new(self.can.as_fd(), can_wanted),
-            PollFd::new(self.woken.as_fd(), PollFlags::POLLIN),
-        ];
+        let mut fds =
+            vec![PollFd::new(self.tty.end.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        let can = self.can.as_fd();
+        let timeout = if can.is_some() { timeout } else { timeout.min(INTERFACE_AWAY) };
+        fds.extend(can.map(|can| PollFd::new(can, can_wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),
+        }
+        // A device that was pulled out would read as "no bytes" for ever; our own pseudo-terminal never hangs up, since
+        // its other end is kept open.
+        if fds[0].revents().is_some_and(|events| events.contains(PollFlags::POLLHUP)) {
+            return Err(Errno::ENXIO.into());
         }
         // Only the waking mattered; what it was for is in the channel.
         let mut rubbish = [0; 64];

@@ -4,6 +4,7 @@ use gnc_protocol::message::{IdentityReply, PowerReply, Ram};
 use gnc_protocol::wire::text;
 
 use crate::devices::ad::Ad;
+use crate::devices::calibration::CalibrationMemory;
 use crate::devices::can::Can;
 use crate::devices::cpu::Cpu;
 use crate::devices::flash::{FlashMemory, INTERNAL_FLASH, SPI_FLASH};
@@ -57,6 +58,8 @@ pub struct Module {
     pub internal_flash: FlashMemory,
     /// Gyroscopes, accelerometers, magnetometer.
     pub sensors: Sensors,
+    /// Where it keeps its calibration.
+    pub calibration: CalibrationMemory,
     /// GNSS receiver.
     pub gnss: Receiver,
     /// AD converter with the board's DIP switches.
@@ -98,6 +101,7 @@ impl Module {
                 Dice::new(seed, Source::InternalFlash),
             ),
             sensors: Sensors::new(model.sensors, model.sensor_faults, seed),
+            calibration: CalibrationMemory::new(model.calibration),
             gnss: Receiver::new(model.gnss, seed),
             ad: Ad::new(rails, model.unwired_switches, seed),
             lines: Lines::new(model.lines.clone()),
@@ -111,6 +115,7 @@ impl Module {
     /// Power came on at `now_s`.
     pub fn power_on(&mut self, now_s: f64) {
         self.sensors.power_on();
+        self.calibration.power_on();
         self.can.power_on();
         self.gnss.power_on(now_s);
     }

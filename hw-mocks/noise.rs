@@ -43,6 +43,14 @@ pub enum Source {
     InternalFlash = 15,
     /// What happens to bytes on their way to the board.
     LineToBoard = 16,
+    /// Faults of CAN on the way to the host.
+    CanToHost = 17,
+    /// Faults of CAN on the way to the board.
+    CanToBoard = 18,
+    /// The turntable: what is new each time.
+    Table = 19,
+    /// The turntable: what an orientation has whenever it is taken up.
+    TablePosition = 20,
 }
 
 /// One stream of chance.

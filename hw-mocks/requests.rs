@@ -3,7 +3,7 @@
 //! Board times: identity 20 ms; CPU 1 ms and 2 us a word or pair; RAM 30 ns an access; flash reads as the part,
 //! erases and writes as the part with its scatter; AD 1 ms and the samples at 10 kHz; IO 1 ms; SPI 0.2 ms and 8
 //! clocks a byte; SCI 0.5 ms and 10 bits a byte, one byte of delay; GNSS restart 50 ms; streams 1 ms; power on 150 ms,
-//! off 20 ms; timers what they time.
+//! off 20 ms; timers what they time; calibration 1 ms, to commit it an erase of the internal flash and 3 ms.
 
 use gnc_protocol::can;
 use gnc_protocol::error::NakCode;
@@ -11,7 +11,9 @@ use gnc_protocol::message::{
     Flash, GnssStart, Ram, RamPattern, Request, SpiDirection, StreamStart, TimerMeasure, TimerMeasureReply, WordTarget,
 };
 use gnc_protocol::slave::Refusal;
-use gnc_protocol::stream::{IMU_SAMPLE, MAX_IMU_SAMPLES, MAX_LOAD_PERMILLE, STREAM_HEAD, StreamId, imu_load_permille};
+use gnc_protocol::stream::{
+    COMPENSATED_SAMPLE, IMU_SAMPLE, MAX_COMPENSATED_SAMPLES, MAX_IMU_SAMPLES, MAX_LOAD_PERMILLE, STREAM_HEAD, StreamId,
+};
 
 use crate::devices::ad;
 use crate::devices::memory::PatternRun;
@@ -21,6 +23,8 @@ use crate::module::Module;
 pub(crate) const MS: u64 = 1_000_000;
 /// An access to either RAM.
 pub(crate) const RAM_ACCESS_NS: u64 = 30;
+/// Time to program a calibration into an erased sector.
+const CALIBRATION_WRITE_MS: f64 = 3.0;
 /// Share of the link for the receiver's sentences and 1PPS captures: 5 epochs of at most 700 bytes with frames.
 const GNSS_BYTES_A_SECOND: u64 = 3_700;
 const PPS_BYTES_A_SECOND: u64 = 48;
@@ -44,6 +48,7 @@ pub(crate) mod uses {
     pub(crate) const GNSS_STREAM: u32 = 1 << 13;
     pub(crate) const PPS_STREAM: u32 = 1 << 14;
     pub(crate) const CAN: u32 = 1 << 15;
+    pub(crate) const COMPENSATED_STREAM: u32 = 1 << 16;
     /// The supply feeds everything.
     pub(crate) const SUPPLY: u32 = u32::MAX;
 
@@ -53,12 +58,13 @@ pub(crate) mod uses {
             super::StreamId::Imu => IMU_STREAM,
             super::StreamId::Gnss => GNSS_STREAM,
             super::StreamId::Pps => PPS_STREAM,
+            super::StreamId::Compensated => COMPENSATED_STREAM,
         }
     }
 
     /// The devices of a set, for texts.
     pub(crate) fn names(set: u32) -> String {
-        const NAMES: [&str; 16] = [
+        const NAMES: [&str; 17] = [
             "identity",
             "core 1",
             "core 2",
@@ -75,6 +81,7 @@ pub(crate) mod uses {
             "GNSS stream",
             "1PPS stream",
             "CAN",
+            "stream of compensated samples",
         ];
         let of_set: Vec<&str> = (0..NAMES.len()).filter(|bit| set >> bit & 1 == 1).map(|bit| NAMES[bit]).collect();
         of_set.join(", ")
@@ -233,8 +240,23 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
         }
         Request::StreamStart(start) => {
             check_stream(start)?;
+            if start.stream == StreamId::Compensated as u8 && module.calibration.calibration().is_none() {
+                return Err(Refusal::new(NakCode::NotCalibrated, "write and commit a calibration first"));
+            }
             stream_of(start.stream).map(uses::of_stream)
         }
+        Request::CalibrationWrite(write) => match write.calibration.bad_field() {
+            Some(field) => Err(bad(format!("{field} is outside its range"))),
+            None => Ok(uses::INTERNAL_FLASH),
+        },
+        Request::CalibrationCommit(commit) => match module.calibration.written_checksum() {
+            None => Err(bad("no calibration was written since power-on")),
+            Some(written) if written != commit.checksum => {
+                Err(bad(format!("checksum {:08x} is not that of what was written, {written:08x}", commit.checksum)))
+            }
+            Some(_) => Ok(uses::INTERNAL_FLASH),
+        },
+        Request::CalibrationRead(_) => Ok(uses::INTERNAL_FLASH),
         Request::StreamStop(stop) => stream_of(stop.stream).map(uses::of_stream),
     }
 }
@@ -286,7 +308,15 @@ pub(crate) fn prepare(request: Request, module: &mut Module) -> Work {
         | Request::FlashId(_)
         | Request::IoTest(_)
         | Request::StreamStart(_)
-        | Request::StreamStop(_) => MS,
+        | Request::StreamStop(_)
+        | Request::CalibrationWrite(_)
+        | Request::CalibrationRead(_) => MS,
+        Request::CalibrationCommit(_) => {
+            let flash = &mut module.internal_flash;
+            let typical_ms = flash.part.erase_ms + CALIBRATION_WRITE_MS;
+            let duration_us = flash.erase_us() + (CALIBRATION_WRITE_MS * 1000.0) as u32;
+            return flash_work(typical_ms, duration_us, request);
+        }
         Request::SpiTransfer(spi) => MS / 5 + bits_ns(spi.data.len() * 8, spi.clock_hz),
         Request::SciEcho(sci) => MS / 2 + bits_ns((sci.data.len() + 1) * 10, sci.rate_baud),
         Request::GnssRestart(_) => 50 * MS,
@@ -334,34 +364,51 @@ pub(crate) fn device(request: &Request) -> &'static str {
         Request::SciEcho(_) => "sci",
         Request::CanCounters(_) => "can",
         Request::GnssRestart(_) => "gnss",
-        Request::StreamStart(start) if start.stream == StreamId::Imu as u8 => "imu",
-        Request::StreamStop(stop) if stop.stream == StreamId::Imu as u8 => "imu",
+        Request::StreamStart(start) if is_imu(start.stream) => "imu",
+        Request::StreamStop(stop) if is_imu(stop.stream) => "imu",
+        Request::CalibrationWrite(_) | Request::CalibrationCommit(_) | Request::CalibrationRead(_) => "calibration",
         Request::StreamStart(_) | Request::StreamStop(_) => "gnss",
+    }
+}
+
+/// Whether a stream holds samples of the IMU.
+fn is_imu(stream: u8) -> bool {
+    samples_of(stream).is_some()
+}
+
+/// Bytes of a sample and most samples in a frame, of the streams that carry samples of the IMU.
+pub(crate) fn samples_of(stream: u8) -> Option<(usize, usize)> {
+    match StreamId::from_number(stream)? {
+        StreamId::Imu => Some((IMU_SAMPLE, MAX_IMU_SAMPLES)),
+        StreamId::Compensated => Some((COMPENSATED_SAMPLE, MAX_COMPENSATED_SAMPLES)),
+        StreamId::Gnss | StreamId::Pps => None,
     }
 }
 
 /// A stream by its number.
 pub(crate) fn stream_of(number: u8) -> Result<StreamId, Refusal> {
-    known("stream", number, StreamId::from_number(number), "1 (IMU), 2 (GNSS), 3 (1PPS)")
+    known("stream", number, StreamId::from_number(number), "1 (IMU), 2 (GNSS), 3 (1PPS), 4 (compensated)")
 }
 
 fn check_stream(start: &StreamStart) -> Result<(), Refusal> {
-    match stream_of(start.stream)? {
-        StreamId::Imu => {
+    stream_of(start.stream)?;
+    match samples_of(start.stream) {
+        Some((_, most)) => {
             range("rate_hz", start.rate_hz, 1, 1000)?;
-            range("samples_per_frame", usize::from(start.samples_per_frame), 0, MAX_IMU_SAMPLES)
+            range("samples_per_frame", usize::from(start.samples_per_frame), 0, most)
         }
-        StreamId::Gnss | StreamId::Pps => {
+        None => {
             range("rate_hz of a GNSS stream", start.rate_hz, 0, 0)?;
             range("samples_per_frame of a GNSS stream", start.samples_per_frame, 0, 0)
         }
     }
 }
 
-/// Samples in a frame of an IMU stream: the host's choice, or a frame every 50 ms at most.
+/// Samples in a frame of samples of the IMU: the host's choice, or a frame every 50 ms at most.
 pub(crate) fn samples_per_frame(start: &StreamStart) -> u8 {
+    let most = samples_of(start.stream).map_or(1, |(_, most)| most);
     match start.samples_per_frame {
-        0 => (start.rate_hz / 20).clamp(1, MAX_IMU_SAMPLES as u16) as u8,
+        0 => (start.rate_hz / 20).clamp(1, most as u16) as u8,
         chosen => chosen,
     }
 }
@@ -370,8 +417,10 @@ pub(crate) fn samples_per_frame(start: &StreamStart) -> u8 {
 pub(crate) fn load_permille(start: &StreamStart, rate_baud: u32) -> u32 {
     let share = |bytes_a_second: u64| (bytes_a_second * 10_000 / u64::from(rate_baud.max(1))) as u32;
     match StreamId::from_number(start.stream) {
-        Some(StreamId::Imu) => {
-            imu_load_permille(u32::from(start.rate_hz), u32::from(samples_per_frame(start)), rate_baud)
+        Some(StreamId::Imu | StreamId::Compensated) => {
+            let (sample_bytes, _) = samples_of(start.stream).unwrap_or_default();
+            let per_frame = u32::from(samples_per_frame(start));
+            gnc_protocol::stream::load_permille(sample_bytes, u32::from(start.rate_hz), per_frame, rate_baud)
         }
         Some(StreamId::Gnss) => share(GNSS_BYTES_A_SECOND),
         Some(StreamId::Pps) => share(PPS_BYTES_A_SECOND),
@@ -386,8 +435,8 @@ pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u3
         return Ok(load);
     }
     let per_frame = usize::from(samples_per_frame(start));
-    let frame_bytes = gnc_protocol::serial::on_wire(STREAM_HEAD + IMU_SAMPLE * per_frame);
-    let why = if start.stream == StreamId::Imu as u8 {
+    let why = if let Some((sample_bytes, _)) = samples_of(start.stream) {
+        let frame_bytes = gnc_protocol::serial::on_wire(STREAM_HEAD + sample_bytes * per_frame);
         format!(
             "{} Hz / {per_frame} per frame * {frame_bytes} B * 10 bit / {rate_baud} baud = {load} permille, others \
              {taken_permille}; at most {MAX_LOAD_PERMILLE}",
@@ -401,7 +450,7 @@ pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u3
 
 /// On CAN each sample of the IMU is on its own.
 pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), Refusal> {
-    if start.stream == StreamId::Imu as u8 {
+    if is_imu(start.stream) {
         range("samples_per_frame on CAN", start.samples_per_frame, 0, 1)?;
         start.samples_per_frame = 1;
     }
@@ -414,6 +463,7 @@ pub(crate) fn check_can_load(start: &StreamStart, taken_permille: u32) -> Result
         StreamId::Imu => can::stream::imu_bits(start.rate_hz.into()),
         StreamId::Gnss => can::stream::gnss_bits(),
         StreamId::Pps => can::stream::pps_bits(),
+        StreamId::Compensated => can::stream::compensated_bits(start.rate_hz.into()),
     };
     let load = can::stream::load_permille(bits);
     if load + taken_permille <= MAX_LOAD_PERMILLE {

@@ -2,11 +2,10 @@
 
 use gnc_protocol::message::{StreamStart, StreamStopReply};
 use gnc_protocol::serial::on_wire;
-use gnc_protocol::stream::{
-    Format, ImuSample, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId,
-};
+use gnc_protocol::stream::{Format, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId};
 use gnc_protocol::wire::Wire;
 
+use crate::devices::calibration::Compensation;
 use crate::requests::samples_per_frame;
 
 /// A running stream. Times are bench time in ns.
@@ -27,6 +26,8 @@ pub(crate) struct Stream {
     first_time_us: u64,
     /// Epochs of 0.2 s or seconds of UTC already dealt with.
     pub(crate) tick: u64,
+    /// What makes compensated samples of raw ones, as it was at the start.
+    pub(crate) compensation: Option<Compensation>,
 }
 
 impl Stream {
@@ -45,6 +46,7 @@ impl Stream {
             first: 0,
             first_time_us: 0,
             tick,
+            compensation: None,
         }
     }
 
@@ -78,8 +80,8 @@ impl Stream {
         self.imu_time_ns(self.produced + missing)
     }
 
-    /// Adds an IMU sample; gives a frame when one is full.
-    pub(crate) fn add_imu(&mut self, sample: &ImuSample, time_us: u64) -> Option<StreamFrame> {
+    /// Adds a sample of the IMU, raw or compensated; gives a frame when one is full.
+    pub(crate) fn add_sample(&mut self, sample: &impl Wire, time_us: u64) -> Option<StreamFrame> {
         let bytes = sample.to_payload().unwrap_or_default();
         self.add(&bytes, 1, time_us);
         (self.pending_count >= self.per_frame || self.is_complete()).then(|| self.take_frame()).flatten()
@@ -147,5 +149,6 @@ pub(crate) fn format_of(id: StreamId) -> Format {
         StreamId::Imu => Format::Imu,
         StreamId::Gnss => Format::Bytes,
         StreamId::Pps => Format::Pps,
+        StreamId::Compensated => Format::Compensated,
     }
 }

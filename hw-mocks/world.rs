@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
+use crate::motion::{Moment, Motion, Profile, Wobble};
+
 /// Earth rate relative to inertial space, rad/s (WGS-84).
 pub const EARTH_RATE_RPS: f64 = 7.292_115e-5;
 /// Standard gravity: the unit g, m/s^2 exactly.
@@ -173,9 +175,7 @@ pub struct World {
     up: Axis,
     sign: Sign,
     heading_deg: f64,
-    turn: Vector3<f64>,
-    turned_at_s: f64,
-    laid: Rotation3<f64>,
+    pub(crate) motion: Motion,
     powered_s: Option<f64>,
     temperature_c: f64,
     temperature_at_s: f64,
@@ -194,13 +194,17 @@ impl World {
             up: Axis::Z,
             sign: Sign::Plus,
             heading_deg: 0.0,
-            turn: Vector3::zeros(),
-            turned_at_s: 0.0,
-            laid: attitude(Axis::Z, Sign::Plus, 0.0),
+            motion: Motion::still(attitude(Axis::Z, Sign::Plus, 0.0)),
             powered_s: None,
             temperature_c: ambient_c,
             temperature_at_s: 0.0,
         }
+    }
+
+    /// The axis that points up or down, as it was laid down by hand.
+    #[must_use]
+    pub fn up(&self) -> Axis {
+        self.up
     }
 
     /// Lays the module down so that `up` points up, keeps the heading, and ends any turning.
@@ -217,24 +221,20 @@ impl World {
 
     /// Turns the module steadily about one of its own axes, from its attitude now on.
     pub fn set_turn(&mut self, axis: Axis, rate_dps: f64, now_s: f64) {
-        self.laid = self.attitude(now_s);
-        self.turned_at_s = now_s;
-        self.turn = axis.unit() * rate_dps.to_radians();
+        let none = Wobble { amplitude: 0.0, from: 0.0 };
+        let profile = Profile::steady(now_s, rate_dps.to_radians());
+        let axis = Unit::new_unchecked(axis.unit());
+        self.motion = Motion::turning(self.attitude(now_s), axis, profile, none, Vector3::zeros());
     }
 
     fn lay(&mut self) {
-        self.laid = attitude(self.up, self.sign, self.heading_deg);
-        self.turn = Vector3::zeros();
+        self.motion = Motion::still(attitude(self.up, self.sign, self.heading_deg));
     }
 
     /// The rotation from the local frame into the module's.
     #[must_use]
     pub fn attitude(&self, now_s: f64) -> Rotation3<f64> {
-        let angle = self.turn.norm() * (now_s - self.turned_at_s);
-        Unit::try_new(self.turn, 0.0).map_or(self.laid, |axis| {
-            // A module that turns by +phi sees the world turn by -phi.
-            Rotation3::from_axis_angle(&axis, -angle) * self.laid
-        })
+        self.motion.attitude(now_s)
     }
 
     /// The module's supply was switched: its temperature follows.
@@ -261,10 +261,10 @@ impl World {
     /// What acts on the module.
     #[must_use]
     pub fn influence(&self, now_s: f64) -> Influence {
-        let attitude = self.attitude(now_s);
+        let Moment { attitude, rate_rps, acceleration } = self.motion.at(now_s);
         Influence {
-            rate_rps: attitude * self.site.earth_rate_rps() + self.turn,
-            force: attitude * Vector3::new(0.0, 0.0, self.site.gravity()),
+            rate_rps: attitude * self.site.earth_rate_rps() + rate_rps,
+            force: attitude * Vector3::new(0.0, 0.0, self.site.gravity()) + acceleration,
             field_gauss: attitude * self.site.field_gauss(),
             temperature_c: self.temperature_c(now_s),
         }

@@ -19,16 +19,20 @@ impl SimulatedBoard {
         let id = requests::stream_of(start.stream).map_err(refused)?;
         let utc_s = self.world.utc_s(self.true_s(self.now_ns));
         let tick = match id {
-            StreamId::Imu => 0,
+            StreamId::Imu | StreamId::Compensated => 0,
             StreamId::Gnss => (utc_s * EPOCHS_HZ).floor().max(0.0) as u64 + 1,
             StreamId::Pps => utc_s.floor().max(0.0) as u64 + 1,
         };
         self.ended.retain(|(ended, _)| *ended != id);
-        self.streams.push(Stream::new(start, id, load_permille, self.now_ns, tick));
+        let mut stream = Stream::new(start, id, load_permille, self.now_ns, tick);
+        if id == StreamId::Compensated {
+            stream.compensation = self.module.calibration.compensation();
+        }
+        self.streams.push(stream);
         body(&StreamStartReply {
             format: format_of(id) as u8,
             samples_per_frame: match id {
-                StreamId::Imu => samples_per_frame(start),
+                StreamId::Imu | StreamId::Compensated => samples_per_frame(start),
                 StreamId::Gnss => 0,
                 StreamId::Pps => 1,
             },
@@ -97,7 +101,7 @@ impl SimulatedBoard {
     /// When a stream has something to do.
     pub(super) fn stream_due_ns(&self, stream: &Stream) -> u64 {
         match stream.id {
-            StreamId::Imu => stream.frame_full_ns(),
+            StreamId::Imu | StreamId::Compensated => stream.frame_full_ns(),
             StreamId::Gnss => {
                 self.bench_ns(stream.tick as f64 / EPOCHS_HZ + LATENCY_S - self.world.utc_start_s).ceil() as u64
             }
@@ -114,11 +118,16 @@ impl SimulatedBoard {
         self.end_complete_streams();
     }
 
+    /// Takes the samples up to now before the world changes: those of a frame that is not full yet wait for it.
+    pub(crate) fn take_samples(&mut self) {
+        self.run_streams();
+    }
+
     fn run_stream(&mut self, index: usize) {
         // Taken out while it runs, since its samples come from the rest of the board.
         let mut stream = self.streams.swap_remove(index);
         match stream.id {
-            StreamId::Imu => self.run_imu(&mut stream),
+            StreamId::Imu | StreamId::Compensated => self.run_imu(&mut stream),
             StreamId::Gnss => self.run_gnss(&mut stream),
             StreamId::Pps => self.run_pps(&mut stream),
         }
@@ -133,7 +142,15 @@ impl SimulatedBoard {
             let now_s = self.true_s(time_ns);
             let influence = self.world.influence(now_s);
             let sample = self.module.sensors.sample(&influence, now_s, stream.rate_hz() as f64);
-            if let Some(frame) = stream.add_imu(&sample, self.board_us(time_ns)) {
+            let time_us = self.board_us(time_ns);
+            let full = match &stream.compensation {
+                Some(compensation) => {
+                    let compensated = compensation.apply(&sample);
+                    stream.add_sample(&compensated, time_us)
+                }
+                None => stream.add_sample(&sample, time_us),
+            };
+            if let Some(frame) = full {
                 self.send(stream, frame);
             }
         }

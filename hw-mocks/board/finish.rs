@@ -1,5 +1,6 @@
 //! What comes out of a request when its time has passed.
 
+use gnc_protocol::calibration::CalibrationCommitReply;
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::{
     AdReadReply, CpuFloatsReply, CpuIntegersReply, CpuWordsReply, DurationReply, ErrorKind, Flash, FlashIdReply,
@@ -11,6 +12,7 @@ use gnc_protocol::wire::{Wire, text};
 use gnc_protocol::{Call, Payload};
 
 use super::{Job, SUPPLY_UV, SimulatedBoard};
+use crate::devices::calibration::DamagedSlot;
 use crate::devices::flash::FlashMemory;
 use crate::records::{Finder, Finding};
 use crate::requests::Task;
@@ -131,8 +133,26 @@ impl SimulatedBoard {
             }
             Request::StreamStart(start) => self.start_stream(&start),
             Request::StreamStop(stop) => self.stop_stream(stop.stream),
+            Request::CalibrationWrite(write) => {
+                self.module.calibration.write(write.calibration);
+                body(&())
+            }
+            Request::CalibrationRead(_) => {
+                let finding = |slot: DamagedSlot| Finding {
+                    kind: ErrorKind::CalibrationDamaged,
+                    place: slot.slot,
+                    expected: slot.expected,
+                    got: slot.got,
+                };
+                self.log.note(finder, self.module.calibration.damaged().into_iter().map(finding));
+                body(&self.module.calibration.read())
+            }
             // Prepared with tasks of their own, so that they never come here.
-            Request::TimerMeasure(_) | Request::RamTest(_) | Request::FlashErase(_) | Request::FlashWrite(_) => {
+            Request::TimerMeasure(_)
+            | Request::RamTest(_)
+            | Request::FlashErase(_)
+            | Request::FlashWrite(_)
+            | Request::CalibrationCommit(_) => {
                 Err(fault(FaultCode::DeviceFault, "the board lost track of the request"))
             }
         }
@@ -150,6 +170,10 @@ impl SimulatedBoard {
 
     fn finish_flash(&mut self, what: &Request, duration_us: u32, finder: Finder) -> Result<Payload, Fault> {
         let limit_ms = match what {
+            Request::CalibrationCommit(_) => {
+                let counter = self.module.calibration.commit();
+                return body(&CalibrationCommitReply { counter, duration_us });
+            }
             Request::FlashErase(erase) => {
                 let flash = self.flash(erase.flash)?;
                 flash.erase(erase.sector);

@@ -139,7 +139,7 @@ impl SimulatedBoard {
     }
 
     /// Bench time of a true moment.
-    fn bench_ns(&self, true_s: f64) -> f64 {
+    pub(crate) fn bench_ns(&self, true_s: f64) -> f64 {
         true_s * 1e9 * (1.0 + self.clock_error_ppm * 1e-6)
     }
 
@@ -210,7 +210,7 @@ impl SimulatedBoard {
     /// The board lost its supply for a moment, or its watchdog fired.
     fn restart(&mut self) {
         self.reboot_at_ns = None;
-        self.jobs.clear();
+        self.cut_off_jobs();
         self.streams.clear();
         self.ended.clear();
         self.outputs.clear();
@@ -221,6 +221,23 @@ impl SimulatedBoard {
         self.booted_ns = self.now_ns;
         self.restarted = true;
         self.restarts += 1;
+    }
+
+    /// All requests end where they are; a flash that was busy is left half way.
+    fn cut_off_jobs(&mut self) {
+        for job in std::mem::take(&mut self.jobs) {
+            match job.task {
+                Task::Flash { request: Request::FlashErase(erase), .. } => {
+                    if let Some(flash) = Flash::from_number(erase.flash) {
+                        self.module.flash(flash).interrupt_erase(erase.sector);
+                    }
+                }
+                Task::Flash { request: Request::CalibrationCommit(_), .. } => {
+                    self.module.calibration.interrupt_commit();
+                }
+                _ => {}
+            }
+        }
     }
 
     fn set_power(&mut self, on: bool) {
@@ -298,6 +315,11 @@ impl SimulatedBoard {
         }
     }
 
+    /// Whether a memory test is running, which takes this computer time of its own.
+    pub(crate) fn is_computing(&self) -> bool {
+        self.jobs.iter().any(|job| matches!(job.task, Task::Pattern { .. }))
+    }
+
     fn run_patterns(&mut self) {
         for job in &mut self.jobs {
             let Task::Pattern { ram, run, done, accesses } = &mut job.task else { continue };
@@ -316,7 +338,7 @@ impl Board for SimulatedBoard {
     fn identity(&self) -> BoardIdentity {
         BoardIdentity {
             boot_id: self.boot_id,
-            capabilities: capability::POWER | capability::CAN,
+            capabilities: capability::POWER | capability::CAN | capability::CALIBRATION,
             serial: text(&self.serial),
             firmware: text(&self.firmware),
         }
@@ -361,13 +383,7 @@ impl Board for SimulatedBoard {
     }
 
     fn make_safe(&mut self) {
-        for job in std::mem::take(&mut self.jobs) {
-            if let Task::Flash { request: Request::FlashErase(erase), .. } = job.task
-                && let Some(flash) = Flash::from_number(erase.flash)
-            {
-                self.module.flash(flash).interrupt_erase(erase.sector);
-            }
-        }
+        self.cut_off_jobs();
         self.outputs.clear();
         self.drop_streams();
         self.set_power(false);

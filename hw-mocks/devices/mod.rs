@@ -1,6 +1,7 @@
 //! The devices of the module and of the slave board: each a model of what the thing does, with its faults inside.
 
 pub mod ad;
+pub mod calibration;
 pub mod can;
 pub mod cpu;
 pub mod flash;

@@ -6,7 +6,9 @@ use nalgebra::Vector3;
 use toml::Spanned;
 
 use super::{Model, RebootTrigger, raw};
+use crate::can_faults::{CanRates, CanWireFaults};
 use crate::devices::ad::Rails;
+use crate::devices::calibration::{CalibrationFaults, LostBit};
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
@@ -17,11 +19,12 @@ use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
+use crate::turntable::TableModel;
 use crate::wire_faults::{WireFaults, WireRates};
 use crate::world::Axis;
 
 /// Names of devices that a trigger may wait for.
-const DEVICES: [&str; 15] = [
+const DEVICES: [&str; 16] = [
     "power",
     "identity",
     "cpu",
@@ -31,6 +34,7 @@ const DEVICES: [&str; 15] = [
     "spi-flash",
     "internal-flash",
     "imu",
+    "calibration",
     "gnss",
     "ad",
     "io",
@@ -167,6 +171,7 @@ impl raw::Personality {
                 accel: self.accel.faults()?,
                 mag: self.mag.faults()?,
             },
+            calibration: self.calibration.check()?,
             gnss: self.gnss.check()?,
             unwired_switches: self.ad.check()?,
             lines: self.io.check(&self.spi)?,
@@ -181,6 +186,8 @@ impl raw::Personality {
                 bus_off_after: count(self.can.bus_off_after.as_ref(), "bus_off_after")?,
             },
             wire: self.wire.check()?,
+            can_wire: self.can_wire.check()?,
+            turntable: self.turntable.check(d.turntable)?,
             reboot: self.reboot.map(raw::Reboot::check).transpose()?,
         })
     }
@@ -286,6 +293,21 @@ impl raw::Triad {
     }
 }
 
+impl raw::Calibration {
+    fn check(&self) -> Result<CalibrationFaults, Mistake> {
+        // The coefficients take 300 bytes.
+        let lost = |lost: &raw::LostBit| {
+            let byte = integer(&lost.byte, "byte", 0, 299)?;
+            Ok(LostBit {
+                byte: u16::try_from(byte).unwrap_or(0),
+                bit: small(&lost.bit, "bit", 0, 7)?,
+                after_power_cycle: lost.after_power_cycle,
+            })
+        };
+        Ok(CalibrationFaults { lost_bit: self.lost_bit.as_ref().map(lost).transpose()?, transposed: self.transposed })
+    }
+}
+
 impl raw::Gnss {
     fn check(&self) -> Result<GnssFaults, Mistake> {
         let metres = |value: Option<&Spanned<f64>>, name| number(value, name, -1e6, 1e6, 0.0);
@@ -326,6 +348,58 @@ impl raw::Io {
     }
 }
 
+/// Each of some numbers, or the defaults.
+fn numbers<const N: usize>(
+    values: Option<&[Spanned<f64>; N]>,
+    name: &str,
+    most: f64,
+    default: [f64; N],
+) -> Result<[f64; N], Mistake> {
+    let mut checked = default;
+    for (place, value) in values.into_iter().flatten().enumerate() {
+        checked[place] = number(Some(value), name, -most, most, 0.0)?;
+    }
+    Ok(checked)
+}
+
+impl raw::Turntable {
+    fn check(&self, d: TableModel) -> Result<TableModel, Mistake> {
+        // A degree, beyond which it is no error of a table but another attitude.
+        const MOST_ARCSEC: f64 = 3600.0;
+        let both =
+            |value: &Option<Spanned<f64>>, name, most: f64, default| number(value.as_ref(), name, -most, most, default);
+        let spread =
+            |value: &Option<Spanned<f64>>, name, default| number(value.as_ref(), name, 0.0, MOST_ARCSEC, default);
+        Ok(TableModel {
+            axis_error_arcsec: numbers(
+                self.axis_error_arcsec.as_ref(),
+                "axis_error_arcsec",
+                MOST_ARCSEC,
+                d.axis_error_arcsec,
+            )?,
+            heading_error_arcsec: both(
+                &self.heading_error_arcsec,
+                "heading_error_arcsec",
+                10.0 * MOST_ARCSEC,
+                d.heading_error_arcsec,
+            )?,
+            mounting_deg: numbers(self.mounting_deg.as_ref(), "mounting_deg", 10.0, d.mounting_deg)?,
+            attitude_error_arcsec: spread(
+                &self.attitude_error_arcsec,
+                "attitude_error_arcsec",
+                d.attitude_error_arcsec,
+            )?,
+            repeatability_arcsec: spread(&self.repeatability_arcsec, "repeatability_arcsec", d.repeatability_arcsec)?,
+            angle_error_ppm: both(&self.angle_error_ppm, "angle_error_ppm", 1e5, d.angle_error_ppm)?,
+            angle_error_arcsec: spread(&self.angle_error_arcsec, "angle_error_arcsec", d.angle_error_arcsec)?,
+            rate_error_ppm: both(&self.rate_error_ppm, "rate_error_ppm", 1e5, d.rate_error_ppm)?,
+            wobble_arcsec: spread(&self.wobble_arcsec, "wobble_arcsec", d.wobble_arcsec)?,
+            lever_arm_mm: numbers(self.lever_arm_mm.as_ref(), "lever_arm_mm", 1000.0, d.lever_arm_mm)?,
+            slew_s: number(self.slew_s.as_ref(), "slew_s", 0.0, 600.0, d.slew_s)?,
+        })
+    }
+}
+
 impl raw::Wire {
     fn check(&self) -> Result<WireFaults, Mistake> {
         Ok(WireFaults {
@@ -342,6 +416,7 @@ impl raw::Direction {
         let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);
         Ok(WireRates {
             lost_bytes: share(&self.lost_bytes_per_million, "lost_bytes_per_million")?,
+            lost_byte_at: count(self.lost_byte_at.as_ref(), "lost_byte_at")?,
             flipped_bits: share(&self.flipped_bits_per_million, "flipped_bits_per_million")?,
             lost_frames: share(&self.lost_frames_per_million, "lost_frames_per_million")?,
             cut_frames: share(&self.cut_frames_per_million, "cut_frames_per_million")?,
@@ -353,6 +428,34 @@ impl raw::Direction {
             stall_ms: span(&self.stall_ms, "stall_ms")?,
             babbled_frames: share(&self.babbled_frames_per_million, "babbled_frames_per_million")?,
             echoed_frames: share(&self.echoed_frames_per_million, "echoed_frames_per_million")?,
+        })
+    }
+}
+
+impl raw::CanWire {
+    fn check(&self) -> Result<CanWireFaults, Mistake> {
+        Ok(CanWireFaults {
+            to_host: self.to_host.as_ref().unwrap_or(&self.both).check()?,
+            to_board: self.to_board.as_ref().unwrap_or(&self.both).check()?,
+        })
+    }
+}
+
+impl raw::CanDirection {
+    fn check(&self) -> Result<CanRates, Mistake> {
+        let share = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 1e6, 0.0);
+        let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);
+        Ok(CanRates {
+            lost_frames: share(&self.lost_frames_per_million, "lost_frames_per_million")?,
+            lost_bursts: share(&self.lost_bursts_per_million, "lost_bursts_per_million")?,
+            flipped_frames: share(&self.flipped_frames_per_million, "flipped_frames_per_million")?,
+            doubled_frames: share(&self.doubled_frames_per_million, "doubled_frames_per_million")?,
+            overtaken_frames: share(&self.overtaken_frames_per_million, "overtaken_frames_per_million")?,
+            delayed_frames: share(&self.delayed_frames_per_million, "delayed_frames_per_million")?,
+            delay_ms: span(&self.delay_ms, "delay_ms")?,
+            stalled_frames: share(&self.stalled_frames_per_million, "stalled_frames_per_million")?,
+            stall_ms: span(&self.stall_ms, "stall_ms")?,
+            babbled_frames: share(&self.babbled_frames_per_million, "babbled_frames_per_million")?,
         })
     }
 }

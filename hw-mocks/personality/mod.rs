@@ -62,6 +62,10 @@
 //! noise_factor = 20.0
 //! offset_dps = [0.0, 0.0, 1.0]
 //!
+//! [calibration]
+//! lost_bit = { byte = 100, bit = 3, after_power_cycle = true } # of every one that is stored
+//! transposed = true                    # the firmware compensates by the matrices' columns
+//!
 //! [gnss]
 //! no_sky = true
 //! repeater_north_m = 500.0             # the signals are those of a place so far away
@@ -95,6 +99,7 @@
 //!
 //! [wire.both]                          # each way between host and board; chance comes from the seed
 //! lost_bytes_per_million = 100.0
+//! lost_byte_at = 40                    # of every frame that has so many, its delimiter counted
 //! flipped_bits_per_million = 10.0
 //! lost_frames_per_million = 1000.0
 //! cut_frames_per_million = 1000.0      # the rest of the frame is lost
@@ -109,6 +114,30 @@
 //!
 //! [wire.to_host]                       # [wire.to_board] alike: stands for all of [wire.both] in this direction
 //! lost_frames_per_million = 1e6
+//!
+//! [can_wire.both]                      # [can_wire.to_host], [can_wire.to_board] alike: each way between station and bus
+//! lost_frames_per_million = 1000.0     # damaged ones too: controllers throw them away
+//! lost_bursts_per_million = 1000.0     # it and up to 31 behind it: cuts messages
+//! flipped_frames_per_million = 1000.0  # one bit, unnoticed by any controller; of messages alone
+//! doubled_frames_per_million = 1000.0
+//! overtaken_frames_per_million = 1000.0
+//! delayed_frames_per_million = 1000.0
+//! delay_ms = 80.0
+//! stalled_frames_per_million = 1000.0
+//! stall_ms = 300.0
+//! babbled_frames_per_million = 1000.0  # one that nobody sent goes before it
+//! [turntable]                          # its errors; what each means stands at `TableModel`
+//! axis_error_arcsec = [6.0, -4.0]
+//! heading_error_arcsec = 60.0
+//! mounting_deg = [0.012, -0.018, 0.015]
+//! attitude_error_arcsec = 4.0
+//! repeatability_arcsec = 2.0
+//! angle_error_ppm = 5.0
+//! angle_error_arcsec = 2.0
+//! rate_error_ppm = 20.0
+//! wobble_arcsec = 2.0
+//! lever_arm_mm = [3.0, -2.0, 4.0]
+//! slew_s = 6.0                         # to orient; 0: at once
 //!
 //! [reboot]
 //! on = "sdram"                         # at a request to this device ...
@@ -129,7 +158,9 @@ use serde::Deserialize;
 use check::Mistake;
 
 use crate::boards::BOARDS;
+use crate::can_faults::CanWireFaults;
 use crate::devices::ad::Rails;
+use crate::devices::calibration::CalibrationFaults;
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::FlashFaults;
@@ -140,6 +171,7 @@ use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::SupplyModel;
+use crate::turntable::TableModel;
 use crate::wire_faults::WireFaults;
 
 /// A personality, checked.
@@ -209,12 +241,15 @@ pub(crate) struct Model {
     pub(crate) internal_flash: FlashFaults,
     pub(crate) sensors: SensorModels,
     pub(crate) sensor_faults: SensorFaults,
+    pub(crate) calibration: CalibrationFaults,
     pub(crate) gnss: GnssFaults,
     pub(crate) unwired_switches: [bool; 5],
     pub(crate) lines: LineFaults,
     pub(crate) sci: SciFaults,
     pub(crate) can: CanFaults,
     pub(crate) wire: WireFaults,
+    pub(crate) can_wire: CanWireFaults,
+    pub(crate) turntable: TableModel,
     pub(crate) reboot: Option<RebootTrigger>,
 }
 
@@ -290,12 +325,15 @@ impl Default for Model {
             internal_flash: FlashFaults::default(),
             sensors: SensorModels::default(),
             sensor_faults: SensorFaults::default(),
+            calibration: CalibrationFaults::default(),
             gnss: GnssFaults::default(),
             unwired_switches: [false; 5],
             lines: LineFaults::default(),
             sci: SciFaults::default(),
             can: CanFaults::default(),
             wire: WireFaults::default(),
+            can_wire: CanWireFaults::default(),
+            turntable: TableModel::default(),
             reboot: None,
         }
     }

@@ -25,6 +25,7 @@ pub(super) struct Personality {
     pub(super) gyro: Triad,
     pub(super) accel: Triad,
     pub(super) mag: Triad,
+    pub(super) calibration: Calibration,
     pub(super) gnss: Gnss,
     pub(super) ad: Ad,
     pub(super) io: Io,
@@ -32,6 +33,8 @@ pub(super) struct Personality {
     pub(super) sci: Sci,
     pub(super) can: Can,
     pub(super) wire: Wire,
+    pub(super) can_wire: CanWire,
+    pub(super) turntable: Turntable,
     pub(super) reboot: Option<Reboot>,
 }
 
@@ -151,6 +154,22 @@ pub(super) struct Triad {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+pub(super) struct Calibration {
+    pub(super) lost_bit: Option<LostBit>,
+    pub(super) transposed: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LostBit {
+    pub(super) byte: Spanned<u32>,
+    pub(super) bit: Spanned<u32>,
+    #[serde(default)]
+    pub(super) after_power_cycle: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct Gnss {
     pub(super) no_sky: bool,
     pub(super) repeater_north_m: Option<Spanned<f64>>,
@@ -197,6 +216,22 @@ pub(super) struct Can {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+pub(super) struct Turntable {
+    pub(super) axis_error_arcsec: Option<[Spanned<f64>; 2]>,
+    pub(super) heading_error_arcsec: Option<Spanned<f64>>,
+    pub(super) mounting_deg: Option<[Spanned<f64>; 3]>,
+    pub(super) attitude_error_arcsec: Option<Spanned<f64>>,
+    pub(super) repeatability_arcsec: Option<Spanned<f64>>,
+    pub(super) angle_error_ppm: Option<Spanned<f64>>,
+    pub(super) angle_error_arcsec: Option<Spanned<f64>>,
+    pub(super) rate_error_ppm: Option<Spanned<f64>>,
+    pub(super) wobble_arcsec: Option<Spanned<f64>>,
+    pub(super) lever_arm_mm: Option<[Spanned<f64>; 3]>,
+    pub(super) slew_s: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct Wire {
     pub(super) both: Direction,
     pub(super) to_host: Option<Direction>,
@@ -208,6 +243,7 @@ pub(super) struct Wire {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Direction {
     pub(super) lost_bytes_per_million: Option<Spanned<f64>>,
+    pub(super) lost_byte_at: Option<Spanned<u32>>,
     pub(super) flipped_bits_per_million: Option<Spanned<f64>>,
     pub(super) lost_frames_per_million: Option<Spanned<f64>>,
     pub(super) cut_frames_per_million: Option<Spanned<f64>>,
@@ -219,6 +255,29 @@ pub(super) struct Direction {
     pub(super) stall_ms: Option<Spanned<f64>>,
     pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
     pub(super) echoed_frames_per_million: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CanWire {
+    pub(super) both: CanDirection,
+    pub(super) to_host: Option<CanDirection>,
+    pub(super) to_board: Option<CanDirection>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CanDirection {
+    pub(super) lost_frames_per_million: Option<Spanned<f64>>,
+    pub(super) lost_bursts_per_million: Option<Spanned<f64>>,
+    pub(super) flipped_frames_per_million: Option<Spanned<f64>>,
+    pub(super) doubled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) overtaken_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delayed_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delay_ms: Option<Spanned<f64>>,
+    pub(super) stalled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) stall_ms: Option<Spanned<f64>>,
+    pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -139,7 +139,7 @@ fn is_bad(outcome: Outcome) -> bool {
 }
 
 /// What decided an item: its cause, its error, its worst value, or the good value that is nearest to its limit.
-fn reason(item: &ItemRecord) -> String {
+pub fn reason(item: &ItemRecord) -> String {
     if let Some(cause) = &item.cause {
         return printable(&cause.to_string()).into_owned();
     }

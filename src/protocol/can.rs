@@ -1,6 +1,7 @@
 //! Classic CAN: frames, the ids of the interface document, ISO-TP, streams as raw frames, slcan, and both ends of the
 //! link ([`endpoint`]). No I/O, no clock: frames and link time go in, frames come out.
 
+mod compensated;
 pub mod endpoint;
 pub mod id;
 pub mod isotp;

@@ -23,6 +23,8 @@ wire_enum! {
         DoesNotFit = 8,
         /// The socket has no such device.
         NoDevice = 9,
+        /// The module holds no valid calibration.
+        NotCalibrated = 10,
     }
 }
 
@@ -40,6 +42,7 @@ impl NakCode {
             Self::Protected => "flash sector protected",
             Self::DoesNotFit => "stream does not fit on the link",
             Self::NoDevice => "no such device in the socket",
+            Self::NotCalibrated => "module holds no valid calibration",
         }
     }
 }

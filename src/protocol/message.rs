@@ -2,6 +2,9 @@
 //!
 //! The board measures and reports; it never judges. Values leave it as raw as it has them.
 
+use crate::calibration::{
+    CalibrationCommit, CalibrationCommitReply, CalibrationRead, CalibrationReadReply, CalibrationWrite,
+};
 use crate::error::FaultCode;
 use crate::wire::{List, Reader, Text, Wire, WireError, Writer, wire_enum, wire_struct};
 
@@ -52,6 +55,8 @@ pub mod capability {
     pub const POWER: u32 = 1 << 0;
     /// Has CAN.
     pub const CAN: u32 = 1 << 1;
+    /// The module keeps a calibration, and the board compensates samples by it.
+    pub const CALIBRATION: u32 = 1 << 2;
 }
 
 /// Message ids of EVENT frames.
@@ -212,6 +217,12 @@ calls! {
     0x0021 StreamStop => StreamStopReply,
     /// Reads the error counters of the module's CAN controller.
     0x0022 CanCounters => CanCountersReply,
+    /// Brings a calibration to the board's memory.
+    0x0023 CalibrationWrite => (),
+    /// Stores the calibration written last in the module.
+    0x0024 CalibrationCommit => CalibrationCommitReply,
+    /// Reads the calibration stored in the module.
+    0x0025 CalibrationRead => CalibrationReadReply,
 }
 
 wire_struct! { /// See [`Request::MakeSafe`].
@@ -298,6 +309,9 @@ wire_enum! {
         TimerInterrupts = 8,
         /// Supply outside 4.5 to 5.5 V when power was switched on; expected and got are in microvolts.
         Supply = 9,
+        /// A stored calibration does not match its checksum; place is its slot, expected is the checksum stored with it,
+        /// got the one of what reads.
+        CalibrationDamaged = 10,
     }
 }
 wire_struct! { /// See [`Request::LinkCounters`].
@@ -629,11 +643,11 @@ wire_struct! { /// See [`Request::StreamStart`].
     StreamStart {
         /// A number of [`crate::stream::StreamId`].
         stream: u8,
-        /// Samples a second for the IMU, 1 to 1000; 0 for the others.
+        /// Samples a second for the IMU and compensated samples, 1 to 1000; 0 for the others.
         rate_hz: u16,
         /// Samples (GNSS: bytes) after which it ends by itself; 0: at StreamStop.
         count: u32,
-        /// IMU: samples in a frame, 1 to 12; 0: the board's choice.
+        /// Samples in a frame, IMU 1 to 12, compensated 1 to 10; 0: the board's choice.
         samples_per_frame: u8,
     }
 }

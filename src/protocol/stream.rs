@@ -15,6 +15,8 @@ wire_enum! {
         Gnss = 2,
         /// Captures of the receiver's 1PPS edge.
         Pps = 3,
+        /// The samples of the IMU, compensated on the board.
+        Compensated = 4,
     }
 }
 
@@ -27,6 +29,8 @@ wire_enum! {
         Bytes = 2,
         /// [`PpsCapture`].
         Pps = 3,
+        /// [`crate::calibration::CompensatedSample`].
+        Compensated = 4,
     }
 }
 
@@ -38,6 +42,10 @@ pub const MAX_SAMPLE_BYTES: usize = MAX_PAYLOAD - STREAM_HEAD;
 pub const IMU_SAMPLE: usize = 40;
 /// IMU samples in a full frame.
 pub const MAX_IMU_SAMPLES: usize = MAX_SAMPLE_BYTES / IMU_SAMPLE;
+/// Bytes of a compensated sample.
+pub const COMPENSATED_SAMPLE: usize = 46;
+/// Compensated samples in a full frame.
+pub const MAX_COMPENSATED_SAMPLES: usize = MAX_SAMPLE_BYTES / COMPENSATED_SAMPLE;
 /// Largest share of the link that a stream may take; the rest is for requests, heartbeats and repeats.
 pub const MAX_LOAD_PERMILLE: u32 = 900;
 
@@ -119,8 +127,14 @@ impl Wire for StreamFrame {
 /// Share of an RS-422 link, in thousandths, that an IMU stream takes.
 #[must_use]
 pub fn imu_load_permille(rate_hz: u32, samples_per_frame: u32, rate_baud: u32) -> u32 {
+    load_permille(IMU_SAMPLE, rate_hz, samples_per_frame, rate_baud)
+}
+
+/// Share of an RS-422 link, in thousandths, that a stream of so large samples takes.
+#[must_use]
+pub fn load_permille(sample_bytes: usize, rate_hz: u32, samples_per_frame: u32, rate_baud: u32) -> u32 {
     let samples_per_frame = samples_per_frame.max(1);
-    let frame_bytes = on_wire(STREAM_HEAD + IMU_SAMPLE * samples_per_frame as usize) as u64;
+    let frame_bytes = on_wire(STREAM_HEAD + sample_bytes * samples_per_frame as usize) as u64;
     let bits_per_second = frame_bytes * u64::from(BITS_PER_BYTE) * u64::from(rate_hz) / u64::from(samples_per_frame);
     u32::try_from(bits_per_second * 1000 / u64::from(rate_baud.max(1))).unwrap_or(u32::MAX)
 }

@@ -10,30 +10,33 @@ pub mod report;
 mod verdict;
 
 use std::cell::{Cell, RefCell};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::time::{Duration, Instant};
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
+use gnc_executive::catalogue::Resource;
 use gnc_executive::event::{AttemptError, EventKind, Level, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
-use gnc_protocol::message::ErrorRecord;
+use gnc_protocol::message::{ErrorRecord, ModulePower};
 use tokio::sync::watch;
 
 use crate::board::{Advance, Board, Desk, Pulse, Readings};
 use crate::control::{Asked, Control};
+use crate::figures::Findings;
 use crate::fixture::Fixture;
 use crate::link::Target;
 use crate::link::can::CanTarget;
 use crate::procedure::{self, Bench, Trouble};
 use crate::store::StoreError;
+use crate::turntable;
 use connection::connect;
 use journal::Journal;
-use recovery::session_lives;
+use recovery::{session_lives, spoilt};
 use report::Report;
 use verdict::judge;
 
@@ -108,6 +111,7 @@ pub async fn run(order: &Order, journal: Journal, control: &Control, live: &Live
         one_by_one: Cell::new(order.one_by_one),
         unexplained_restart: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
+        findings: RefCell::new(BTreeMap::new()),
         paused_since: Cell::new(None),
     };
     let ended = run.whole().await;
@@ -137,6 +141,8 @@ struct Run<'a> {
     unexplained_restart: Cell<bool>,
     /// Board time of each item by its position, for the critical path.
     busy: RefCell<HashMap<usize, Duration>>,
+    /// What the last attempt of an item found, by its position.
+    findings: RefCell<BTreeMap<usize, Findings>>,
     /// Since when nothing runs because of a pause.
     paused_since: Cell<Option<Instant>>,
 }
@@ -182,6 +188,8 @@ impl Run<'_> {
             self.note(Level::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
         }
+        // The digests vouch for whole files.
+        self.journal.raw_files_ended().await;
         self.journal.emit(EventKind::RunEnded { outcome }).await?;
         Ok(outcome)
     }
@@ -306,6 +314,11 @@ impl Run<'_> {
             () = self.control.given_up(&item.name) => End::GivenUp,
             done = self.procedure(&desk, board, item, attempt, &report) => End::Done(done),
         };
+        let uses = |resource| item.id.spec().resources.contains(&resource);
+        if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
+            // Before anything else: somebody may have his hands there.
+            turntable::stop_at_once(&self.order.fixture);
+        }
         let left_behind = match &end {
             End::Done(Err(trouble)) => session_lives(trouble),
             End::GivenUp => true,
@@ -317,10 +330,18 @@ impl Run<'_> {
                 _ = self.control.asked_times(1) => {}
                 () = desk.clear() => {}
             }
+            if uses(Resource::Power) {
+                // It may have been left without; whoever comes next finds out if it stays so.
+                let _ = desk.call(&ModulePower { on: 1 }).await;
+            }
         }
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (desk.requests(), desk.busy());
-        Landed { position, attempt, end, measured: report.into_measured(), requests, busy }
+        let (measured, findings) = report.into_measured();
+        if let Some(findings) = findings {
+            self.findings.borrow_mut().insert(position, findings);
+        }
+        Landed { position, attempt, end, measured, requests, busy }
     }
 
     async fn procedure(
@@ -336,6 +357,7 @@ impl Run<'_> {
             fixture: &self.order.fixture,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
+            earlier: self.earlier(),
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
@@ -354,6 +376,20 @@ impl Run<'_> {
         }
     }
 
+    /// What the items that have ended found, in the order of the plan.
+    fn earlier(&self) -> Vec<(String, Findings)> {
+        let findings = self.findings.borrow();
+        let ended = self.journal.look(|state| {
+            let rows = state.rows();
+            let over = |position: &usize| rows.get(*position).is_some_and(gnc_executive::state::Row::is_over);
+            findings.keys().copied().filter(over).collect::<Vec<usize>>()
+        });
+        let named = ended.into_iter().filter_map(|position| {
+            Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
+        });
+        named.collect()
+    }
+
     /// Files an attempt that came to its end, and deals with its trouble.
     async fn land<'b>(&'b self, board: &'b Board, landed: Landed, flight: &mut Flight<'b>) -> Result<(), StoreError> {
         match landed.end {
@@ -370,6 +406,15 @@ impl Run<'_> {
                 self.end_attempt(&landed, Outcome::Aborted, Some(error)).await
             }
             End::Done(Err(ref trouble)) if !session_lives(trouble) => self.lost_session(board, landed, flight).await,
+            End::Done(Err(Trouble::Board(ref error))) if error.is_crowded() && !flight.is_empty() => {
+                // The line carries each of them, but not both.
+                self.one_by_one.set(true);
+                let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
+                let text = "it did not fit on the line beside what else ran: from here on one item after the other";
+                self.note(Level::Info, text.into(), name).await?;
+                let error = spoilt(Some(&error.to_string()));
+                self.end_attempt(&landed, Outcome::Errored, Some(error)).await
+            }
             End::Done(ref done) => {
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
@@ -429,6 +474,7 @@ impl Run<'_> {
     }
 
     async fn end_at_once(&self, asked: Asked) -> Result<(), StoreError> {
+        turntable::stop_at_once(&self.order.fixture);
         self.journal.emit(EventKind::StopRequested { how: StopHow::AtOnce, by: asked.by.into() }).await?;
         self.end_open_items().await
     }

@@ -11,6 +11,7 @@ and exits with 1 where a byte differs. A new version of the protocol gets new fi
     python3 tests/vectors/make_vectors.py
 """
 
+import math
 import pathlib
 import struct
 import sys
@@ -517,6 +518,126 @@ sized("zero-before-full-run", counting(245) + b"\x00" + counting(20), "253 bytes
 sized("mixed-512", bytes((i * i) % 256 for i in range(512)), "many zeros among other bytes")
 sized("ff-512", b"\xff" * 512, "data that looks like codes")
 
+# ------------------------------------------------------------------------------------------------ calibration
+# Rows are outputs, columns inputs; all of it in the order of the interface document.
+KA = [[6.12e-05, -5e-08, 3e-08], [7e-08, 6.15e-05, -2e-08], [-4e-08, 6e-08, 6.14e-05]]
+NABLA = [-0.049, 0.078, -0.059]
+KG = [[8.71e-07, 1e-09, -2e-09], [-1.5e-09, 8.74e-07, 5e-10], [1e-09, 2e-09, 8.72e-07]]
+EPSILON = [0.0014, -0.00087, 0.00105]
+GAMMA = [[2.1e-05, -7e-06, 5e-06], [3e-06, -1.6e-05, 9e-06], [-5e-06, 7e-06, 1.8e-05]]
+DX, DY, KY, SIN_ALPHA = 0.02, -0.014, 1.021, 0.0125
+
+
+def flat(name, rows):
+    return [(f"{name}[{r}][{c}]", "f64", value) for r, row in enumerate(rows) for c, value in enumerate(row)]
+
+
+def three(name, values):
+    return [(f"{name}[{i}]", "f64", value) for i, value in enumerate(values)]
+
+
+CALIBRATION = (
+    [("id", "u32", 7001)]
+    + flat("accel_matrix", KA)
+    + three("accel_offset", NABLA)
+    + flat("gyro_matrix", KG)
+    + three("gyro_offset", EPSILON)
+    + flat("gyro_per_force", GAMMA)
+    + [("mag_dx", "f64", DX), ("mag_dy", "f64", DY), ("mag_ky", "f64", KY), ("mag_sin_alpha", "f64", SIN_ALPHA)]
+)
+CALIBRATION_CRC = crc32c(b"".join(pack(kind, value) for _, kind, value in CALIBRATION))
+calibrations = File("v1-calls-calibration.txt", "the requests about the module's calibration")
+
+
+def calibration_call(name, message, request_fields, reply_fields, elapsed_us):
+    number = 0x2000 + message
+    calibrations.add(f"{name}.request", REQUEST, message, request_fields, request=number, sequence=0x0200 + message)
+    head = [("status", "u16", 0), ("elapsed_us", "u32", elapsed_us)]
+    calibrations.add(f"{name}.result", RESULT, message, head + reply_fields, request=number, sequence=0x0300 + message)
+
+
+calibration_call("CalibrationWrite", 0x0023, CALIBRATION, [], 1_000)
+calibration_call(
+    "CalibrationCommit",
+    0x0024,
+    [("checksum", "u32", CALIBRATION_CRC)],
+    [("counter", "u32", 3), ("duration_us", "u32", 121_345)],
+    121_345,
+)
+calibration_call(
+    "CalibrationRead",
+    0x0025,
+    [],
+    [("state", "u8", 1), ("counter", "u32", 3), ("checksum", "u32", CALIBRATION_CRC), ("count of calibration", "u16", 1)]
+    + CALIBRATION,
+    1_000,
+)
+calibrations.add(
+    "CalibrationRead.uncalibrated",
+    RESULT,
+    0x0025,
+    [("status", "u16", 0), ("elapsed_us", "u32", 1_000), ("state", "u8", 0), ("counter", "u32", 0)]
+    + [("checksum", "u32", 0), ("count of calibration", "u16", 0)],
+    request=0x2026,
+    sequence=0x0326,
+)
+calibrations.add(
+    "nak.not-calibrated",
+    NAK,
+    0x0020,
+    [("code", "u16", 10), ("text", "text", "write and commit a calibration first")],
+    request=0x2027,
+    sequence=0x0327,
+)
+
+# ------------------------------------------------------------------------------------------------ compensated
+RAW = [(1_200_345, -15_678, 234), (1_234, -5_678, 160_321), (312_500, -187_500, 515_000), (2364, 2301)]
+
+
+def product(matrix, vector):
+    return [sum(k * v for k, v in zip(row, vector, strict=True)) for row in matrix]
+
+
+def compensate(gyro, accel, mag):
+    """The formulas of the interface document, section 10."""
+    force = [a + b for a, b in zip(product(KA, accel), NABLA, strict=True)]
+    swing = product(GAMMA, force)
+    rate = [a - b - c for a, b, c in zip(product(KG, gyro), EPSILON, swing, strict=True)]
+    x, y, z = (count / 1_250_000 for count in mag)
+    y = KY * (y - DY)
+    x = (x - DX - y * SIN_ALPHA) / math.sqrt(1 - SIN_ALPHA**2)
+    return rate, force, [x, y, z], math.atan2(-y, x)
+
+
+def compensated(number, gyro, accel, mag, temperatures):
+    rate, force, field, roll = compensate(gyro, accel, mag)
+    fields = []
+    for what, values, scale in (("rate", rate, 1e8), ("force", force, 1e6), ("field", field, 1e7)):
+        counts = [round(value * scale) for value in values]
+        fields += [(f"[{number}].{what}.{axis}", "i32", count) for axis, count in zip("xyz", counts, strict=True)]
+    saturated = sum(1 << i for i, c in enumerate((*gyro, *accel, *mag)) if c >= 8_388_607 or c <= -8_388_608)
+    return fields + [
+        (f"[{number}].roll", "i32", round(roll * 1e8)),
+        (f"[{number}].saturated", "u16", saturated),
+        (f"[{number}].gyro_temperature", "i16", temperatures[0]),
+        (f"[{number}].accel_temperature", "i16", temperatures[1]),
+    ]
+
+
+SECOND = [(8_388_607, -15_700, 200), (1_240, -8_388_608, 160_300), (-312_500, 187_500, 515_000), (2364, -4000)]
+more_streams = File("v1-streams-compensated.txt", "compensated samples, with the raw ones that they come from")
+more_streams.add(
+    "raw", STREAM, 1, head(1, 1, 2, 40, 123_456_789, 0) + sample(0, *RAW) + sample(1, *SECOND), sequence=0x0200
+)
+more_streams.add(
+    "compensated",
+    STREAM,
+    4,
+    head(4, 4, 2, 40, 123_456_789, 0) + compensated(0, *RAW) + compensated(1, *SECOND),
+    sequence=0x0201,
+    why="by the calibration of v1-calls-calibration.txt; of the second sample gyro x and accel y saturate",
+)
+
 # -------------------------------------------------------------------------------------------------------- CAN
 more_calls = File("v1-calls-can.txt", "the request about the module's CAN controller")
 more_calls.add("CanCounters.request", REQUEST, 0x0022, [], request=0x2022, sequence=0x0222)
@@ -675,5 +796,22 @@ for ident, data in (
 ):
     bus.slcan(ident, data)
 
+more_bus = CanFile("v1-can-compensated.txt")
+more_bus.begin(
+    "compensated",
+    "samples 8256 (64 mod 8192) and 8257 at 200 Hz of board time 41,285,000 us, 2 dropped before: those of"
+    " v1-streams-compensated.txt",
+)
+more_bus.can("<", "221", struct.pack("<II", 8256, 2))
+more_bus.can("<", "222", struct.pack("<Q", 41_285_000))
+for number, raw in ((8256, RAW), (8257, SECOND)):
+    sample_bytes = payload_of(compensated(0, *raw))
+    assert len(sample_bytes) == 46
+    for place in range(8):
+        ahead = struct.pack("<H", number % 8192 * 8 + place)
+        more_bus.can("<", "220", ahead + sample_bytes[6 * place : 6 * place + 6])
+
+FILES = (session, calls, streams, stuffing, more_calls, bus, calibrations, more_streams, more_bus)
+
 if __name__ == "__main__":
-    sys.exit(0 if all([f.close() for f in (session, calls, streams, stuffing, more_calls, bus)]) else 1)
+    sys.exit(0 if all([f.close() for f in FILES]) else 1)

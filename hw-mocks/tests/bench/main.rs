@@ -5,6 +5,8 @@
 #[cfg(test)]
 mod board;
 #[cfg(test)]
+mod calibration;
+#[cfg(test)]
 mod can;
 #[cfg(test)]
 mod faults;
@@ -22,3 +24,5 @@ mod personalities;
 mod pty;
 #[cfg(test)]
 mod sensors;
+#[cfg(test)]
+mod turntable;

@@ -66,7 +66,7 @@ fn mistakes_are_told_with_line_and_column() {
     refused(
         "[reboot]\non = \"dram\"\n",
         "mine:2:6: \"dram\" is not one of power, identity, cpu, timers, internal-ram, sdram, spi-flash, \
-         internal-flash, imu, gnss, ad, io, spi, sci, can",
+         internal-flash, imu, calibration, gnss, ad, io, spi, sci, can",
     );
     refused(
         "[gyro]\nbias_stability_dph = 3.0\n",

@@ -93,7 +93,7 @@ impl Channel {
     }
 
     fn is_idle(&self) -> bool {
-        self.flow.is_none() && self.waiting.is_empty() && self.sender.is_idle()
+        self.flow.is_none() && self.waiting.is_empty() && self.sender.is_idle() && self.receiver.is_idle()
     }
 }
 
@@ -173,7 +173,7 @@ impl Endpoint {
         (self.urgent.expected, self.work.expected) = (None, None);
     }
 
-    /// Whether no message waits or is on its way out.
+    /// Whether no message waits or is on its way, out or in.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.urgent.is_idle() && self.work.is_idle()
@@ -228,7 +228,7 @@ impl Endpoint {
             _ if number == self.work.back => self.take(false, can.data(), now),
             id::KEEP_ALIVE if self.role == Role::Board => Some(Ok(event_frame(event::KEEP_ALIVE, Payload::new()))),
             id::BOARD_EVENTS if self.role == Role::Host => self.board_event(can.data()).map(Ok),
-            id::IMU_GYRO..=id::PPS if self.role == Role::Host => {
+            id::IMU_GYRO..=id::COMPENSATED_CLOCK if self.role == Role::Host => {
                 let samples = self.unpacker.receive(number, can.data())?;
                 let stream = StreamId::from_number(samples.head.stream)?;
                 Some(Ok(Frame { header: stream_header(stream), payload: samples.to_payload().ok()? }))

@@ -31,6 +31,12 @@ pub const GNSS_BYTES: u16 = 0x210;
 pub const GNSS_CLOCK: u16 = 0x211;
 /// Board: a capture of 1PPS.
 pub const PPS: u16 = 0x212;
+/// Board: a piece of a compensated sample.
+pub const COMPENSATED: u16 = 0x220;
+/// Board: whole number of the compensated sample that follows, samples dropped.
+pub const COMPENSATED_MARK: u16 = 0x221;
+/// Board: board time of the compensated sample that follows.
+pub const COMPENSATED_CLOCK: u16 = 0x222;
 
 /// First standard id that the module echoes; sixteen of them.
 pub const ECHO_STANDARD: u16 = 0x700;

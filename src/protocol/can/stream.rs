@@ -8,7 +8,8 @@ use crate::message::StreamStart;
 use crate::stream::{Format, ImuSample, PpsCapture, SATURATION, StreamFrame, StreamHead, StreamId};
 use crate::wire::{Reader, Wire as _};
 
-use super::{BIT_RATE, CanFrame, CanId, MAX_DATA, bits, id, worst_bits};
+pub use super::compensated::compensated_bits;
+use super::{BIT_RATE, CanFrame, CanId, MAX_DATA, bits, compensated, id, worst_bits};
 
 /// A mark (whole number, temperatures) and the clock go before each sample whose number is a multiple of this, and
 /// before the first one after a loss on the board: often enough to find the way again after a loss of samples, for
@@ -99,6 +100,7 @@ pub struct Packer {
     period_us: u64,
     dropped: u32,
     pulses: u8,
+    compensated: compensated::Packer,
 }
 
 impl Packer {
@@ -110,6 +112,7 @@ impl Packer {
                 self.period_us = 1_000_000 / u64::from(start.rate_hz.max(1));
             }
             Some(StreamId::Pps) => self.pulses = 0,
+            Some(StreamId::Compensated) => self.compensated.start(start.rate_hz),
             Some(StreamId::Gnss) | None => {}
         }
     }
@@ -146,6 +149,7 @@ impl Packer {
                     send(CanFrame::full(id::PPS, word.to_le_bytes()));
                 }
             }
+            Some(Format::Compensated) => self.compensated.pack(frame, send),
             None => {}
         }
     }
@@ -188,6 +192,7 @@ pub struct Unpacker {
     bytes: u32,
     bytes_time_us: u64,
     pulses: u32,
+    compensated: compensated::Unpacker,
 }
 
 impl Unpacker {
@@ -200,14 +205,17 @@ impl Unpacker {
             }
             Some(StreamId::Gnss) => (self.bytes, self.bytes_time_us) = (0, 0),
             Some(StreamId::Pps) => self.pulses = 0,
+            Some(StreamId::Compensated) => self.compensated.start(start.rate_hz),
             None => {}
         }
     }
 
     /// Takes a raw frame of a stream; gives a STREAM frame when one is whole.
     pub fn receive(&mut self, can: u16, data: &[u8]) -> Option<StreamFrame> {
-        if can == id::GNSS_BYTES {
-            return self.bytes(data);
+        match can {
+            id::GNSS_BYTES => return self.bytes(data),
+            id::COMPENSATED..=id::COMPENSATED_CLOCK => return self.compensated.receive(can, data),
+            _ => {}
         }
         let data: [u8; MAX_DATA] = data.try_into().ok()?;
         match can {
@@ -314,6 +322,6 @@ fn extend(from: u32, low: u64) -> u32 {
     from.wrapping_add(u32::from((low as u16).wrapping_sub(from as u16)))
 }
 
-fn frame_of(head: StreamHead, samples: &[u8]) -> Option<StreamFrame> {
+pub(super) fn frame_of(head: StreamHead, samples: &[u8]) -> Option<StreamFrame> {
     Some(StreamFrame { head, samples: heapless::Vec::from_slice(samples).ok()? })
 }

@@ -3,6 +3,7 @@
 
 use std::fmt::Debug;
 
+use gnc_protocol::calibration::*;
 use gnc_protocol::frame::{FrameError, MAX_FRAME};
 use gnc_protocol::message::*;
 use gnc_protocol::serial::{self, Decoder, LineCounters, MAX_ON_WIRE};
@@ -266,6 +267,7 @@ fn every_message_round_trips_and_fits() {
     round_trip::<StreamHead>("StreamHead", &[Bytes(STREAM_HEAD)]);
     round_trip::<ImuSample>("ImuSample", &[Bytes(IMU_SAMPLE)]);
     round_trip::<PpsCapture>("PpsCapture", &[Bytes(8)]);
+    round_trip::<CompensatedSample>("CompensatedSample", &[Bytes(COMPENSATED_SAMPLE)]);
 
     let mut seen = Vec::new();
     let mismatch = [Bytes(5 * 4)];
@@ -293,6 +295,9 @@ fn every_message_round_trips_and_fits() {
     call::<StreamStart>(&mut seen, &[Bytes(1 + 2 + 4 + 1)], &[Bytes(4)]);
     call::<StreamStop>(&mut seen, &[Bytes(1)], &[Bytes(8)]);
     call::<CanCounters>(&mut seen, &[], &[Bytes(1 + 2 + 2 + 4 + 4)]);
+    call::<CalibrationWrite>(&mut seen, &[Bytes(300)], &[]);
+    call::<CalibrationCommit>(&mut seen, &[Bytes(4)], &[Bytes(8)]);
+    call::<CalibrationRead>(&mut seen, &[], &[Bytes(1 + 4 + 4), List(1, 300)]);
     let all: Vec<_> = Request::IDS.iter().map(|(id, _)| *id).collect();
     assert_eq!(seen, all, "a message without a layout here");
 }

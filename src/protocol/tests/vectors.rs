@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
 
+use gnc_protocol::calibration::*;
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::*;
 use gnc_protocol::pattern::Xorshift32;
@@ -59,7 +60,15 @@ fn read(file: &str) -> BTreeMap<String, Vector> {
     vectors
 }
 
-const FILES: [&str; 5] = ["v1-session.txt", "v1-calls.txt", "v1-calls-can.txt", "v1-streams.txt", "v1-stuffing.txt"];
+const FILES: [&str; 7] = [
+    "v1-session.txt",
+    "v1-calls.txt",
+    "v1-calls-can.txt",
+    "v1-calls-calibration.txt",
+    "v1-streams.txt",
+    "v1-streams-compensated.txt",
+    "v1-stuffing.txt",
+];
 
 /// Header, checksum and stuffing of every vector, both ways.
 #[test]
@@ -172,14 +181,48 @@ fn record(index: u16, request: u16, message: u16, kind: ErrorKind) -> ErrorRecor
     ErrorRecord { index, request, message, kind: kind as u16, ..ErrorRecord::default() }
 }
 
+/// The coefficients of the vectors, written down a third time.
+fn calibration() -> Calibration {
+    Calibration {
+        id: 7001,
+        accel_matrix: [[6.12e-05, -5e-08, 3e-08], [7e-08, 6.15e-05, -2e-08], [-4e-08, 6e-08, 6.14e-05]],
+        accel_offset: [-0.049, 0.078, -0.059],
+        gyro_matrix: [[8.71e-07, 1e-09, -2e-09], [-1.5e-09, 8.74e-07, 5e-10], [1e-09, 2e-09, 8.72e-07]],
+        gyro_offset: [0.0014, -0.00087, 0.00105],
+        gyro_per_force: [[2.1e-05, -7e-06, 5e-06], [3e-06, -1.6e-05, 9e-06], [-5e-06, 7e-06, 1.8e-05]],
+        mag_dx: 0.02,
+        mag_dy: -0.014,
+        mag_ky: 1.021,
+        mag_sin_alpha: 0.0125,
+    }
+}
+
+fn calibration_calls(vectors: &mut Checklist) {
+    let checksum = calibration().checksum();
+    let written = CalibrationWrite { calibration: calibration() };
+    vectors.call(Request::CalibrationWrite, written, 1_000, &());
+    let stored = CalibrationCommitReply { counter: 3, duration_us: 121_345 };
+    vectors.call(Request::CalibrationCommit, CalibrationCommit { checksum }, 121_345, &stored);
+    let valid = CalibrationState::Valid as u8;
+    let read = CalibrationReadReply { state: valid, counter: 3, checksum, calibration: list(&[calibration()]) };
+    vectors.call(Request::CalibrationRead, CalibrationRead {}, 1_000, &read);
+    let head = ResultHead { status: FaultCode::None, elapsed_us: 1_000 };
+    let none = CalibrationReadReply::default();
+    vectors.result("CalibrationRead.uncalibrated", CalibrationRead::ID, head, &none);
+    let nak = Nak { code: NakCode::NotCalibrated as u16, text: text("write and commit a calibration first") };
+    vectors.check("nak.not-calibrated", Kind::Nak, StreamStart::ID, &nak);
+}
+
 #[test]
 fn every_call() {
     let mut vectors = Checklist(read("v1-calls.txt"));
     vectors.0.extend(read("v1-calls-can.txt"));
+    vectors.0.extend(read("v1-calls-calibration.txt"));
     let named: Vec<_> = Request::IDS.iter().map(|(_, name)| format!("{name}.request")).collect();
     assert!(named.iter().all(|name| vectors.0.contains_key(name)), "a request without a vector");
 
     vectors.call(Request::MakeSafe, MakeSafe {}, 0, &());
+    calibration_calls(&mut vectors);
     let state = CanState::ErrorPassive as u8;
     let counters = CanCountersReply { state, tx_errors: 136, rx_errors: 7, received: 216, echoed: 215 };
     vectors.call(Request::CanCounters, CanCounters {}, 1_000, &counters);
@@ -324,6 +367,58 @@ fn stream_frames() {
     list.all_seen();
 }
 
+#[test]
+fn compensated_samples() {
+    let mut list = Checklist(read("v1-streams-compensated.txt"));
+    let head =
+        StreamHead { stream: 4, format: 4, count: 2, first: 40, board_time_us: 123_456_789, ..StreamHead::default() };
+    let one = CompensatedSample {
+        rate: [104_403_284, -1_472_552, 14_900],
+        force: [31_614, -274_317, 9_784_319],
+        field: [2_317_538, -1_388_560, 4_120_000],
+        roll: 53_979_651,
+        saturated: 0,
+        gyro_temperature: 2364,
+        accel_temperature: 2301,
+    };
+    let two = CompensatedSample {
+        rate: [730_139_395, -3_377_268, 1_092_759],
+        force: [451_127, -515_824_511, 9_280_054],
+        field: [-2_721_143, 1_674_440, 4_120_000],
+        roll: -258_996_689,
+        saturated: 0b1_0001,
+        gyro_temperature: 2364,
+        accel_temperature: -4000,
+    };
+    assert_eq!(one.to_payload().unwrap().len(), COMPENSATED_SAMPLE);
+    list.check("compensated", Kind::Stream, 4, &stream_frame(head, &[one, two]));
+    // The raw samples are for the other end: see the tests of the simulated bench.
+    list.0.remove("raw").unwrap();
+    list.all_seen();
+}
+
+/// A coefficient outside its range is found and named; NaN lies in none.
+#[test]
+fn coefficients_have_ranges() {
+    assert_eq!(calibration().bad_field(), None);
+    type Spoil = fn(&mut Calibration);
+    let spoilt: [(&str, Spoil); 8] = [
+        ("id", |c| c.id = 0),
+        ("accel_matrix", |c| c.accel_matrix[2][1] = f64::NAN),
+        ("gyro_offset", |c| c.gyro_offset[2] = f64::INFINITY),
+        ("gyro_per_force", |c| c.gyro_per_force[0][2] = f64::NEG_INFINITY),
+        ("mag_dy", |c| c.mag_dy = f64::NAN),
+        ("mag_ky", |c| c.mag_ky = 0.0),
+        ("mag_sin_alpha", |c| c.mag_sin_alpha = 1.0),
+        ("mag_sin_alpha", |c| c.mag_sin_alpha = f64::NAN),
+    ];
+    for (field, spoil) in spoilt {
+        let mut bad = calibration();
+        spoil(&mut bad);
+        assert_eq!(bad.bad_field(), Some(field));
+    }
+}
+
 /// Encoders disagree on whether a full run at the very end is followed by a 01; receivers take both.
 #[test]
 fn a_full_run_at_the_end_may_be_followed_by_a_code_of_its_own() {
@@ -419,6 +514,13 @@ fn the_numbers_of_the_interface_document() {
         (45_921, 5_741, 326)
     );
     assert_eq!((MAX_SAMPLE_BYTES, MAX_IMU_SAMPLES, MAX_LOAD_PERMILLE), (492, 12, 900));
+    assert_eq!((COMPENSATED_SAMPLE, MAX_COMPENSATED_SAMPLES), (46, 10));
+    assert_eq!((RATE_PER_RPS, FORCE_PER_MPS2, FIELD_PER_GAUSS, ROLL_PER_RAD), (1e8, 1e6, 1e7, 1e8));
+    let compensated = |rate_hz, per_frame, baud| load_permille(COMPENSATED_SAMPLE, rate_hz, per_frame, baud);
+    let table = [(200, 1), (200, 10), (1000, 1), (1000, 10)];
+    let row = |(rate_hz, n)| [115_200, 460_800, 921_600].map(|baud| compensated(rate_hz, n, baud));
+    let expected = [[1406, 351, 175], [861, 215, 107], [7031, 1757, 878], [4305, 1076, 538]];
+    assert_eq!(table.map(row), expected);
     assert_eq!((GYRO_LSB_PER_DPS, ACCEL_LSB_PER_G, MAG_LSB_PER_GAUSS), (20_000.0, 160_000.0, 1_250_000.0));
     assert_eq!(SATURATION, (1 << 23) - 1);
     let first: Vec<u32> = Xorshift32::new(1).take(4).collect();

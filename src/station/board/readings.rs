@@ -15,6 +15,11 @@ const EVERY: Duration = Duration::from_millis(20);
 /// Over how long a stream's rate is counted.
 const RATE_OVER: Duration = Duration::from_secs(1);
 
+/// Bytes of the receiver that are parsed in [`GNSS_BUDGET_OVER`]: eight times what it sends. A simulated bench at full
+/// speed sends thousands of times as much, and whoever watches must not slow the conversation.
+const GNSS_BUDGET: usize = 4096;
+const GNSS_BUDGET_OVER: Duration = Duration::from_millis(200);
+
 /// The newest raw values.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Readings {
@@ -71,13 +76,15 @@ pub(super) struct Gauges {
     out: watch::Sender<Readings>,
     handed_on: Option<Instant>,
     sentences: Sentences,
+    /// Since when bytes of the receiver are counted, and how many were parsed since.
+    parsed: Option<(Instant, usize)>,
     rates: Vec<(StreamId, Instant, u32)>,
 }
 
 impl Gauges {
     pub(super) fn new(out: watch::Sender<Readings>) -> Self {
         let sentences = Sentences::default();
-        Self { now: Readings::default(), out, handed_on: None, sentences, rates: Vec::new() }
+        Self { now: Readings::default(), out, handed_on: None, sentences, parsed: None, rates: Vec::new() }
     }
 
     /// A frame of a stream came.
@@ -94,14 +101,14 @@ impl Gauges {
                 }
             }
             StreamId::Gnss => {
-                if let Some(epoch) = self.sentences.push(&frame.samples).pop() {
-                    self.now.gnss = Some(GnssReading::from(epoch));
-                }
+                self.parse(&frame.samples);
             }
             StreamId::Pps => {
                 let edges = frame.samples.len() / size_of::<PpsCapture>().max(1);
                 self.now.pulses = self.now.pulses.saturating_add(u32::try_from(edges).unwrap_or(0));
             }
+            // The raw ones are shown; these follow from them.
+            StreamId::Compensated => {}
         }
         self.hand_on(false);
     }
@@ -119,6 +126,18 @@ impl Gauges {
             }
         }
         self.hand_on(true);
+    }
+
+    /// Parses what the receiver sent, as far as the budget goes; then what is under way is given up.
+    fn parse(&mut self, bytes: &[u8]) {
+        let now = Instant::now();
+        let (since, parsed) = self.parsed.filter(|(since, _)| now - *since < GNSS_BUDGET_OVER).unwrap_or((now, 0));
+        self.parsed = Some((since, parsed.saturating_add(bytes.len())));
+        if parsed >= GNSS_BUDGET {
+            self.sentences = Sentences::default();
+        } else if let Some(epoch) = self.sentences.push(bytes).pop() {
+            self.now.gnss = Some(GnssReading::from(epoch));
+        }
     }
 
     fn count(&mut self, id: StreamId, frame: &StreamFrame) {

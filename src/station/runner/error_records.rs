@@ -57,6 +57,9 @@ fn for_people(record: &ErrorRecord) -> RecordEvent {
         Some(ErrorKind::SciMismatch) => ("SCI byte differs".to_owned(), format!("byte {}", record.place)),
         Some(ErrorKind::TimerInterrupts) => ("timer interrupts missing".to_owned(), format!("timer {}", record.place)),
         Some(ErrorKind::Supply) => ("supply out of range".to_owned(), "microvolts at the socket".to_owned()),
+        Some(ErrorKind::CalibrationDamaged) => {
+            ("stored calibration does not match its checksum".to_owned(), format!("slot {}", record.place))
+        }
         None => (format!("error of unknown kind {}", record.kind), format!("{}", record.place)),
     };
     let number = |value: u32| match kind {

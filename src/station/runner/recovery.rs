@@ -134,6 +134,7 @@ pub(super) fn session_lives(trouble: &Trouble) -> bool {
             BoardError::Gone { .. }
                 | BoardError::NoAnswer { .. }
                 | BoardError::Silent { .. }
+                | BoardError::NoHeartbeat { .. }
                 | BoardError::Restarted { .. }
                 | BoardError::SessionEnded
         )
@@ -141,7 +142,7 @@ pub(super) fn session_lives(trouble: &Trouble) -> bool {
 }
 
 /// What stands at an attempt that the trouble of another one ended.
-fn spoilt(text: Option<&str>) -> AttemptError {
+pub(super) fn spoilt(text: Option<&str>) -> AttemptError {
     let text = format!("ended by the trouble of another item: {}", text.unwrap_or_default());
     AttemptError { text, hint: "it is run again".into(), again: true }
 }

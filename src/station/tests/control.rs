@@ -16,7 +16,7 @@ use gnc_station::fixture::Fixture;
 use gnc_station::link::Target;
 use gnc_station::runner::journal::Journal;
 use gnc_station::runner::{self, Live, Order, looking};
-use gnc_station::store::{RunFolder, Scribe};
+use gnc_station::store::{RunFolder, Scribe, Watcher};
 use hw_mocks::{Options, RunningBench, Speed};
 
 const PLAN: &str = r#"
@@ -28,36 +28,59 @@ id = "cpu"
 core1_register_errors = "<= 0"
 [[item]]
 id = "imu"
+requires = ["cpu"]
 params = { samples = 5000, rate = "50 Hz" }
 timeout = "200 s"
 [item.limits]
 gyro_x = "0 +- 1 deg/s"
 [[item]]
 id = "timers"
+requires = ["cpu"]
 [item.limits]
 "timer1_interrupts_missing" = "<= 0"
 "#;
 
-/// Runs the plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
+/// Two streams that a line of 115,200 baud carries one at a time.
+const CROWDED: &str = r#"
+name = "crowded"
+version = "1"
+[[item]]
+id = "gnss"
+params = { start = "hot", window = "3 s" }
+[item.limits]
+fix_type = "== 3D"
+[[item]]
+id = "imu"
+params = { samples = 400, rate = "200 Hz" }
+[item.limits]
+gyro_x = "0 +- 1 deg/s"
+"#;
+
+/// Runs the short plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
 fn run(speed: Speed, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
+    run_plan(PLAN, &Options { speed, ..Options::default() }, watch)
+}
+
+fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
-        let bench = RunningBench::start(&Options { speed, ..Options::default() }).expect("a simulated bench");
+        let bench = RunningBench::start(options).expect("a simulated bench");
         let records = tempfile::tempdir().expect("a folder");
-        let plan = Plan::read("short.toml", PLAN.into(), &mut |_| Err("no includes".to_owned()));
+        let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
         let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
         let abilities = BenchAbilities { rs422: true, can: false, operator: false };
         let order = Order {
             job: Job::new(plan.clone(), abilities, None).unwrap_or_else(|mistakes| panic!("{mistakes}")),
             header: header(),
-            target: Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 },
+            target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
             can: None,
             fixture: Fixture::Absent,
             site: None,
-            one_by_one: true,
+            one_by_one: false,
         };
         let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
         let (watcher, events) = mpsc::sync_channel(1000);
+        let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
         let scribe = Scribe::start(folder, &plan, vec![watcher]).expect("a store");
         let control = Control::default();
         let asks = control.clone();
@@ -84,6 +107,8 @@ fn header() -> RunHeader {
         program: Program { name: "control".to_owned(), version: "0".to_owned() },
         bench: Bench::simulated("good", "1", 1),
         plan: PlanInfo { name: "short".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     }
@@ -128,6 +153,16 @@ fn a_stop_ends_a_pause_and_the_run() {
     });
     assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::NotRun, Outcome::NotRun]);
     assert_eq!(state.outcome_so_far(), Outcome::Aborted);
+}
+
+/// The second stream is refused while the first one runs; both have their verdict, one after the other.
+#[test]
+fn what_does_not_fit_beside_others_runs_after_them() {
+    let state =
+        run_plan(CROWDED, &Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
+    assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
+    let crowded = |text: &str| text.starts_with("it did not fit on the line beside what else ran");
+    assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
 }
 
 /// Raw values come without a run: a module that lies level shows 1 g on Z, and its AD channels.

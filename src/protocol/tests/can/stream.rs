@@ -1,6 +1,6 @@
 //! Streams as raw frames: every loss is seen, and nothing is delivered that was not sent.
 
-use gnc_protocol::can::stream::{Packer, Unpacker, gnss_bits, imu_bits, load_permille, pps_bits};
+use gnc_protocol::can::stream::{Packer, Unpacker, compensated_bits, gnss_bits, imu_bits, load_permille, pps_bits};
 use gnc_protocol::can::{BIT_RATE, CanFrame, CanId, bits, worst_bits};
 use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{Format, ImuSample, StreamFrame, StreamHead, StreamId};
@@ -98,6 +98,55 @@ fn what_fits_on_the_bus() {
     assert_eq!(loads, [716, 358, 143]);
     assert_eq!((load_permille(gnss_bits()), load_permille(pps_bits())), (140, 0));
     assert_eq!(imu_bits(1000), (3032 * 111, 3032 * 135));
+    // Seven frames of 8 bytes and one of 6 a sample, two more for each 64; a frame of 6 bytes has 95 to 115 bits.
+    assert_eq!(compensated_bits(200), (1408 * 111 + 200 * 95, 1408 * 135 + 200 * 115));
+    assert_eq!([200, 483, 484].map(|rate_hz| load_permille(compensated_bits(rate_hz))), [373, 900, 902]);
+}
+
+/// Whichever of its eight frames is lost or comes twice, a compensated sample is missing or whole, never mixed; and
+/// its time and number are right also where marks and clocks are lost.
+#[test]
+fn a_compensated_sample_is_whole_or_missing() {
+    let start = StreamStart { stream: 4, rate_hz: 200, count: 0, samples_per_frame: 1 };
+    let (mut packer, mut all) = (Packer::default(), Vec::new());
+    packer.start(&start);
+    for number in 0..200_u32 {
+        let head = StreamHead {
+            stream: 4,
+            format: Format::Compensated as u8,
+            count: 1,
+            first: number,
+            board_time_us: 1_000_000 + u64::from(number) * 5000,
+            dropped: 0,
+        };
+        let samples = [number as u8; 46].into_iter().collect();
+        packer.pack(&StreamFrame { head, samples }, &mut |frame| all.push(frame));
+    }
+    assert_eq!(all.len(), 200 * 8 + 4 * 2);
+    let run = |frames: &[CanFrame]| {
+        let mut unpacker = Unpacker::default();
+        unpacker.start(&start);
+        let number = |frame: &CanFrame| if let CanId::Standard(id) = frame.id() { id } else { panic!("{frame:?}") };
+        frames.iter().filter_map(|frame| unpacker.receive(number(frame), frame.data())).collect::<Vec<_>>()
+    };
+    let check = |got: &[StreamFrame]| {
+        for frame in got {
+            assert_eq!(frame.head.board_time_us, 1_000_000 + u64::from(frame.head.first) * 5000);
+            assert!(frame.samples.iter().all(|byte| *byte == frame.head.first as u8));
+        }
+    };
+    assert_eq!(run(&all).len(), 200);
+    for at in 2..all.len() {
+        let mut frames = all.clone();
+        let gone = frames.remove(at);
+        let marks = matches!(gone.id(), CanId::Standard(0x221 | 0x222));
+        let got = run(&frames);
+        assert_eq!(got.len(), if marks { 200 } else { 199 }, "frame {at}");
+        check(&got);
+        frames.insert(at, gone);
+        frames.insert(at, gone);
+        check(&run(&frames));
+    }
 }
 
 proptest! {
@@ -117,7 +166,7 @@ proptest! {
     }
 
     #[test]
-    fn any_frames_are_survived(frames in proptest::collection::vec((0x1f0..0x220_u16, proptest::collection::vec(any::<u8>(), 0..=8)), 0..100)) {
+    fn any_frames_are_survived(frames in proptest::collection::vec((0x1f0..0x230_u16, proptest::collection::vec(any::<u8>(), 0..=8)), 0..100)) {
         let mut unpacker = Unpacker::default();
         for (id, data) in frames {
             if let Some(frame) = unpacker.receive(id, &data) {

@@ -1,4 +1,4 @@
-//! The frozen vectors of `tests/vectors/v1-can.txt`, which is not to be changed.
+//! The frozen vectors of `tests/vectors/v1-can.txt` and `v1-can-compensated.txt`, which are not to be changed.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -34,7 +34,11 @@ fn can(id: &str, data: &str) -> CanFrame {
 }
 
 fn read() -> BTreeMap<String, Vector> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors/v1-can.txt");
+    read_file("v1-can.txt")
+}
+
+fn read_file(file: &str) -> BTreeMap<String, Vector> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors").join(file);
     let all = std::fs::read_to_string(path).unwrap();
     let mut vectors = BTreeMap::new();
     for block in all.split("\nvector: ").skip(1) {
@@ -182,6 +186,31 @@ fn imu_samples() {
     let heads: Vec<_> =
         got.iter().map(|frame| (frame.head.first, frame.head.board_time_us, frame.head.dropped)).collect();
     assert_eq!(heads, [(1088, 1_088_000, 3), (1089, 1_089_000, 3)]);
+}
+
+/// Bytes 40 and 41 of the two samples are what saturated: 0 and 17.
+#[test]
+fn compensated_samples() {
+    let bus = &read_file("v1-can-compensated.txt")["compensated"].bus;
+    assert_eq!(bus.len(), 2 + 8 + 8);
+    let bytes: Vec<u8> = bus[2..].iter().flat_map(|(_, frame)| frame.data()[2..].to_vec()).collect();
+    assert_eq!((bytes.len(), bytes[40], bytes[46 + 40]), (92, 0, 17));
+    let start = StreamStart { stream: 4, rate_hz: 200, count: 0, samples_per_frame: 1 };
+    let mut frame = frame_of(StreamId::Compensated, Format::Compensated, 8256, 41_285_000, 2, &bytes);
+    frame.head.dropped = 2;
+    let (mut packer, mut sent) = (Packer::default(), Bus::new());
+    packer.start(&start);
+    packer.pack(&frame, &mut |raw| sent.push(('<', raw)));
+    assert_eq!(&sent, bus);
+
+    let mut unpacker = Unpacker::default();
+    unpacker.start(&start);
+    let number = |frame: &CanFrame| if let CanId::Standard(id) = frame.id() { id } else { panic!("{frame:?}") };
+    let got: Vec<_> = bus.iter().filter_map(|(_, frame)| unpacker.receive(number(frame), frame.data())).collect();
+    let heads: Vec<_> =
+        got.iter().map(|frame| (frame.head.first, frame.head.board_time_us, frame.head.dropped)).collect();
+    assert_eq!(heads, [(8256, 41_285_000, 2), (8257, 41_290_000, 2)]);
+    assert_eq!((&got[0].samples[..], &got[1].samples[..]), (&bytes[..46], &bytes[46..]));
 }
 
 #[test]

@@ -1,0 +1,150 @@
+//! What an operator or a fixture does at the bench, and who waits there for bench time to pass.
+
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use super::Bench;
+use crate::turntable::{Direction, TableRefusal};
+use crate::world::{Axis, Sign};
+
+/// Somebody who waits for bench time to pass.
+#[derive(Debug)]
+pub(super) enum Sleeper {
+    Until(u64, Sender<()>),
+    /// Until the module is still.
+    Still(Sender<Result<(), TableRefusal>>),
+}
+
+impl Bench {
+    /// Flips a DIP switch, 1 to 5.
+    pub fn set_switch(&mut self, number: u8, on: bool) {
+        self.board.module.ad.set_switch(number, on);
+    }
+
+    /// Points the module's reference axis.
+    pub fn set_heading_deg(&mut self, heading_deg: f64) {
+        self.board.take_samples();
+        self.board.world.set_heading_deg(heading_deg);
+        self.table.laid(self.board.world.up());
+    }
+
+    /// Lays the module down with an axis up.
+    pub fn set_axis_up(&mut self, axis: Axis, sign: Sign) {
+        self.board.take_samples();
+        self.board.world.set_axis_up(axis, sign);
+        self.table.laid(axis);
+    }
+
+    /// Turns the module steadily about one of its axes.
+    pub fn set_turn(&mut self, axis: Axis, rate_dps: f64) {
+        let now_s = self.moment();
+        self.board.world.set_turn(axis, rate_dps, now_s);
+        self.table.laid(axis);
+    }
+
+    /// Begins to point an axis of the module along a direction. All motions of the table take bench time and end by
+    /// themselves.
+    ///
+    /// # Errors
+    /// As [`Turntable::orient`], and so the next ones.
+    pub fn orient(&mut self, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
+        let now_s = self.moment();
+        self.table.orient(&mut self.board.world, along, (axis, sign), heading_deg, now_s)
+    }
+
+    /// Begins to lay the module down in any attitude: `up` is a direction in the module's axes.
+    ///
+    /// # Errors
+    /// As [`Turntable::orient_up`].
+    pub fn orient_up(&mut self, up: [f64; 3], heading_deg: f64) -> Result<(), TableRefusal> {
+        let now_s = self.moment();
+        self.table.orient_up(&mut self.board.world, up, heading_deg, now_s)
+    }
+
+    /// Begins a rotation about the table's axis.
+    ///
+    /// # Errors
+    /// As [`Turntable::rotate`].
+    pub fn rotate(&mut self, angle_deg: f64, span_s: f64) -> Result<(), TableRefusal> {
+        let now_s = self.moment();
+        self.table.rotate(&mut self.board.world, angle_deg, span_s, now_s)
+    }
+
+    /// Begins to spin about the table's axis.
+    ///
+    /// # Errors
+    /// As [`Turntable::spin`].
+    pub fn spin(&mut self, rate_dps: f64) -> Result<(), TableRefusal> {
+        let now_s = self.moment();
+        self.table.spin(&mut self.board.world, rate_dps, now_s)
+    }
+
+    /// Begins to stop the table.
+    pub fn stop(&mut self) {
+        let now_s = self.moment();
+        self.table.stop(&mut self.board.world, now_s);
+    }
+
+    /// Whether the module moves.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        !self.board.world.motion.is_still(self.board.true_s(self.board.now_ns()))
+    }
+
+    /// Tells `done` when bench time has passed `span` more.
+    pub fn sleep(&mut self, span: Duration, done: Sender<()>) {
+        let span_ns = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX / 2);
+        self.sleepers.push(Sleeper::Until(self.board.now_ns().saturating_add(span_ns), done));
+        self.wake_sleepers();
+    }
+
+    /// Tells `done` when the module is still, or that it spins without end.
+    pub fn wait_still(&mut self, done: Sender<Result<(), TableRefusal>>) {
+        self.sleepers.push(Sleeper::Still(done));
+        self.wake_sleepers();
+    }
+
+    /// The true time at which something is done to the module: its samples up to now are taken as it was before.
+    fn moment(&mut self) -> f64 {
+        self.board.take_samples();
+        self.board.true_s(self.board.now_ns())
+    }
+
+    /// When the module is still for certain, in bench time, if it ever is: a microsecond more than the rounding of a
+    /// true time to nanoseconds of the board could hide.
+    fn still_ns(&self) -> Option<u64> {
+        self.board.world.motion.end_s().map(|end_s| self.board.bench_ns(end_s).max(0.0) as u64 + 1000)
+    }
+
+    /// When the first sleeper is due, in bench time.
+    pub(super) fn sleeper_due_ns(&self) -> Option<u64> {
+        let due_ns = |sleeper: &Sleeper| match sleeper {
+            Sleeper::Until(until_ns, _) => Some(*until_ns),
+            Sleeper::Still(_) => self.still_ns(),
+        };
+        self.sleepers.iter().filter_map(due_ns).min()
+    }
+
+    /// Tells those whose time has come.
+    pub(super) fn wake_sleepers(&mut self) {
+        let (now_ns, still_ns) = (self.board.now_ns(), self.still_ns());
+        // A sleeper that gave up waiting is gone; it needs no word.
+        self.sleepers.retain(|sleeper| {
+            match sleeper {
+                Sleeper::Until(until_ns, _) if *until_ns > now_ns => return true,
+                Sleeper::Until(_, done) => {
+                    let _ = done.send(());
+                }
+                Sleeper::Still(done) => {
+                    let answer = match still_ns {
+                        Some(still_ns) if still_ns > now_ns => return true,
+                        Some(_) => Ok(()),
+                        None => Err(TableRefusal::Spinning),
+                    };
+                    let _ = done.send(answer);
+                }
+            }
+            false
+        });
+    }
+}

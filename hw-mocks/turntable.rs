@@ -1,0 +1,402 @@
+//! The simulated turntable: what a table does when it is told to orient, rotate, spin or stop, with its own errors.
+//!
+//! # How it stands
+//! The table's axis can be set up, to the north or parallel to the earth's axis, and the socket can be put on it in any
+//! attitude. All of that is never quite right, and [`TableModel`] says by how much. For an ideal attitude `A` (local frame
+//! into module) the module really lies at `M E A T`: `T` is the alignment of the axis and of its heading, the same all
+//! the time; `E` the error of this orientation (the same whenever it is taken up again) and its repeatability (new each
+//! time); `M` the mounting of the socket. The table turns about its own true axis, so that the module sees the turn along
+//! `M E` times the axis it was told.
+//!
+//! # How it moves
+//! - Orienting takes `slew_s`: the shortest turn from attitude to attitude, from rest to rest.
+//! - A rotation has a trapezoidal rate: ramps of [`RAMP_SHARE`] of the span at both ends, so that 1080 deg in 5 s go up to
+//!   240 deg/s in 0.5 s and down again. It turns by `angle (1 + angle_error_ppm)` and a new error of `angle_error_arcsec`.
+//! - A spin ramps at [`ACCELERATION_DPS2`] to `rate (1 + rate_error_ppm)` and stays there.
+//! - A stop ramps down at [`STOP_DPS2`] from whatever runs. After a stop amid orienting the table must be oriented anew.
+
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+
+use crate::motion::{Motion, Profile, Wobble};
+use crate::noise::{Dice, Source};
+use crate::world::{Axis, Sign, World};
+
+/// Part of a rotation's span for each of its two ramps.
+pub const RAMP_SHARE: f64 = 0.1;
+/// Acceleration of a spin: 5400 deg/s are reached in 3.6 s.
+pub const ACCELERATION_DPS2: f64 = 1500.0;
+/// Deceleration of a stop: 5400 deg/s end in 1.8 s.
+pub const STOP_DPS2: f64 = 3000.0;
+/// Fastest that the table turns: 15 rev/s and a third more.
+pub const FASTEST_DPS: f64 = 7200.0;
+/// Longest rotation: a day, beyond which somebody mistook the unit.
+pub const LONGEST_S: f64 = 86_400.0;
+
+/// Where an axis of the module points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// Up. The next axis points at the heading, clockwise from north.
+    Up,
+    /// Horizontally to true north. The next axis is turned by the heading from up, clockwise seen from the north.
+    North,
+    /// To the celestial north pole, parallel to the earth's axis. The next axis is turned by the heading from the upper
+    /// side of the meridian plane, clockwise seen from the pole.
+    Polar,
+}
+
+/// The errors of a table. All defaults are those of a good position table with a socket screwed on by hand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableModel {
+    /// Tilt of the axis: towards the reference direction (north for [`Direction::Up`], else up in the meridian), and to
+    /// the left of it.
+    pub axis_error_arcsec: [f64; 2],
+    /// Error of the heading's zero, about the axis, clockwise.
+    pub heading_error_arcsec: f64,
+    /// The socket on the table: rotation vector from the plate's axes to the module's, in the module's axes.
+    pub mounting_deg: [f64; 3],
+    /// Deviation about each axis of the error that an orientation has whenever it is taken up.
+    pub attitude_error_arcsec: f64,
+    /// Deviation about each axis of what is new each time.
+    pub repeatability_arcsec: f64,
+    /// All rotations turn too far by this.
+    pub angle_error_ppm: f64,
+    /// Deviation of a rotation's angle, new each time.
+    pub angle_error_arcsec: f64,
+    /// All spins turn too fast by this.
+    pub rate_error_ppm: f64,
+    /// Amplitude of the axis's tilt, twice a turn.
+    pub wobble_arcsec: f64,
+    /// From the axis to the sensors, in the module's axes.
+    pub lever_arm_mm: [f64; 3],
+    /// Time that orienting takes; 0: at once.
+    pub slew_s: f64,
+}
+
+impl Default for TableModel {
+    fn default() -> Self {
+        Self {
+            axis_error_arcsec: [6.0, -4.0],
+            heading_error_arcsec: 60.0,
+            mounting_deg: [0.012, -0.018, 0.015],
+            attitude_error_arcsec: 4.0,
+            repeatability_arcsec: 2.0,
+            angle_error_ppm: 5.0,
+            angle_error_arcsec: 2.0,
+            rate_error_ppm: 20.0,
+            wobble_arcsec: 2.0,
+            lever_arm_mm: [3.0, -2.0, 4.0],
+            slew_s: 6.0,
+        }
+    }
+}
+
+/// Why the table does not do what it was told.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TableRefusal {
+    /// It moves.
+    #[error("the turntable is moving; stop it first")]
+    Moving,
+    /// It spins, and would be waited for in vain.
+    #[error("the turntable spins without end; stop it first")]
+    Spinning,
+    /// A stop left it between two orientations.
+    #[error("the turntable was stopped between two orientations; orient it first")]
+    NotOriented,
+    /// A direction that is none.
+    #[error("({x}, {y}, {z}) is no direction", x = up[0], y = up[1], z = up[2])]
+    NoDirection {
+        /// What was given.
+        up: [f64; 3],
+    },
+    /// A number that is none.
+    #[error("{value} is no {what}")]
+    NoNumber {
+        /// What it should be.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A span outside its bounds.
+    #[error("a span of {span_s} s is not in 0.001 to {LONGEST_S} s")]
+    Span {
+        /// What was given.
+        span_s: f64,
+    },
+    /// Faster than the table can.
+    #[error("{rate_dps} deg/s are more than the {FASTEST_DPS} deg/s of the turntable")]
+    TooFast {
+        /// Peak of what was asked for.
+        rate_dps: f64,
+    },
+}
+
+/// What really is of the table, for tests.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableTruth {
+    /// Its errors.
+    pub model: TableModel,
+    /// Whether it moves.
+    pub moving: bool,
+    /// Its axis in the local frame (north, west, up).
+    pub axis_local: Vector3<f64>,
+    /// Its axis in the module's axes.
+    pub axis_module: Vector3<f64>,
+    /// Rate about that axis, deg/s.
+    pub rate_dps: f64,
+    /// The true angle of the last rotation, deg.
+    pub rotation_deg: f64,
+}
+
+/// A table with a socket on it. Times are true seconds since the bench was started.
+#[derive(Debug, Clone)]
+pub struct Turntable {
+    model: TableModel,
+    seed: u64,
+    dice: Dice,
+    /// The axis in the module's axes; `None` after a stop amid orienting.
+    axis: Option<Unit<Vector3<f64>>>,
+    /// Orienting takes until then.
+    slewing_until_s: f64,
+    /// Angle of the table at the start of the motion that runs, rad.
+    angle: f64,
+    /// Whether the motion that runs, or ran last, is a turn of the table.
+    turning: bool,
+    rotation_deg: f64,
+}
+
+fn arcsec(value: f64) -> f64 {
+    (value / 3600.0).to_radians()
+}
+
+impl Turntable {
+    /// A table under a seed, the module on it with Z up.
+    #[must_use]
+    pub fn new(model: TableModel, seed: u64) -> Self {
+        let dice = Dice::new(seed, Source::Table);
+        let axis = Some(Vector3::z_axis());
+        Self { model, seed, dice, axis, slewing_until_s: 0.0, angle: 0.0, turning: false, rotation_deg: 0.0 }
+    }
+
+    /// The module was laid down by hand: the table's axis is along this one.
+    pub(crate) fn laid(&mut self, axis: Axis) {
+        self.axis = Some(Unit::new_unchecked(axis.unit()));
+        (self.slewing_until_s, self.turning) = (0.0, false);
+    }
+
+    /// Begins to point an axis of the module along a direction.
+    ///
+    /// # Errors
+    /// [`TableRefusal`] when it moves, or the heading is no number.
+    pub fn orient(
+        &mut self,
+        world: &mut World,
+        along: Direction,
+        (axis, sign): (Axis, Sign),
+        heading_deg: f64,
+        now_s: f64,
+    ) -> Result<(), TableRefusal> {
+        self.take_up(world, along, (axis.unit() * sign.factor(), axis), axis.unit(), heading_deg, now_s)
+    }
+
+    /// Begins to lay the module so that `up` (module axes, any length) points up. Of the axis nearest to `up` (the first
+    /// of equals) the next one points at the heading as nearly as it can, and turns are right-handed about the nearest
+    /// one's positive end: for `up` along an axis all this is as with [`Turntable::orient`].
+    ///
+    /// # Errors
+    /// [`TableRefusal`] when it moves, or there is no such direction or heading.
+    pub fn orient_up(
+        &mut self,
+        world: &mut World,
+        up: [f64; 3],
+        heading_deg: f64,
+        now_s: f64,
+    ) -> Result<(), TableRefusal> {
+        let given = Vector3::from(up);
+        let length = given.norm();
+        if !(length.is_finite() && length > 1e-6) {
+            return Err(TableRefusal::NoDirection { up });
+        }
+        let unit = given / length;
+        // The first of equals, so that nothing hangs on the last bit.
+        let nearest = Axis::ALL.into_iter().fold(Axis::X, |best, axis| {
+            if unit[axis.index()].abs() > unit[best.index()].abs() + 1e-9 { axis } else { best }
+        });
+        let sense = if unit[nearest.index()] < 0.0 { -1.0 } else { 1.0 };
+        self.take_up(world, Direction::Up, (unit, nearest), unit * sense, heading_deg, now_s)
+    }
+
+    /// Begins a rotation by an angle within a span, from rest to rest, right-handed about the module's axis.
+    ///
+    /// # Errors
+    /// [`TableRefusal`] when it moves, was left between two orientations, or cannot turn so fast.
+    pub fn rotate(&mut self, world: &mut World, angle_deg: f64, span_s: f64, now_s: f64) -> Result<(), TableRefusal> {
+        finite("angle", angle_deg)?;
+        if !(0.001..=LONGEST_S).contains(&span_s) {
+            return Err(TableRefusal::Span { span_s });
+        }
+        fast_enough(angle_deg / (span_s * (1.0 - RAMP_SHARE)))?;
+        self.at_rest(world, now_s)?;
+        let axis = self.axis.ok_or(TableRefusal::NotOriented)?;
+        let error_deg = self.model.angle_error_arcsec / 3600.0 * self.dice.normal();
+        self.rotation_deg = angle_deg * (1.0 + self.model.angle_error_ppm * 1e-6) + error_deg;
+        let profile = Profile::trapezoid(now_s, self.rotation_deg.to_radians(), span_s, RAMP_SHARE);
+        self.turn(world, axis, profile, now_s);
+        Ok(())
+    }
+
+    /// Begins to spin, right-handed about the module's axis, from the rate that it has now.
+    ///
+    /// # Errors
+    /// [`TableRefusal`] while it is oriented, was left between two orientations, or cannot turn so fast.
+    pub fn spin(&mut self, world: &mut World, rate_dps: f64, now_s: f64) -> Result<(), TableRefusal> {
+        finite("rate", rate_dps)?;
+        fast_enough(rate_dps)?;
+        if self.is_slewing(now_s) {
+            return Err(TableRefusal::Moving);
+        }
+        let axis = self.axis.ok_or(TableRefusal::NotOriented)?;
+        let true_rps = (rate_dps * (1.0 + self.model.rate_error_ppm * 1e-6)).to_radians();
+        let from_rps = world.motion.turn(now_s).rate_rps;
+        let profile = Profile::ramp(now_s, from_rps, true_rps, ACCELERATION_DPS2.to_radians());
+        self.turn(world, axis, profile, now_s);
+        Ok(())
+    }
+
+    /// Begins to stop whatever runs.
+    pub fn stop(&mut self, world: &mut World, now_s: f64) {
+        if world.motion.is_still(now_s) {
+            return;
+        }
+        if self.is_slewing(now_s) {
+            self.axis = None;
+        }
+        let from_rps = world.motion.turn(now_s).rate_rps;
+        let profile = Profile::ramp(now_s, from_rps, 0.0, STOP_DPS2.to_radians());
+        self.turn(world, world.motion.axis(), profile, now_s);
+        self.slewing_until_s = 0.0;
+    }
+
+    /// What really is.
+    #[must_use]
+    pub fn truth(&self, world: &World, now_s: f64) -> TableTruth {
+        let attitude = world.motion.attitude(now_s);
+        let axis = self.axis.unwrap_or_else(|| world.motion.axis()).into_inner();
+        TableTruth {
+            model: self.model,
+            moving: !world.motion.is_still(now_s),
+            axis_local: attitude.inverse() * axis,
+            axis_module: axis,
+            rate_dps: world.motion.turn(now_s).rate_rps.to_degrees(),
+            rotation_deg: self.rotation_deg,
+        }
+    }
+
+    fn is_slewing(&self, now_s: f64) -> bool {
+        now_s < self.slewing_until_s
+    }
+
+    fn at_rest(&self, world: &World, now_s: f64) -> Result<(), TableRefusal> {
+        if world.motion.is_still(now_s) { Ok(()) } else { Err(TableRefusal::Moving) }
+    }
+
+    /// `module` goes along the direction, and the axis after `nearest` at the heading; `about` is what turns are told by.
+    fn take_up(
+        &mut self,
+        world: &mut World,
+        along: Direction,
+        (module, nearest): (Vector3<f64>, Axis),
+        about: Vector3<f64>,
+        heading_deg: f64,
+        now_s: f64,
+    ) -> Result<(), TableRefusal> {
+        finite("heading", heading_deg)?;
+        self.at_rest(world, now_s)?;
+        let from = world.motion.attitude(now_s);
+        let (direction, zero) = frame(along, world.site.latitude_deg);
+        let [towards, left] = self.model.axis_error_arcsec.map(arcsec);
+        // A small tilt towards `zero` is a turn about `direction x zero`.
+        let west = direction.cross(&zero);
+        let tilt = west * towards - zero * left - direction * arcsec(self.model.heading_error_arcsec);
+        let reference = rotate_clockwise(zero, direction, heading_deg);
+        let ideal = point(module, nearest, direction, reference);
+        let seat = self.seat(along, &ideal);
+        let target = seat * ideal * Rotation3::from_scaled_axis(tilt).inverse();
+        let slew = (target * from.inverse()).scaled_axis();
+        let (axis, angle) = Unit::try_new_and_get(-slew, 1e-12).unwrap_or((Vector3::z_axis(), 0.0));
+        let span_s = self.model.slew_s;
+        self.axis = Some(Unit::new_normalize(seat * about));
+        (self.angle, self.turning) = (0.0, false);
+        if angle == 0.0 || span_s <= 0.0 {
+            world.motion = Motion::still(target);
+        } else {
+            let profile = Profile::trapezoid(now_s, angle, span_s, 0.5);
+            let still = Wobble { amplitude: 0.0, from: 0.0 };
+            world.motion = Motion::turning(from, axis, profile, still, self.lever_m());
+            self.slewing_until_s = now_s + span_s;
+        }
+        Ok(())
+    }
+
+    /// The socket on the plate in this orientation: `M E`.
+    fn seat(&mut self, along: Direction, ideal: &Rotation3<f64>) -> Rotation3<f64> {
+        // The same orientation has the same error: its dice are seeded by what it is.
+        let key = ideal.matrix().iter().fold(0xcbf2_9ce4_8422_2325 ^ along as u64, |hash: u64, component| {
+            (hash ^ ((component * 1e4).round() as i64).cast_unsigned()).wrapping_mul(0x0100_0000_01b3)
+        });
+        let mut fixed = Dice::new(self.seed ^ key, Source::TablePosition);
+        let small = |deviation: f64, dice: &mut Dice| Vector3::from_fn(|_, _| arcsec(deviation) * dice.normal());
+        let error = small(self.model.attitude_error_arcsec, &mut fixed)
+            + small(self.model.repeatability_arcsec, &mut self.dice);
+        let mounting = Vector3::from(self.model.mounting_deg).map(f64::to_radians);
+        Rotation3::from_scaled_axis(mounting) * Rotation3::from_scaled_axis(error)
+    }
+
+    fn turn(&mut self, world: &mut World, axis: Unit<Vector3<f64>>, profile: Profile, now_s: f64) {
+        let base = world.motion.attitude(now_s);
+        // Kept within one turn, so that it stays exact however long the table spins.
+        if std::mem::replace(&mut self.turning, true) {
+            self.angle = (self.angle + world.motion.turn(now_s).angle).rem_euclid(std::f64::consts::TAU);
+        }
+        let amplitude = if self.is_slewing(now_s) { 0.0 } else { arcsec(self.model.wobble_arcsec) };
+        let wobble = Wobble { amplitude, from: self.angle };
+        world.motion = Motion::turning(base, axis, profile, wobble, self.lever_m());
+    }
+
+    fn lever_m(&self) -> Vector3<f64> {
+        Vector3::from(self.model.lever_arm_mm) * 1e-3
+    }
+}
+
+fn finite(what: &'static str, value: f64) -> Result<(), TableRefusal> {
+    if value.is_finite() { Ok(()) } else { Err(TableRefusal::NoNumber { what, value }) }
+}
+
+fn fast_enough(rate_dps: f64) -> Result<(), TableRefusal> {
+    if rate_dps.abs() <= FASTEST_DPS { Ok(()) } else { Err(TableRefusal::TooFast { rate_dps }) }
+}
+
+/// The direction and the zero of its headings, in the local frame (north, west, up).
+fn frame(along: Direction, latitude_deg: f64) -> (Vector3<f64>, Vector3<f64>) {
+    let (sin, cos) = latitude_deg.to_radians().sin_cos();
+    match along {
+        Direction::Up => (Vector3::z(), Vector3::x()),
+        Direction::North => (Vector3::x(), Vector3::z()),
+        Direction::Polar => (Vector3::new(cos, 0.0, sin), Vector3::new(-sin, 0.0, cos)),
+    }
+}
+
+fn rotate_clockwise(zero: Vector3<f64>, about: Vector3<f64>, angle_deg: f64) -> Vector3<f64> {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    zero * cos - about.cross(&zero) * sin
+}
+
+/// The attitude in which `module` points along `direction`, and the axis after `nearest` at `reference` as nearly as
+/// it can.
+fn point(module: Vector3<f64>, nearest: Axis, direction: Vector3<f64>, reference: Vector3<f64>) -> Rotation3<f64> {
+    let next = nearest.next().unit();
+    // Not parallel to `module`, since `nearest` is the largest component of it.
+    let across = (next - module * next.dot(&module)).normalize();
+    let in_module = Matrix3::from_columns(&[module, across, module.cross(&across)]);
+    let in_local = Matrix3::from_columns(&[direction, reference, direction.cross(&reference)]);
+    Rotation3::from_matrix_unchecked(in_module * in_local.transpose())
+}
