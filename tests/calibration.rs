@@ -9,7 +9,8 @@ use std::process::Stdio;
 
 use gnc_station::capture::{Along, Pose};
 use gnc_station::raw::{self, RawRecord};
-use gnc_tests::{Place, Run, bad_items, repository};
+use gnc_tests::{Place, Run, bad_items, read_json, repository};
+use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
@@ -131,4 +132,72 @@ fn a_gap_is_never_a_figure() {
     let raw = read(&mcap(&place, "01-six-position"));
     let last = raw.captures.last().expect("the capture with the gap");
     assert!(last.losses.on_line > 0 && last.losses.on_board == 0, "{:?}", last.losses);
+}
+
+/// The same plan gives the same bits; another one judges the same figures by its own limits, beside the run.
+#[test]
+fn a_run_comes_out_again_as_it_was() {
+    let place = Place::new(STATION);
+    run(&place, &[]);
+    let folder = place.runs().remove(0);
+    let folder = folder.to_str().expect("UTF-8");
+    let before = place.record();
+    let again = place.run(["recompute", folder]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+    assert!(again.stdout.contains("the same, bit for bit") && again.stdout.contains("2 attempts"), "{}", again.stdout);
+    assert_eq!(place.runs().len(), 1, "nothing is written");
+
+    place.write("strict.toml", &SHORT.replace("-100 mg .. 100 mg", "-0.0001 mg .. 0.0001 mg"));
+    let strict = place.run(["recompute", folder, "--plan", "strict.toml"]);
+    assert_eq!(strict.code, Some(1), "{}{}", strict.stdout, strict.stderr);
+    let beside = place.runs().into_iter().find(|run| run.to_string_lossy().ends_with("-recomputed")).expect("a folder");
+    let judged = read_json(&beside.join("run.json"));
+    assert_eq!(
+        (judged["outcome"].as_str(), judged["recomputed"]["run"].as_str()),
+        (Some("failed"), folder.rsplit('/').next())
+    );
+    assert_eq!(bad_items(&judged), ["six-position"]);
+    let details = |record: &Value| record["items"][0]["attempts"][0]["details"].clone();
+    assert_eq!(details(&before), details(&judged), "another plan is no other figure");
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
+
+    let other = place.write("other.toml", &SHORT.replace("id = \"rotation\"", "id = \"rotation\"\nname = \"turns\""));
+    let unfit = place.run(["recompute", folder, "--plan", other.to_str().expect("UTF-8")]);
+    assert_eq!(unfit.code, Some(2));
+    assert!(
+        unfit.stderr.contains("the run has six-position, rotation; the plan has six-position, turns"),
+        "{}",
+        unfit.stderr
+    );
+}
+
+/// The mathematics from the raw file itself, and from its export: the same calibration.
+#[test]
+fn raw_captures_can_be_computed_with() {
+    let place = Place::new(STATION);
+    run(&place, &[]);
+    let raw = mcap(&place, "01-six-position");
+    let raw = raw.to_str().expect("UTF-8");
+    let computed = place.run(["compute", "six-position", raw, "--gravity", "9.80151", "--json"]);
+    assert_eq!(computed.code, Some(0), "{}{}", computed.stdout, computed.stderr);
+    let found: Value = serde_json::from_str(&computed.stdout).expect("JSON");
+    for axis in 0..3 {
+        // 160,000 counts for one g, to 5 %.
+        let sensitivity = found["sensitivity"][axis].as_f64().expect("a number");
+        assert!((sensitivity * 9.80665 / 160_000.0 - 1.0).abs() < 0.05, "{sensitivity}");
+    }
+    let folder = place.runs().remove(0);
+    let exported = place.run(["export", folder.to_str().expect("UTF-8"), "--out", "out"]);
+    assert_eq!(exported.code, Some(0), "{}{}", exported.stdout, exported.stderr);
+    let text = fs::read_to_string(place.path().join("out/01-six-position-attempt-1.csv")).expect("a table");
+    let columns = text.replacen("accel_x,accel_y,accel_z", "x,y,z", 1);
+    place.write("p.csv", &columns);
+    let from_text = place.run(["compute", "six-position", "p.csv", "--gravity", "9.80151", "--json"]);
+    assert_eq!(from_text.stdout, computed.stdout, "{}", from_text.stderr);
+    let allan = place.run(["compute", "allan", &format!("{raw}#z+"), "--column", "gyro_z", "--rate", "200"]);
+    assert_eq!(allan.code, Some(0), "{}{}", allan.stdout, allan.stderr);
+    let unclear = place.run(["compute", "allan", raw, "--column", "gyro_z", "--rate", "200"]);
+    assert_eq!(unclear.code, Some(2));
+    assert!(unclear.stderr.contains("it holds 6 captures; put one behind its name: #x+ #x-"), "{}", unclear.stderr);
 }
