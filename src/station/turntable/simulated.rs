@@ -28,12 +28,12 @@ impl Simulated {
         &'a self,
         what: &'static str,
         begin: impl FnOnce(&Control) -> Result<(), TableError> + 'a,
-        wait: impl FnOnce(Control) -> Result<(), TableError> + Send + 'static,
+        wait: impl FnOnce(&Control) -> Result<(), TableError> + Send + 'static,
     ) -> Motion<'a> {
         Box::pin(async move {
             begin(&self.control).map_err(|source| refused(what, source))?;
             let control = self.control.clone();
-            match tokio::task::spawn_blocking(move || wait(control)).await {
+            match tokio::task::spawn_blocking(move || wait(&control)).await {
                 Ok(waited) => waited.map_err(|source| refused(what, source)),
                 Err(_) => Err(refused(what, TableError::Gone(hw_mocks::BenchGone))),
             }
@@ -50,7 +50,7 @@ pub(super) fn stop_at_once(control: &Control) {
     let _ = control.stop();
 }
 
-fn still(control: Control) -> Result<(), TableError> {
+fn still(control: &Control) -> Result<(), TableError> {
     control.wait_still()
 }
 
@@ -72,7 +72,7 @@ impl Turntable for Simulated {
 
     fn spin(&self, rate_dps: f64) -> Motion<'_> {
         let ramp = Duration::from_secs_f64(rate_dps.abs() * BOTH_SENSES / ACCELERATION_DPS2);
-        let reach = move |control: Control| Ok(control.sleep(ramp)?);
+        let reach = move |control: &Control| Ok(control.sleep(ramp)?);
         self.moved("spin the module", move |control| control.spin(rate_dps), reach)
     }
 
