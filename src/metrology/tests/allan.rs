@@ -130,8 +130,11 @@ fn weights(kind: Kind, m: usize) -> Vec<f64> {
     }
 }
 
-const WHITE: Source =
-    Source { noise: Noise::WhiteRate, make: |n, dice| (0..n).map(|_| dice.normal()).collect(), variance: |w| w.iter().map(|v| v * v).sum() };
+const WHITE: Source = Source {
+    noise: Noise::WhiteRate,
+    make: |n, dice| (0..n).map(|_| dice.normal()).collect(),
+    variance: |w| w.iter().map(|v| v * v).sum(),
+};
 
 /// Steps of variance 1, each carried by all later rates.
 const WALK: Source = Source {
@@ -164,11 +167,11 @@ const FLICKER: Source = Source {
     noise: Noise::FlickerRate,
     make: |n, dice| {
         let mut states: Vec<f64> = (0..CORNERS).map(|k| dice.normal() * corner(k).1).collect();
+        let steps: Vec<(f64, f64)> = (0..CORNERS).map(corner).map(|(a, sd)| (a, sd * (1.0 - a * a).sqrt())).collect();
         (0..n)
             .map(|_| {
-                for (k, state) in states.iter_mut().enumerate() {
-                    let (a, sd) = corner(k);
-                    *state = a * *state + sd * (1.0 - a * a).sqrt() * dice.normal();
+                for ((a, step), state) in steps.iter().zip(&mut states) {
+                    *state = a * *state + step * dice.normal();
                 }
                 states.iter().sum()
             })
@@ -209,7 +212,10 @@ fn intervals_cover_the_truth() {
                 }
             }
         }
-        KINDS.iter().zip(covered).for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
+        KINDS
+            .iter()
+            .zip(covered)
+            .for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
         println!("{name}: named {named:?}");
         // From 2 samples on, where the simulated walk is a walk.
         for (covered, kind) in covered.iter().zip(KINDS) {
@@ -257,7 +263,7 @@ fn a_flat_part_is_bias_instability() {
     let values = (FLICKER.make)(60_000, &mut dice);
     let run = |kind| analyse(&values, Input::Rate, 1.0, kind, &Taus::Octave, 2).unwrap().coefficients;
     let b = run(Kind::Oadev).b.unwrap();
-    let truth = (FLICKER.variance)(64.0).sqrt() / 0.664;
+    let truth = (FLICKER.variance)(&weights(Kind::Adev, 64)).sqrt() / 0.664;
     assert!((b.value / truth - 1.0).abs() < 0.15, "{} {truth}", b.value);
     assert_eq!(run(Kind::Mdev), gnc_metrology::allan::Coefficients::default());
 }
