@@ -7,8 +7,9 @@ use gnc_metrology::allan::{self, Coefficient, Input, Kind, Taus};
 use serde_json::{Value, json};
 
 use super::plot::{Mark, Panel, Series};
+use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 /// Which deviation.
@@ -75,7 +76,7 @@ fn taus(text: &str) -> Result<Taus, String> {
 impl Allan {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        let mut columns = Table::open(&self.file)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
         let values = columns.numbers.swap_remove(0);
         let input = if self.phase { Input::Phase } else { Input::Rate };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);

@@ -8,8 +8,9 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::plot::{Panel, Series};
+use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 #[derive(Debug, Args)]
@@ -23,7 +24,8 @@ pub(super) struct Ellipse {
 
 impl Ellipse {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
+        let columns =
+            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit(x, y, self.saturation)?;
         let correction =
@@ -108,7 +110,8 @@ pub(super) struct Ellipsoid {
 
 impl Ellipsoid {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
+        let columns =
+            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
         let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
         let mut report = Report::new("ellipsoid");

@@ -6,6 +6,7 @@
 mod allan;
 mod magnetometer;
 pub(crate) mod plot;
+mod record;
 mod report;
 mod spectrum;
 mod table;
@@ -81,6 +82,8 @@ enum ComputeError {
     Refused(#[from] Refusal),
     #[error(transparent)]
     Unreadable(TableError),
+    #[error(transparent)]
+    Record(#[from] record::RecordError),
     #[error("{0}")]
     Usage(String),
     #[error("{path}:{line}:{column}: {message}")]

@@ -7,8 +7,9 @@ use gnc_metrology::{psd, stability};
 use serde_json::json;
 
 use super::plot::{Panel, Series};
+use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 /// One column of a record with a rate.
@@ -27,7 +28,7 @@ struct Source {
 impl Source {
     fn read(&self) -> Result<Vec<f64>, ComputeError> {
         let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        Ok(Table::open(&self.file)?.read(&wanted)?.numbers.swap_remove(0))
+        Ok(Record::open(&self.file, Triad::Gyro)?.read(&wanted)?.numbers.swap_remove(0))
     }
 }
 

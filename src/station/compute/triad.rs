@@ -9,8 +9,9 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::plot::{Panel, Series};
+use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 /// Gravity, given or from the place.
@@ -55,7 +56,7 @@ impl SixPosition {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let gravity = self.gravity.mps2()?;
         let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
-        let positions = still_positions(&self.file, 1.0, &limits)?.positions;
+        let positions = still_positions(&self.file, Triad::Accel, 1.0, &limits)?.positions;
         let c = six_position::calibrate(&positions, gravity)?;
         let k = c.coverage_factor();
         let mut report = Report::new("six-position");
@@ -140,7 +141,7 @@ impl GyroStill {
             None => 1.0,
         };
         let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
-        let Still { positions, north } = still_positions(&self.file, 1.0 / response, &limits)?;
+        let Still { positions, north } = still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits)?;
         let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
         let k = c.coverage_factor();
         let dph = 3600.0_f64.to_degrees();
@@ -191,8 +192,8 @@ struct Still {
 }
 
 /// Reads still positions, outputs times a factor.
-fn still_positions(file: &std::path::Path, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
-    let table = Table::open(file)?;
+fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
+    let table = Record::open(file, triad)?;
     let directions = !table.has("position") && table.has("ux");
     let has_north = table.has("nx");
     let mut names = vec!["x", "y", "z"];
@@ -308,7 +309,7 @@ impl Rotation {
             (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
         };
         let wanted = Wanted { numbers: &["x", "y", "z"], label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
-        let columns = Table::open(&self.file)?.read(&wanted)?;
+        let columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         let blocks = position::blocks(&labels)?;
         let runs: Vec<rotation::Run> = blocks
