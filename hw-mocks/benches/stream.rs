@@ -1,6 +1,8 @@
 //! How many samples of the IMU the board makes, frames and writes in a second of wall time at maximum speed, on one
 //! core: what a whole acceptance in a minute needs is 250,000.
 
+#![allow(clippy::print_stdout, reason = "a benchmark prints its figures")]
+
 use std::io::Read;
 use std::time::{Duration, Instant};
 

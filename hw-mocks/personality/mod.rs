@@ -11,6 +11,7 @@
 //! [expect.functional]                  # ignored by the bench
 //! outcome = "failed"
 //! items = ["sdram"]
+//! figures = ["mismatches_march_c"]
 //!
 //! [module]                             # what it says about itself
 //! serial_number = "GNC-7"              # else the one that was scanned
@@ -197,6 +198,9 @@ pub struct Expectation {
     /// The items that do not pass.
     #[serde(default)]
     pub items: Vec<String>,
+    /// The measured figures that do not pass; empty where the items say all. Names are the plan's and mean nothing here.
+    #[serde(default)]
+    pub figures: Vec<String>,
 }
 
 /// Why a text is no personality.
