@@ -13,9 +13,11 @@ use gnc_protocol::wire::Wire;
 use gnc_protocol::{Call, Payload};
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors};
 use hw_mocks::world::World;
-use hw_mocks::{Axis, Bench, Direction, Options, RunningBench, Sign, Speed};
+use hw_mocks::{Axis, Bench, Options, RunningBench, Speed};
+use nix::time::{ClockId, clock_gettime};
 
 const SAMPLES: u32 = 1_000_000;
+const KEEP_ALIVE: Duration = Duration::from_millis(400);
 
 fn frame(kind: Kind, request: u16, message: u16, payload: Payload) -> Vec<u8> {
     let version = u8::from(kind != Kind::Hello);
@@ -40,9 +42,43 @@ fn options() -> Options {
     Options { speed: Speed::Max, ..Options::default() }
 }
 
-fn say(what: &str, samples: u32, span: Duration) {
-    let rate = f64::from(samples) / span.as_secs_f64();
-    println!("{what:<44} {rate:>10.0} samples/s   {:.3} us each", 1e6 / rate);
+/// Wall time, and time of all processors for this program: on a busy machine only the second says what it costs.
+struct Clock {
+    wall: Instant,
+    processor: Duration,
+}
+
+fn processor() -> Duration {
+    clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).map_or(Duration::ZERO, Duration::from)
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { wall: Instant::now(), processor: processor() }
+    }
+
+    fn say(&self, what: &str) {
+        let rate = |span: Duration| f64::from(SAMPLES) / span.as_secs_f64();
+        let (wall, used) = (rate(self.wall.elapsed()), rate(processor() - self.processor));
+        println!("{what:<40} {wall:>9.0} samples/s of wall time, {used:>9.0} of processor time");
+    }
+}
+
+/// What is said to start a stream, each with what answers it.
+fn conversation(rate_hz: u16) -> [(Vec<u8>, Kind); 3] {
+    [
+        (hello(), Kind::Hello),
+        (request(1, &ModulePower { on: 1 }), Kind::Result),
+        (request(2, &start(rate_hz)), Kind::Accept),
+    ]
+}
+
+fn hears(decoder: &mut Decoder, mut bytes: &[u8], wanted: Kind) -> bool {
+    let mut came = false;
+    while let Some(outcome) = decoder.next(&mut bytes) {
+        came |= outcome.is_ok_and(|frame| frame.header.kind == wanted);
+    }
+    came
 }
 
 /// The sensors alone.
@@ -53,48 +89,43 @@ fn sensors(rate_hz: u16, turning: bool) {
     }
     let mut sensors = Sensors::new(SensorModels::default(), SensorFaults::default(), 1);
     sensors.power_on(0.0);
-    let started = Instant::now();
+    let started = Clock::start();
     let mut sum = 0_i64;
     for index in 1..=SAMPLES {
         let now_s = f64::from(index) / f64::from(rate_hz);
         sum += i64::from(sensors.sample(&world.influence(now_s), now_s, f64::from(rate_hz)).gyro[0]);
     }
     std::hint::black_box(sum);
-    say(&format!("sensors, {rate_hz} Hz, {}", if turning { "turning" } else { "still" }), SAMPLES, started.elapsed());
+    started.say(&format!("sensors, {rate_hz} Hz, {}", if turning { "turning" } else { "still" }));
 }
 
 /// The whole board with its line, and nobody who reads what it says.
 fn board(rate_hz: u16, turning: bool) {
     let mut bench = Bench::new(&options());
     let clock = Instant::now();
-    let mut started = None;
-    for bytes in [hello(), request(1, &ModulePower { on: 1 }), request(2, &start(rate_hz))] {
+    let mut decoder = Decoder::default();
+    for (bytes, answer) in conversation(rate_hz) {
+        if answer == Kind::Accept && turning {
+            bench.set_turn(Axis::Z, 200.0);
+        }
         bench.receive(&bytes, clock.elapsed());
-        for _ in 0..20 {
+        let mut came = false;
+        while !came {
             bench.advance(clock.elapsed());
-            let count = bench.output(clock.elapsed()).len();
-            bench.consume(count);
-            if started.is_some() {
-                break;
-            }
+            let out = bench.output(clock.elapsed()).to_vec();
+            bench.consume(out.len());
+            came = hears(&mut decoder, &out, answer);
         }
-        if turning {
-            let _ = bench.orient(Direction::Up, Axis::Z, Sign::Plus, 0.0);
-        }
-        started = Some(Instant::now());
-    }
-    if turning {
-        bench.set_turn(Axis::Z, 200.0);
     }
     let keep_alive = frame(Kind::Event, 0, 2, Payload::new());
-    let started = Instant::now();
+    let started = Clock::start();
     let (mut bytes, mut quiet) = (0_u64, 0);
-    let mut fed = started;
+    let mut fed = clock.elapsed();
     // The stream has ended when nothing comes for some turns.
     while quiet < 50 {
         let now = clock.elapsed();
-        if fed.elapsed() > Duration::from_millis(400) {
-            fed = Instant::now();
+        if now - fed > KEEP_ALIVE {
+            fed = now;
             bench.receive(&keep_alive, now);
         }
         bench.advance(now);
@@ -104,7 +135,7 @@ fn board(rate_hz: u16, turning: bool) {
         quiet = if count == 0 { quiet + 1 } else { 0 };
     }
     let label = format!("board, {rate_hz} Hz, {}", if turning { "turning" } else { "still" });
-    say(&label, SAMPLES, started.elapsed());
+    started.say(&label);
     println!("    {:.1} bytes a sample", bytes as f64 / f64::from(SAMPLES));
 }
 
@@ -114,37 +145,30 @@ fn pty(rate_hz: u16) -> std::io::Result<()> {
     let mut port = std::fs::OpenOptions::new().read(true).write(true).open(bench.port())?;
     let mut writer = port.try_clone()?;
     let mut decoder = Decoder::default();
-    for (bytes, answer) in [
-        (hello(), Kind::Hello),
-        (request(1, &ModulePower { on: 1 }), Kind::Result),
-        (request(2, &start(rate_hz)), Kind::Accept),
-    ] {
+    for (bytes, answer) in conversation(rate_hz) {
         std::io::Write::write_all(&mut writer, &bytes)?;
         let mut came = false;
         while !came {
             let mut buffer = [0; 64];
             let count = port.read(&mut buffer)?;
-            let mut rest = &buffer[..count];
-            while let Some(outcome) = decoder.next(&mut rest) {
-                came |= outcome.is_ok_and(|frame| frame.header.kind == answer);
-            }
+            came = hears(&mut decoder, &buffer[..count], answer);
         }
     }
     let keep_alive = frame(Kind::Event, 0, 2, Payload::new());
-    let started = Instant::now();
-    let mut fed = started;
+    let started = Clock::start();
+    let mut fed = Instant::now();
     let (mut bytes, mut reads) = (0_usize, 0);
     let mut buffer = vec![0; 65_536];
     // 42 bytes a sample and more: what is left at the end is a frame or two.
     while bytes < SAMPLES as usize * 42 {
         bytes += port.read(&mut buffer)?;
         reads += 1;
-        if fed.elapsed() > Duration::from_millis(400) {
+        if fed.elapsed() > KEEP_ALIVE {
             fed = Instant::now();
             std::io::Write::write_all(&mut writer, &keep_alive)?;
         }
     }
-    say(&format!("over a pseudo-terminal, {rate_hz} Hz, still"), SAMPLES, started.elapsed());
+    started.say(&format!("over a pseudo-terminal, {rate_hz} Hz, still"));
     println!("    {} bytes a read", bytes / reads);
     Ok(())
 }
