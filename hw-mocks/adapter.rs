@@ -3,6 +3,7 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
+use std::time::Duration;
 
 use gnc_protocol::can::{CanFrame, CanId};
 use nix::errno::Errno;
@@ -10,76 +11,144 @@ use socketcan::{CanSocket, EmbeddedFrame as _, Id, Socket as _};
 
 use crate::bench::Bench;
 use crate::can::Adapter;
-use crate::driver::Pty;
+use crate::port::Tty;
 
 /// Where the host finds the bus.
 #[derive(Debug)]
 pub(crate) enum CanPort {
     /// The master's end of a pseudo-terminal, with the adapter behind it.
-    Slcan { pty: Pty, adapter: Adapter },
-    /// An interface of the kernel, and a frame that it did not take yet.
-    Socket { socket: CanSocket, waiting: Option<CanFrame> },
+    Slcan { pty: Tty, adapter: Adapter },
+    /// An interface of the kernel.
+    Socket(Interface),
+}
+
+/// An interface of the kernel. One that goes away is looked for by its name until it is back.
+#[derive(Debug)]
+pub(crate) struct Interface {
+    name: String,
+    socket: Option<CanSocket>,
+    /// A frame that it did not take yet.
+    waiting: Option<CanFrame>,
+}
+
+impl Interface {
+    fn open(name: &str) -> io::Result<CanSocket> {
+        let socket = CanSocket::open(name)?;
+        socket.set_nonblocking(true)?;
+        Ok(socket)
+    }
+
+    /// The socket, opened once more where it had to be closed.
+    fn socket(&mut self) -> Option<&CanSocket> {
+        if self.socket.is_none() {
+            self.socket = Self::open(&self.name).ok();
+        }
+        self.socket.as_ref()
+    }
+
+    /// `None`: nothing to read, for now.
+    fn read(&mut self) -> io::Result<Option<socketcan::CanFrame>> {
+        let Some(socket) = self.socket() else { return Ok(None) };
+        match socket.read_frame() {
+            Ok(frame) => Ok(Some(frame)),
+            Err(error) => self.understand(error).map(|()| None),
+        }
+    }
+
+    /// Whether the interface has no room.
+    fn write(&mut self, bench: &mut Bench) -> io::Result<bool> {
+        while let Some(frame) = self.waiting.take().or_else(|| bench.output_can()) {
+            let Some(raw) = to_socket(&frame) else { continue };
+            // What is said while there is no interface is lost, as on a bus without one.
+            let Some(socket) = self.socket() else { continue };
+            match socket.write_frame(&raw) {
+                Ok(()) => {}
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => self.waiting = Some(frame),
+                // The transmit queue is full: the kernel says either.
+                Err(error)
+                    if error.kind() == io::ErrorKind::WouldBlock
+                        || error.raw_os_error() == Some(Errno::ENOBUFS as i32) =>
+                {
+                    self.waiting = Some(frame);
+                    return Ok(true);
+                }
+                Err(error) => self.understand(error)?,
+            }
+        }
+        Ok(false)
+    }
+
+    fn understand(&mut self, error: io::Error) -> io::Result<()> {
+        match error.raw_os_error().map(Errno::from_raw) {
+            // Switched off or unplugged: said once.
+            Some(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => {
+                self.socket = None;
+                Ok(())
+            }
+            Some(Errno::EAGAIN | Errno::EINTR) => Ok(()),
+            _ => Err(error),
+        }
+    }
 }
 
 impl CanPort {
     /// A new pseudo-terminal.
     pub(crate) fn slcan() -> io::Result<Self> {
-        Ok(Self::Slcan { pty: Pty::open()?, adapter: Adapter::default() })
+        Ok(Self::Slcan { pty: Tty::pseudo_terminal()?, adapter: Adapter::default() })
     }
 
     /// An interface by its name.
     pub(crate) fn socket(interface: &str) -> io::Result<Self> {
-        let socket = CanSocket::open(interface)?;
-        socket.set_nonblocking(true)?;
-        Ok(Self::Socket { socket, waiting: None })
+        let socket = Some(Interface::open(interface)?);
+        Ok(Self::Socket(Interface { name: interface.to_owned(), socket, waiting: None }))
     }
 
     /// What the host opens, as its bench file names it.
-    pub(crate) fn name(&self, interface: Option<&str>) -> String {
+    pub(crate) fn name(&self) -> String {
         match self {
-            Self::Slcan { pty, .. } => format!("slcan:{}", pty.path().display()),
-            Self::Socket { .. } => interface.unwrap_or_default().to_owned(),
+            Self::Slcan { pty, .. } => format!("slcan:{}", pty.name.display()),
+            Self::Socket(interface) => interface.name.clone(),
         }
     }
 
-    pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {
+    /// What to wait for; `None` while the interface is away.
+    pub(crate) fn as_fd(&self) -> Option<BorrowedFd<'_>> {
         match self {
-            Self::Slcan { pty, .. } => pty.master().as_fd(),
-            Self::Socket { socket, .. } => socket.as_fd(),
+            Self::Slcan { pty, .. } => Some(pty.end.as_fd()),
+            Self::Socket(interface) => interface.socket.as_ref().map(AsFd::as_fd),
         }
     }
 
     /// Takes what the host sent, as far as the bus has room.
-    pub(crate) fn read(&mut self, bench: &mut Bench) -> io::Result<()> {
+    pub(crate) fn read(&mut self, bench: &mut Bench, now: Duration) -> io::Result<()> {
         while bench.can_room() > 0 {
             match self {
                 Self::Slcan { pty, adapter } => {
                     // As many bytes as the shortest frames may need: what is more stays in the port.
                     let mut buffer = [0; 4096];
                     let room = (bench.can_room() * 5).min(buffer.len());
-                    match nix::unistd::read(pty.master(), &mut buffer[..room]) {
+                    match nix::unistd::read(&pty.end, &mut buffer[..room]) {
                         Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                         Ok(count) => {
-                            adapter.receive(&buffer[..count]).into_iter().for_each(|frame| bench.receive_can(frame));
+                            adapter
+                                .receive(&buffer[..count])
+                                .into_iter()
+                                .for_each(|frame| bench.receive_can(frame, now));
                         }
                         Err(Errno::EINTR) => {}
                         Err(error) => return Err(error.into()),
                     }
                 }
-                Self::Socket { socket, .. } => match socket.read_frame() {
-                    Ok(socketcan::CanFrame::Data(frame)) => {
+                Self::Socket(interface) => match interface.read()? {
+                    Some(socketcan::CanFrame::Data(frame)) => {
                         let id = match frame.id() {
                             Id::Standard(id) => CanId::Standard(id.as_raw()),
                             Id::Extended(id) => CanId::Extended(id.as_raw()),
                         };
-                        CanFrame::new(id, frame.data()).into_iter().for_each(|frame| bench.receive_can(frame));
+                        CanFrame::new(id, frame.data()).into_iter().for_each(|frame| bench.receive_can(frame, now));
                     }
-                    Ok(_) => {}
-                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
-                    Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                    // Said once when the interface goes down; it may come back.
-                    Err(error) if error.raw_os_error() == Some(Errno::ENETDOWN as i32) => return Ok(()),
-                    Err(error) => return Err(error),
+                    Some(_) => {}
+                    None => return Ok(()),
                 },
             }
         }
@@ -97,7 +166,7 @@ impl CanPort {
                     adapter.send(&frame);
                 }
                 while !adapter.output().is_empty() {
-                    match nix::unistd::write(pty.master(), adapter.output()) {
+                    match nix::unistd::write(&pty.end, adapter.output()) {
                         Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                         Ok(count) => adapter.consume(count),
                         Err(Errno::EINTR) => {}
@@ -106,26 +175,7 @@ impl CanPort {
                 }
                 Ok(false)
             }
-            Self::Socket { socket, waiting } => {
-                while let Some(frame) = waiting.take().or_else(|| bench.output_can()) {
-                    let Some(raw) = to_socket(&frame) else { continue };
-                    match socket.write_frame(&raw) {
-                        Ok(()) => {}
-                        Err(error) if error.kind() == io::ErrorKind::Interrupted => *waiting = Some(frame),
-                        // The transmit queue is full: the kernel says either.
-                        Err(error)
-                            if error.kind() == io::ErrorKind::WouldBlock
-                                || error.raw_os_error() == Some(Errno::ENOBUFS as i32) =>
-                        {
-                            *waiting = Some(frame);
-                            return Ok(true);
-                        }
-                        Err(error) if error.raw_os_error() == Some(Errno::ENETDOWN as i32) => {}
-                        Err(error) => return Err(error),
-                    }
-                }
-                Ok(false)
-            }
+            Self::Socket(interface) => interface.write(bench),
         }
     }
 
@@ -133,7 +183,7 @@ impl CanPort {
     pub(crate) fn is_drained(&mut self) -> bool {
         match self {
             Self::Slcan { adapter, .. } => adapter.output().is_empty(),
-            Self::Socket { waiting, .. } => waiting.is_none(),
+            Self::Socket(interface) => interface.waiting.is_none(),
         }
     }
 }

@@ -56,6 +56,7 @@ pub(crate) const BOARDS: &[(&str, &str)] = boards![
     "pps-missing",
     "rail-low",
     "reboots-in-sdram",
+    "rs422-loses-bytes",
     "sci-flips-bits",
     "sci-loses-bytes",
     "sdram-address-open",

@@ -12,6 +12,9 @@ use gnc_protocol::can::{BIT_RATE, CanFrame, CanId};
 use gnc_protocol::frame::{Frame, FrameError};
 use gnc_protocol::serial::LineCounters;
 
+use crate::can_faults::{CanWireFaults, FaultyBus};
+use crate::noise::{Dice, Source};
+
 /// Frames of streams that wait beyond which the board drops samples: 0.3 s of the bus.
 const SAMPLES_WAIT: usize = 1024;
 /// Frames that wait for the host beyond which they are lost, as in an adapter that nobody reads.
@@ -23,6 +26,9 @@ const INPUT_WAIT: usize = 64;
 #[derive(Debug)]
 pub(crate) struct CanBus {
     endpoint: Endpoint,
+    /// What happens to frames between the host and the bus, either way.
+    wire_to_board: FaultyBus,
+    wire_to_host: FaultyBus,
     from_host: VecDeque<CanFrame>,
     events: VecDeque<CanFrame>,
     samples: VecDeque<CanFrame>,
@@ -49,9 +55,11 @@ enum Sender {
 
 impl CanBus {
     /// A bus that runs so many times as fast as a real one; `None`: without pace.
-    pub(crate) fn new(times: Option<f64>, lose_every: u32) -> Self {
+    pub(crate) fn new(times: Option<f64>, lose_every: u32, faults: CanWireFaults, seed: u64) -> Self {
         Self {
             endpoint: Endpoint::new(Role::Board),
+            wire_to_board: FaultyBus::new(faults.to_board, Dice::new(seed, Source::CanToBoard)),
+            wire_to_host: FaultyBus::new(faults.to_host, Dice::new(seed, Source::CanToHost)),
             from_host: VecDeque::new(),
             events: VecDeque::new(),
             samples: VecDeque::new(),
@@ -63,6 +71,12 @@ impl CanBus {
             lose_every,
             sent: 0,
         }
+    }
+
+    /// Gives a bus without pace that of a real one: a kernel holds nobody up who sends faster than others read, and frames
+    /// would be lost.
+    pub(crate) fn pace(&mut self) {
+        self.bit_ns = if self.bit_ns > 0.0 { self.bit_ns } else { 1e9 / f64::from(BIT_RATE) };
     }
 
     /// The board restarted: what it had to say is gone.
@@ -86,21 +100,34 @@ impl CanBus {
         self.samples.len() > SAMPLES_WAIT
     }
 
-    /// Whether everything that was said has left.
+    /// Whether everything that was said has left, and nobody is in the middle of a message: between the frames of a
+    /// request no time shall pass on a bench at full speed.
     pub(crate) fn is_quiet(&self) -> bool {
         self.endpoint.is_idle()
             && self.to_host.is_empty()
+            && self.wire_to_board.len() + self.wire_to_host.len() == 0
             && [&self.from_host, &self.events, &self.samples, &self.echoes].iter().all(|queue| queue.is_empty())
     }
 
     /// How many frames [`CanBus::push`] takes now.
     pub(crate) fn room(&self) -> usize {
-        INPUT_WAIT.saturating_sub(self.from_host.len())
+        INPUT_WAIT.saturating_sub(self.from_host.len() + self.wire_to_board.len())
     }
 
     /// A frame from the host's adapter.
-    pub(crate) fn push(&mut self, frame: CanFrame) {
-        self.from_host.push_back(frame);
+    pub(crate) fn push(&mut self, frame: CanFrame, now: Duration) {
+        self.wire_to_board.push(frame, now);
+    }
+
+    /// What the faults between host and bus let through goes on.
+    pub(crate) fn carry(&mut self, now: Duration) {
+        self.from_host.extend(std::iter::from_fn(|| self.wire_to_board.pop(now)));
+        self.to_host.extend(std::iter::from_fn(|| self.wire_to_host.pop(now)));
+    }
+
+    /// Whether a frame was lost or damaged between host and bus since this was asked last.
+    pub(crate) fn take_harmed(&mut self) -> bool {
+        self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed()
     }
 
     /// A frame of the conversation for the host.
@@ -122,6 +149,7 @@ impl CanBus {
     /// Lets the next frame pass, if the bus is free: gives what board and module hear of it. `None`: nothing can pass
     /// now.
     pub(crate) fn step(&mut self, now: Duration) -> Option<Heard> {
+        self.carry(now);
         if self.free_at > now {
             return None;
         }
@@ -156,9 +184,10 @@ impl CanBus {
         }
         self.sent = self.sent.wrapping_add(1);
         let lost = self.lose_every != 0 && self.sent.is_multiple_of(self.lose_every);
-        if !lost && self.to_host.len() < HOST_WAITS {
-            self.to_host.push_back(frame);
+        if !lost && self.to_host.len() + self.wire_to_host.len() < HOST_WAITS {
+            self.wire_to_host.push(frame, now);
         }
+        self.carry(now);
         Some(Heard::Nothing)
     }
 
@@ -172,7 +201,7 @@ impl CanBus {
         let queues = [&self.from_host, &self.events, &self.samples, &self.echoes];
         let waits = queues.iter().any(|queue| !queue.is_empty()).then_some(self.free_at);
         let message = self.endpoint.next_due().map(|due| due.max(self.free_at));
-        [waits, message].into_iter().flatten().min()
+        [waits, message, self.wire_to_board.next_due(), self.wire_to_host.next_due()].into_iter().flatten().min()
     }
 }
 

@@ -1,7 +1,8 @@
-//! The simulated bench on real ports (a pseudo-terminal for RS-422, another one or an interface for CAN), served by a thread of its own.
+//! The simulated bench on real ports (a pseudo-terminal or a serial port for RS-422, another pseudo-terminal or an
+//! interface for CAN), served by a thread of its own.
 
 use std::io::{self, Read, Write};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -9,20 +10,20 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, ppoll};
-use nix::pty::openpty;
-use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::sys::time::TimeSpec;
-use nix::unistd::ttyname;
 
 use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
+use crate::port::Tty;
 use crate::turntable::{Direction, TableRefusal};
 use crate::world::{Axis, Sign};
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);
+
+/// Between two looks for a CAN interface that went away.
+const INTERFACE_AWAY: Duration = Duration::from_millis(20);
 
 /// The thread that serves the bench has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -247,24 +248,40 @@ impl RunningBench {
     /// # Errors
     /// As [`RunningBench::start`]; or there is no such interface.
     pub fn start_with(options: &Options, interface: Option<&str>) -> io::Result<Self> {
-        let pty = Pty::open()?;
-        let port = pty.path().to_owned();
+        Self::serve(options, Tty::pseudo_terminal()?, interface)
+    }
+
+    /// As [`RunningBench::start_with`], on a serial port of this computer at the rate of the options; the host opens
+    /// the other end of the cable.
+    ///
+    /// # Errors
+    /// As [`RunningBench::start_with`]; or it is no port, or does not have the rate.
+    pub fn start_on(options: &Options, device: &Path, interface: Option<&str>) -> io::Result<Self> {
+        Self::serve(options, Tty::device(device, options.rate_baud)?, interface)
+    }
+
+    fn serve(options: &Options, tty: Tty, interface: Option<&str>) -> io::Result<Self> {
+        let port = tty.name.clone();
         let can = match interface {
             Some(interface) => CanPort::socket(interface)?,
             None => CanPort::slcan()?,
         };
-        let can_port = can.name(interface);
+        let can_port = can.name();
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let driver = Driver { bench: Bench::new(options), pty, can, woken, received, started: Instant::now() };
+        let mut bench = Bench::new(options);
+        if interface.is_some() {
+            bench.pace_can();
+        }
+        let driver = Driver { bench, tty, can, woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
         Ok(Self { port, can_port, control, thread: Some(thread) })
     }
 
-    /// The pseudo-terminal that the host opens.
+    /// The pseudo-terminal that the host opens, or the device that the bench is served on.
     #[must_use]
     pub fn port(&self) -> &Path {
         &self.port
@@ -293,39 +310,9 @@ impl Drop for RunningBench {
     }
 }
 
-/// A pseudo-terminal in raw mode.
-#[derive(Debug)]
-pub(crate) struct Pty {
-    master: OwnedFd,
-    /// Without an open slave end the master reports an error whenever the host closes its own.
-    _kept_open: OwnedFd,
-    path: PathBuf,
-}
-
-impl Pty {
-    pub(crate) fn open() -> io::Result<Self> {
-        let pty = openpty(None, None)?;
-        let mut settings = tcgetattr(&pty.slave)?;
-        cfmakeraw(&mut settings);
-        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings)?;
-        let path = ttyname(&pty.slave)?;
-        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL)?);
-        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
-        Ok(Self { master: pty.master, _kept_open: pty.slave, path })
-    }
-
-    pub(crate) fn master(&self) -> &OwnedFd {
-        &self.master
-    }
-
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
 struct Driver {
     bench: Bench,
-    pty: Pty,
+    tty: Tty,
     can: CanPort,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
@@ -340,7 +327,7 @@ impl Driver {
             }
             let now = self.started.elapsed();
             self.read(now)?;
-            self.can.read(&mut self.bench)?;
+            self.can.read(&mut self.bench, now)?;
             // What the adapter has not handed on yet was said and has not left: time must not pass by it.
             self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);
@@ -400,7 +387,7 @@ impl Driver {
             if room == 0 {
                 return Ok(());
             }
-            match nix::unistd::read(self.pty.master(), &mut buffer[..room]) {
+            match nix::unistd::read(&self.tty.end, &mut buffer[..room]) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                 Ok(count) => self.bench.receive(&buffer[..count], now),
                 Err(Errno::EINTR) => {}
@@ -416,7 +403,7 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            match nix::unistd::write(self.pty.master(), bytes) {
+            match nix::unistd::write(&self.tty.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                 Ok(count) => self.bench.consume(count),
                 Err(Errno::EINTR) => {}
@@ -443,14 +430,19 @@ impl Driver {
         if can_full {
             can_wanted |= PollFlags::POLLOUT;
         }
-        let mut fds = [
-            PollFd::new(self.pty.master().as_fd(), wanted),
-            PollFd::new(self.can.as_fd(), can_wanted),
-            PollFd::new(self.woken.as_fd(), PollFlags::POLLIN),
-        ];
+        let mut fds =
+            vec![PollFd::new(self.tty.end.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
+        let can = self.can.as_fd();
+        let timeout = if can.is_some() { timeout } else { timeout.min(INTERFACE_AWAY) };
+        fds.extend(can.map(|can| PollFd::new(can, can_wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),
+        }
+        // A device that was pulled out would read as "no bytes" for ever; our own pseudo-terminal never hangs up, since
+        // its other end is kept open.
+        if fds[0].revents().is_some_and(|events| events.contains(PollFlags::POLLHUP)) {
+            return Err(Errno::ENXIO.into());
         }
         // Only the waking mattered; what it was for is in the channel.
         let mut rubbish = [0; 64];

@@ -1,8 +1,9 @@
 //! The simulated bench: a world with a truth, a slave board and a GNC module in it.
 //!
-//! [`RunningBench`] serves a [`Bench`] on a pseudo-terminal; [`Control`] is what an operator or a fixture does at it;
-//! a [`Personality`] says what is in the socket and what is wrong with it. Faults change the world, a device or the
-//! wire, never an answer: the bench knows no plans, no limits and no verdicts, and must not know the right answer.
+//! [`RunningBench`] serves a [`Bench`] on a pseudo-terminal or a serial port; [`Control`] is what an operator or a
+//! fixture does at it; a [`Personality`] says what is in the socket and what is wrong with it. Faults change the world,
+//! a device or the wire, never an answer: the bench knows no plans, no limits and no verdicts, and must not know the
+//! right answer.
 
 /// The bench file of the simulated bench, as a surveyor and its builder would write it.
 pub const BENCH_FILE: &str = include_str!("bench.toml");
@@ -12,6 +13,7 @@ pub mod bench;
 pub mod board;
 mod boards;
 mod can;
+mod can_faults;
 pub mod devices;
 pub mod driver;
 mod line;
@@ -19,6 +21,7 @@ pub mod module;
 mod motion;
 pub mod noise;
 pub mod personality;
+mod port;
 pub mod program;
 pub mod records;
 mod requests;

@@ -43,12 +43,16 @@ pub enum Source {
     InternalFlash = 15,
     /// What happens to bytes on their way to the board.
     LineToBoard = 16,
+    /// Faults of CAN on the way to the host.
+    CanToHost = 17,
+    /// Faults of CAN on the way to the board.
+    CanToBoard = 18,
     /// The turntable: what is new each time.
-    Table = 17,
+    Table = 19,
     /// The turntable: what an orientation has whenever it is taken up.
-    TablePosition = 18,
+    TablePosition = 20,
     /// Simulations of noise alone.
-    Bootstrap = 19,
+    Bootstrap = 21,
 }
 
 /// One stream of chance.

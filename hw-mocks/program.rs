@@ -1,5 +1,5 @@
-//! The simulated bench as a program: serves a board on a pseudo-terminal and takes an operator's commands on standard
-//! input, so that station and board run as two processes.
+//! The simulated bench as a program: serves a board on a pseudo-terminal or a serial port and takes an operator's
+//! commands on standard input, so that station and board run as two processes.
 
 use std::collections::VecDeque;
 use std::ffi::OsString;
@@ -30,7 +30,7 @@ truth             what really is
 can               where the CAN bus is: slcan:PATH or an interface
 quit              end";
 
-/// Serves a simulated slave board with a module in its socket on a pseudo-terminal.
+/// Serves a simulated slave board with a module in its socket on a pseudo-terminal or a serial port.
 ///
 /// The first line on standard output is `port PATH`. Commands are read from standard input; `help` lists them. Each
 /// is answered by a line that begins with `ok` or `error`.
@@ -52,8 +52,11 @@ struct Arguments {
     /// Rate of the link.
     #[arg(long, value_name = "BAUD", default_value_t = 921_600, value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
     rate: u32,
+    /// Serve this serial port of the computer instead of a pseudo-terminal.
+    #[arg(long, value_name = "DEVICE")]
+    port: Option<PathBuf>,
     /// Also put a symbolic link to the pseudo-terminal there.
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", conflicts_with = "port")]
     link: Option<PathBuf>,
     /// Put the CAN bus on this interface of the kernel; without it, on an slcan adapter on a pseudo-terminal.
     #[arg(long, value_name = "INTERFACE")]
@@ -93,6 +96,8 @@ enum ProgramError {
     Personality(#[from] crate::personality::PersonalityError),
     #[error("cannot open the ports")]
     Start(#[source] io::Error),
+    #[error("cannot serve {} at {rate_baud} baud", port.display())]
+    Port { port: PathBuf, rate_baud: u32, source: io::Error },
     #[error("cannot put a link at {}", path.display())]
     Link { path: PathBuf, source: io::Error },
     #[error("cannot wait for signals")]
@@ -153,7 +158,14 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
     signals.add(Signal::SIGINT);
     signals.add(Signal::SIGTERM);
     signals.thread_block().map_err(|error| ProgramError::Signals(error.into()))?;
-    let bench = RunningBench::start_with(&options, arguments.can.as_deref()).map_err(ProgramError::Start)?;
+    let can = arguments.can.as_deref();
+    let bench = match &arguments.port {
+        None => RunningBench::start_with(&options, can).map_err(ProgramError::Start)?,
+        Some(port) => RunningBench::start_on(&options, port, can).map_err(|source| {
+            let (port, rate_baud) = (port.clone(), arguments.rate);
+            ProgramError::Port { port, rate_baud, source }
+        })?,
+    };
     let link = arguments.link.as_deref().map(|path| Link::put(path, bench.port())).transpose()?;
     say(&format!("port {}", bench.port().display()))?;
     let (events, received) = mpsc::channel();

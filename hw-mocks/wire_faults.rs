@@ -22,6 +22,9 @@ const GARBAGE: f64 = 700.0;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct WireRates {
     pub(crate) lost_bytes: f64,
+    /// Place of the byte that is lost in every frame that has so many; 0: none. No chance in it: so does a buffer that is
+    /// too short by one.
+    pub(crate) lost_byte_at: u32,
     pub(crate) flipped_bits: f64,
     pub(crate) lost_frames: f64,
     /// The rest of the frame is lost, its delimiter too.
@@ -149,6 +152,9 @@ impl FaultyWire {
         if self.happens(rates.cut_frames) {
             let kept = self.below(frame.len() as f64);
             frame.truncate(kept);
+        }
+        if rates.lost_byte_at > 0 && frame.len() >= rates.lost_byte_at as usize {
+            frame.remove(rates.lost_byte_at as usize - 1);
         }
         if rates.lost_bytes > 0.0 {
             frame.retain(|_| self.dice.between(0.0, 1e6) >= rates.lost_bytes);
@@ -288,6 +294,10 @@ mod tests {
 
         let (bytes, _) = through(WireRates { lost_bytes: 1e4, ..WireRates::default() });
         assert!((480..500).contains(&bytes.len()), "{}", bytes.len());
+
+        let (bytes, _) = through(WireRates { lost_byte_at: 4, ..WireRates::default() });
+        assert!(bytes.len() == 400 && frames(&bytes).iter().all(|frame| frame.len() == 2), "{}", bytes.len());
+        assert_eq!(through(WireRates { lost_byte_at: 6, ..WireRates::default() }).0.len(), 500, "no frame is so long");
 
         let (bytes, _) = through(WireRates { flipped_bits: 1e4, ..WireRates::default() });
         assert!(bytes.len() == 500 && frames(&bytes).iter().any(|frame| !whole(frame)));

@@ -23,7 +23,7 @@ fn check_refused(args: &[&str], files: &[(&str, &str)], words: &[&str]) {
 fn mistakes_of_the_command_line_are_refused() {
     let plan = functional_plan();
     let plan = plan.to_str().expect("UTF-8");
-    check_refused(&[], &[], &["nothing to do", "--auto"]);
+    check_refused(&[], &[], &["needs a terminal", "--auto"]);
     check_refused(&["--auto", plan, "--sim"], &[], &["no serial number", "--serial-number"]);
     check_refused(&["--auto", plan, "--sim", "--serial-number", " "], &[], &["is empty", "scan"]);
     check_refused(&["--auto", plan, "--sim", "--serial-number", "a\u{1b}[2Jb"], &[], &["control characters"]);

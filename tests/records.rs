@@ -326,3 +326,39 @@ fn a_run_cut_off_at_its_very_start_is_listed() {
     assert_eq!(run.code, Some(2), "{}", run.stdout);
     assert!(run.stderr.contains("cut off at its start"), "{}", run.stderr);
 }
+
+/// By folder and by serial number; what is not there is said in the user's words.
+#[test]
+fn a_run_is_found_by_its_serial_number() {
+    let place = Place::new(STATION);
+    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, Some(0));
+    let record = fs::read_to_string(place.runs()[0].join("run.json")).expect("run.json");
+    let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
+    let serial_number = record["serial_number"].as_str().expect("a text");
+    let run = place.run(["records", "show", serial_number]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains(serial_number), "{}", run.stdout);
+    let run = place.run(["records", "verify", serial_number]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains("1 of 1 runs are as written"), "{}", run.stdout);
+    for what in ["show", "verify"] {
+        let run = place.run(["records", what, "SN-NEVER"]);
+        assert_eq!(run.code, Some(2), "{}", run.stdout);
+        assert!(run.stderr.contains("there is no run SN-NEVER"), "{}", run.stderr);
+    }
+}
+
+/// A whole run is taken out of the folder: nothing that is left is wrong, and still it is found.
+#[test]
+fn a_run_that_was_taken_away_is_missed() {
+    let place = Place::new(STATION);
+    for _ in 0..2 {
+        assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, Some(0));
+    }
+    let run = place.run(["records", "verify"]);
+    assert!(run.stdout.contains("the chain of 2 closed runs is whole"), "{}", run.stdout);
+    fs::remove_dir_all(&place.runs()[1]).expect("a run");
+    let run = place.run(["records", "verify"]);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stdout.contains("was closed and is gone"), "{}", run.stdout);
+}

@@ -18,8 +18,9 @@ use serde_json::Value;
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 /// Runs at once: those with delays wait more than they work.
 const AT_ONCE: usize = 8;
-/// A run on a clean line takes a second; one in which every item meets a dead line twice, some forty.
-const LONGEST: Duration = Duration::from_secs(75);
+/// A run on a clean line takes a second; one in which every item meets a dead line twice, some forty, and over CAN, where
+/// a message that breaks off takes a second more, some eighty.
+const LONGEST: Duration = Duration::from_secs(150);
 
 /// A fault of the wire: its name, and its rates for a mild and a harsh line.
 struct Fault {
@@ -68,8 +69,55 @@ const FAULTS: [Fault; 11] = [
     },
 ];
 
+/// The same between station and CAN bus. What is damaged there no controller lets through; what is altered all the same
+/// the checksum of the messages finds.
+const CAN_FAULTS: [Fault; 9] = [
+    Fault { name: "frames lost", mild: "lost_frames_per_million = 100.0", harsh: "lost_frames_per_million = 5e3" },
+    Fault { name: "bursts lost", mild: "lost_bursts_per_million = 30.0", harsh: "lost_bursts_per_million = 1e3" },
+    Fault {
+        name: "bits flipped",
+        mild: "flipped_frames_per_million = 100.0",
+        harsh: "flipped_frames_per_million = 5e3",
+    },
+    Fault {
+        name: "frames doubled",
+        mild: "doubled_frames_per_million = 100.0",
+        harsh: "doubled_frames_per_million = 5e4",
+    },
+    Fault {
+        name: "frames overtaken",
+        mild: "overtaken_frames_per_million = 100.0",
+        harsh: "overtaken_frames_per_million = 2e4",
+    },
+    Fault {
+        name: "frames delayed",
+        mild: "delayed_frames_per_million = 300.0\ndelay_ms = 80.0",
+        harsh: "delayed_frames_per_million = 3e3\ndelay_ms = 300.0",
+    },
+    Fault {
+        name: "bus stalled",
+        mild: "stalled_frames_per_million = 100.0\nstall_ms = 300.0",
+        harsh: "stalled_frames_per_million = 500.0\nstall_ms = 2500.0",
+    },
+    Fault { name: "babble", mild: "babbled_frames_per_million = 100.0", harsh: "babbled_frames_per_million = 5e4" },
+    Fault {
+        name: "everything",
+        mild: "lost_frames_per_million = 30.0\nlost_bursts_per_million = 3.0\nflipped_frames_per_million = 30.0\n\
+               doubled_frames_per_million = 30.0\novertaken_frames_per_million = 30.0\n\
+               delayed_frames_per_million = 100.0\ndelay_ms = 80.0\nstalled_frames_per_million = 30.0\n\
+               stall_ms = 300.0\nbabbled_frames_per_million = 30.0",
+        harsh: "lost_frames_per_million = 1e3\nlost_bursts_per_million = 100.0\nflipped_frames_per_million = 1e3\n\
+                doubled_frames_per_million = 1e3\novertaken_frames_per_million = 1e3\n\
+                delayed_frames_per_million = 1e3\ndelay_ms = 80.0\nstalled_frames_per_million = 100.0\n\
+                stall_ms = 1000.0\nbabbled_frames_per_million = 1e4",
+    },
+];
+
 /// A good module, and bad ones of which the evidence comes by results, by a stream and by restarts.
 const BOARDS: [&str; 4] = ["good", "pps-missing", "spi-flips-bits", "reboots-in-sdram"];
+
+/// The same for CAN: one that alters test frames, one that swaps them.
+const CAN_BOARDS: [&str; 4] = ["good", "can-flips-bits", "can-swaps-frames", "pps-missing"];
 
 /// Harsh faults of which no run stays free.
 const LOSSY: [&str; 3] = ["frames lost", "frames cut", "bits flipped"];
@@ -77,11 +125,34 @@ const LOSSY: [&str; 3] = ["frames lost", "frames cut", "bits flipped"];
 /// One run that is to be made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Case {
+    link: Link,
     fault: &'static str,
     harsh: bool,
     rates: &'static str,
     board: &'static str,
     seed: u64,
+}
+
+/// Over which link commands go, and which one is faulty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Link {
+    /// Commands over RS-422, which is faulty.
+    Serial,
+    /// Commands over RS-422, a faulty CAN bus beside it.
+    CanBeside,
+    /// All over a faulty CAN bus.
+    CanAlone,
+}
+
+impl Link {
+    /// The option of the station and the table of the board's file.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Serial => ("rs422", "wire"),
+            Self::CanBeside => ("rs422", "can_wire"),
+            Self::CanAlone => ("can", "can_wire"),
+        }
+    }
 }
 
 /// How it ended.
@@ -101,11 +172,13 @@ impl Ended {
 fn run(case: Case) -> Result<Ended, String> {
     let place = Place::new(STATION);
     let board = std::fs::read_to_string(repository().join(format!("hw-mocks/boards/{}.toml", case.board)));
-    let text = format!("{}\n[wire.both]\n{}\n", board.map_err(|error| error.to_string())?, case.rates);
+    let (link, table) = case.link.words();
+    let text = format!("{}\n[{table}.both]\n{}\n", board.map_err(|error| error.to_string())?, case.rates);
     let file = place.write("board.toml", &text).display().to_string();
     let (plan, seed) = (functional_plan().display().to_string(), case.seed.to_string());
+    let sim = format!("--sim={file}");
     let args =
-        ["--auto", &plan, &format!("--sim={file}"), "--serial-number", "T-1", "--sim-speed", "max", "--seed", &seed];
+        ["--auto", &plan, &sim, "--sim-link", link, "--serial-number", "T-1", "--sim-speed", "max", "--seed", &seed];
     let began = Instant::now();
     let mut command = place.station(args);
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(|error| error.to_string())?;
@@ -223,13 +296,14 @@ fn table(ended: &[(Case, Ended)]) -> String {
     text
 }
 
-fn cases(harsh: bool, boards: &[&'static str]) -> Vec<Case> {
+fn cases(link: Link, harsh: bool, boards: &[&'static str]) -> Vec<Case> {
     let seeds = std::env::var("GNC_WIRE_SEEDS").ok().and_then(|seeds| seeds.parse().ok()).unwrap_or(1);
     let mut cases = Vec::new();
     for seed in 1..=seeds {
-        for Fault { name, mild, harsh: worse } in &FAULTS {
+        let faults: &[Fault] = if link == Link::Serial { &FAULTS } else { &CAN_FAULTS };
+        for Fault { name, mild, harsh: worse } in faults {
             let rates = if harsh { worse } else { mild };
-            cases.extend(boards.iter().map(|board| Case { fault: name, harsh, rates, board, seed }));
+            cases.extend(boards.iter().map(|board| Case { link, fault: name, harsh, rates, board, seed }));
         }
     }
     cases
@@ -238,13 +312,29 @@ fn cases(harsh: bool, boards: &[&'static str]) -> Vec<Case> {
 /// The station is held to it on a harsh line; on a mild one asking again makes good what is lost now and then.
 #[test]
 fn no_fault_of_the_line_makes_a_verdict() {
-    let all = cases(false, &["good", "spi-flips-bits"]).into_iter().chain(cases(true, &BOARDS));
+    let all =
+        cases(Link::Serial, false, &["good", "spi-flips-bits"]).into_iter().chain(cases(Link::Serial, true, &BOARDS));
     let ended = run_all(all.collect());
     eprint!("{}", table(&ended));
     for (case, ended) in ended.iter().filter(|(case, _)| case.harsh && LOSSY.contains(&case.fault)) {
         assert!(ended.noted, "{case:?} lost frames without a word");
     }
+    most_reach_a_verdict(&ended);
+}
+
+fn most_reach_a_verdict(ended: &[(Case, Ended)]) {
     let mild: Vec<&Ended> = ended.iter().filter(|(case, _)| !case.harsh).map(|(_, ended)| ended).collect();
     let verdicts = mild.iter().filter(|ended| ended.is_verdict()).count();
     assert!(verdicts * 4 >= mild.len() * 3, "{verdicts} of {} runs on a mild line reached a verdict", mild.len());
+}
+
+/// The same on CAN, for commands and for the item that tests the bus itself.
+#[test]
+fn no_fault_of_the_can_bus_makes_a_verdict() {
+    for (link, boards) in [(Link::CanBeside, &CAN_BOARDS[..3]), (Link::CanAlone, &CAN_BOARDS[..])] {
+        let all = cases(link, false, &["good", "can-flips-bits"]).into_iter().chain(cases(link, true, boards));
+        let ended = run_all(all.collect());
+        eprint!("{link:?}\n{}", table(&ended));
+        most_reach_a_verdict(&ended);
+    }
 }

@@ -326,6 +326,11 @@ impl SimulatedBoard {
         }
     }
 
+    /// Whether a memory test is running, which takes this computer time of its own.
+    pub(crate) fn is_computing(&self) -> bool {
+        self.jobs.iter().any(|job| matches!(job.task, Task::Pattern { .. }))
+    }
+
     fn run_patterns(&mut self) {
         for job in &mut self.jobs {
             let Task::Pattern { ram, run, done, accesses } = &mut job.task else { continue };

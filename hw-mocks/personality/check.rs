@@ -5,6 +5,7 @@ use std::ops::Range;
 use toml::Spanned;
 
 use super::{Model, RebootTrigger, raw};
+use crate::can_faults::{CanRates, CanWireFaults};
 use crate::devices::ad::Rails;
 use crate::devices::calibration::{CalibrationFaults, LostBit};
 use crate::devices::can::CanFaults;
@@ -191,6 +192,7 @@ impl raw::Personality {
                 bus_off_after: count(self.can.bus_off_after.as_ref(), "bus_off_after")?,
             },
             wire: self.wire.check()?,
+            can_wire: self.can_wire.check()?,
             turntable: self.turntable.check(d.turntable)?,
             reboot: self.reboot.map(raw::Reboot::check).transpose()?,
         })
@@ -326,6 +328,7 @@ impl raw::Direction {
         let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);
         Ok(WireRates {
             lost_bytes: share(&self.lost_bytes_per_million, "lost_bytes_per_million")?,
+            lost_byte_at: count(self.lost_byte_at.as_ref(), "lost_byte_at")?,
             flipped_bits: share(&self.flipped_bits_per_million, "flipped_bits_per_million")?,
             lost_frames: share(&self.lost_frames_per_million, "lost_frames_per_million")?,
             cut_frames: share(&self.cut_frames_per_million, "cut_frames_per_million")?,
@@ -337,6 +340,34 @@ impl raw::Direction {
             stall_ms: span(&self.stall_ms, "stall_ms")?,
             babbled_frames: share(&self.babbled_frames_per_million, "babbled_frames_per_million")?,
             echoed_frames: share(&self.echoed_frames_per_million, "echoed_frames_per_million")?,
+        })
+    }
+}
+
+impl raw::CanWire {
+    fn check(&self) -> Result<CanWireFaults, Mistake> {
+        Ok(CanWireFaults {
+            to_host: self.to_host.as_ref().unwrap_or(&self.both).check()?,
+            to_board: self.to_board.as_ref().unwrap_or(&self.both).check()?,
+        })
+    }
+}
+
+impl raw::CanDirection {
+    fn check(&self) -> Result<CanRates, Mistake> {
+        let share = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 1e6, 0.0);
+        let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);
+        Ok(CanRates {
+            lost_frames: share(&self.lost_frames_per_million, "lost_frames_per_million")?,
+            lost_bursts: share(&self.lost_bursts_per_million, "lost_bursts_per_million")?,
+            flipped_frames: share(&self.flipped_frames_per_million, "flipped_frames_per_million")?,
+            doubled_frames: share(&self.doubled_frames_per_million, "doubled_frames_per_million")?,
+            overtaken_frames: share(&self.overtaken_frames_per_million, "overtaken_frames_per_million")?,
+            delayed_frames: share(&self.delayed_frames_per_million, "delayed_frames_per_million")?,
+            delay_ms: span(&self.delay_ms, "delay_ms")?,
+            stalled_frames: share(&self.stalled_frames_per_million, "stalled_frames_per_million")?,
+            stall_ms: span(&self.stall_ms, "stall_ms")?,
+            babbled_frames: share(&self.babbled_frames_per_million, "babbled_frames_per_million")?,
         })
     }
 }

@@ -113,6 +113,7 @@
 //!
 //! [wire.both]                          # each way between host and board; chance comes from the seed
 //! lost_bytes_per_million = 100.0
+//! lost_byte_at = 40                    # of every frame that has so many, its delimiter counted
 //! flipped_bits_per_million = 10.0
 //! lost_frames_per_million = 1000.0
 //! cut_frames_per_million = 1000.0      # the rest of the frame is lost
@@ -128,6 +129,17 @@
 //! [wire.to_host]                       # [wire.to_board] alike: stands for all of [wire.both] in this direction
 //! lost_frames_per_million = 1e6
 //!
+//! [can_wire.both]                      # [can_wire.to_host], [can_wire.to_board] alike: each way between station and bus
+//! lost_frames_per_million = 1000.0     # damaged ones too: controllers throw them away
+//! lost_bursts_per_million = 1000.0     # it and up to 31 behind it: cuts messages
+//! flipped_frames_per_million = 1000.0  # one bit, unnoticed by any controller; of messages alone
+//! doubled_frames_per_million = 1000.0
+//! overtaken_frames_per_million = 1000.0
+//! delayed_frames_per_million = 1000.0
+//! delay_ms = 80.0
+//! stalled_frames_per_million = 1000.0
+//! stall_ms = 300.0
+//! babbled_frames_per_million = 1000.0  # one that nobody sent goes before it
 //! [turntable]                          # its errors; what each means stands at `TableModel`
 //! axis_error_arcsec = [6.0, -4.0]
 //! heading_error_arcsec = 60.0
@@ -162,6 +174,7 @@ use serde::Deserialize;
 use check::Mistake;
 
 use crate::boards::BOARDS;
+use crate::can_faults::CanWireFaults;
 use crate::devices::ad::Rails;
 use crate::devices::calibration::CalibrationFaults;
 use crate::devices::can::CanFaults;
@@ -254,6 +267,7 @@ pub(crate) struct Model {
     pub(crate) sci: SciFaults,
     pub(crate) can: CanFaults,
     pub(crate) wire: WireFaults,
+    pub(crate) can_wire: CanWireFaults,
     pub(crate) turntable: TableModel,
     pub(crate) reboot: Option<RebootTrigger>,
 }
@@ -337,6 +351,7 @@ impl Default for Model {
             sci: SciFaults::default(),
             can: CanFaults::default(),
             wire: WireFaults::default(),
+            can_wire: CanWireFaults::default(),
             turntable: TableModel::default(),
             reboot: None,
         }

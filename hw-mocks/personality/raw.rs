@@ -33,6 +33,7 @@ pub(super) struct Personality {
     pub(super) sci: Sci,
     pub(super) can: Can,
     pub(super) wire: Wire,
+    pub(super) can_wire: CanWire,
     pub(super) turntable: Turntable,
     pub(super) reboot: Option<Reboot>,
 }
@@ -285,6 +286,7 @@ pub(super) struct Wire {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Direction {
     pub(super) lost_bytes_per_million: Option<Spanned<f64>>,
+    pub(super) lost_byte_at: Option<Spanned<u32>>,
     pub(super) flipped_bits_per_million: Option<Spanned<f64>>,
     pub(super) lost_frames_per_million: Option<Spanned<f64>>,
     pub(super) cut_frames_per_million: Option<Spanned<f64>>,
@@ -296,6 +298,29 @@ pub(super) struct Direction {
     pub(super) stall_ms: Option<Spanned<f64>>,
     pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
     pub(super) echoed_frames_per_million: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CanWire {
+    pub(super) both: CanDirection,
+    pub(super) to_host: Option<CanDirection>,
+    pub(super) to_board: Option<CanDirection>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CanDirection {
+    pub(super) lost_frames_per_million: Option<Spanned<f64>>,
+    pub(super) lost_bursts_per_million: Option<Spanned<f64>>,
+    pub(super) flipped_frames_per_million: Option<Spanned<f64>>,
+    pub(super) doubled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) overtaken_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delayed_frames_per_million: Option<Spanned<f64>>,
+    pub(super) delay_ms: Option<Spanned<f64>>,
+    pub(super) stalled_frames_per_million: Option<Spanned<f64>>,
+    pub(super) stall_ms: Option<Spanned<f64>>,
+    pub(super) babbled_frames_per_million: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -22,6 +22,8 @@
 //! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
 //! ```
 
+use serde::{Deserialize, Serialize};
+
 use crate::mistake::{Mistakes, Source};
 use crate::printable::quoted;
 use crate::quantity::{Dimension, Quantity, Unit};
@@ -52,7 +54,7 @@ pub struct BenchFile {
 }
 
 /// Where a bench stands.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Site {
     /// Name for records.
     pub name: Option<String>,
@@ -65,7 +67,7 @@ pub struct Site {
 }
 
 /// A surveyed place, WGS 84.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SitePlace {
     /// Latitude, north positive.
     pub latitude_deg: f64,

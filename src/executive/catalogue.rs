@@ -5,10 +5,16 @@
 //! A bench that lacks a device of an item cannot run it: the plan is then refused before power-on, unless it calls
 //! the item optional, which makes it skipped with that cause.
 
+mod calibration;
+mod magnetometer;
 mod memory;
+mod noise;
+mod performance;
 mod ports;
 mod processor;
+mod repeated;
 mod sensors;
+mod shared;
 
 use std::fmt;
 
@@ -49,11 +55,45 @@ pub enum ItemId {
     Sci,
     /// CAN echo.
     Can,
+    /// Accelerometer calibration from six, twelve or twenty-four positions.
+    SixPosition,
+    /// Gyroscope bias and g-sensitivity from still positions.
+    GyroStill,
+    /// Gyroscope scale factor and coupling from turns by a known angle.
+    Rotation,
+    /// Gyroscope bias that calibration leaves.
+    GyroBias,
+    /// Accelerometer bias that calibration leaves, from turns upside down.
+    AccelBias,
+    /// Scatter of ten-second means over an hour.
+    BiasStability,
+    /// Scatter of means from power-on to power-on.
+    BiasRepeatability,
+    /// Scatter of the scale factors from power-on to power-on.
+    ScaleFactorRepeatability,
+    /// Coupling between axes that calibration leaves.
+    CrossCoupling,
+    /// Response to a step of the published resolution.
+    Resolution,
+    /// Allan deviations and noise coefficients.
+    Allan,
+    /// Power spectral densities.
+    Psd,
+    /// Magnetometer spun about its third axis: ellipse and roll angle.
+    MagnetometerEllipse,
+    /// Magnetometer over many attitudes: hard and soft iron.
+    MagnetometerEllipsoid,
+    /// Position, velocity and 1PPS about the surveyed antenna.
+    GnssAccuracy,
+    /// The coefficients are stored in the module and read back.
+    CalibrationDownload,
+    /// A position and a rotation with the stored coefficients.
+    CalibrationCheck,
 }
 
 impl ItemId {
-    /// Every item, in the order of the table of the test specification.
-    pub const ALL: [ItemId; 14] = [
+    /// Every item, in the order of the tables of the test specification.
+    pub const ALL: [ItemId; 31] = [
         ItemId::Identity,
         ItemId::Cpu,
         ItemId::Timers,
@@ -68,6 +108,23 @@ impl ItemId {
         ItemId::Spi,
         ItemId::Sci,
         ItemId::Can,
+        ItemId::SixPosition,
+        ItemId::GyroStill,
+        ItemId::Rotation,
+        ItemId::GyroBias,
+        ItemId::AccelBias,
+        ItemId::BiasStability,
+        ItemId::BiasRepeatability,
+        ItemId::ScaleFactorRepeatability,
+        ItemId::CrossCoupling,
+        ItemId::Resolution,
+        ItemId::Allan,
+        ItemId::Psd,
+        ItemId::MagnetometerEllipse,
+        ItemId::MagnetometerEllipsoid,
+        ItemId::GnssAccuracy,
+        ItemId::CalibrationDownload,
+        ItemId::CalibrationCheck,
     ];
 
     /// The id as plans and records write it.
@@ -87,6 +144,23 @@ impl ItemId {
             ItemId::Spi => "spi",
             ItemId::Sci => "sci",
             ItemId::Can => "can",
+            ItemId::SixPosition => "six-position",
+            ItemId::GyroStill => "gyro-still",
+            ItemId::Rotation => "rotation",
+            ItemId::GyroBias => "gyro-bias",
+            ItemId::AccelBias => "accel-bias",
+            ItemId::BiasStability => "bias-stability",
+            ItemId::BiasRepeatability => "bias-repeatability",
+            ItemId::ScaleFactorRepeatability => "scale-factor-repeatability",
+            ItemId::CrossCoupling => "cross-coupling",
+            ItemId::Resolution => "resolution",
+            ItemId::Allan => "allan",
+            ItemId::Psd => "psd",
+            ItemId::MagnetometerEllipse => "magnetometer-ellipse",
+            ItemId::MagnetometerEllipsoid => "magnetometer-ellipsoid",
+            ItemId::GnssAccuracy => "gnss-accuracy",
+            ItemId::CalibrationDownload => "calibration-download",
+            ItemId::CalibrationCheck => "calibration-check",
         }
     }
 
@@ -112,6 +186,42 @@ impl ItemId {
             ItemId::Spi => &ports::SPI,
             ItemId::Sci => &ports::SCI,
             ItemId::Can => &ports::CAN,
+            ItemId::SixPosition => &calibration::SIX_POSITION,
+            ItemId::GyroStill => &calibration::GYRO_STILL,
+            ItemId::Rotation => &calibration::ROTATION,
+            ItemId::GyroBias => &performance::GYRO_BIAS,
+            ItemId::AccelBias => &performance::ACCEL_BIAS,
+            ItemId::BiasStability => &performance::BIAS_STABILITY,
+            ItemId::BiasRepeatability => &performance::BIAS_REPEATABILITY,
+            ItemId::ScaleFactorRepeatability => &repeated::SCALE_FACTOR_REPEATABILITY,
+            ItemId::CrossCoupling => &repeated::CROSS_COUPLING,
+            ItemId::Resolution => &performance::RESOLUTION,
+            ItemId::Allan => &noise::ALLAN,
+            ItemId::Psd => &noise::PSD,
+            ItemId::MagnetometerEllipse => &magnetometer::ELLIPSE,
+            ItemId::MagnetometerEllipsoid => &magnetometer::ELLIPSOID,
+            ItemId::GnssAccuracy => &sensors::GNSS_ACCURACY,
+            ItemId::CalibrationDownload => &calibration::DOWNLOAD,
+            ItemId::CalibrationCheck => &calibration::CHECK,
+        }
+    }
+}
+
+impl ItemId {
+    /// Items whose results this one works with, and the parameter that switches the need on. A plan has them before it.
+    pub fn needs(self) -> &'static [(ItemId, Option<When>)] {
+        const GYRO: Option<When> = Some(When::HasText { param: "sensors", element: "gyro" });
+        match self {
+            ItemId::GyroBias | ItemId::CalibrationDownload => {
+                &[(ItemId::SixPosition, None), (ItemId::GyroStill, None), (ItemId::Rotation, None)]
+            }
+            ItemId::AccelBias => &[(ItemId::SixPosition, None)],
+            // The gyroscopes' g-sensitivity is taken out with the force that the accelerometers measure.
+            ItemId::BiasStability | ItemId::BiasRepeatability | ItemId::Resolution | ItemId::Allan | ItemId::Psd => {
+                &[(ItemId::SixPosition, None), (ItemId::GyroStill, GYRO), (ItemId::Rotation, GYRO)]
+            }
+            ItemId::CalibrationCheck => &[(ItemId::CalibrationDownload, None)],
+            _ => &[],
         }
     }
 }
@@ -208,6 +318,12 @@ pub enum ParamKind {
         /// Where the plan is silent.
         default: &'static [&'static str],
     },
+    /// Name of an item of the plan that stands before this one, whose captures are used; none where the plan is silent:
+    /// the item captures by itself. The item is skipped unless that other one is good.
+    Source {
+        /// What the other item may be.
+        of: &'static [ItemId],
+    },
 }
 
 /// One measurement of an item.
@@ -298,11 +414,13 @@ pub enum Resource {
     Link,
     /// The CAN bus.
     CanBus,
+    /// The module is switched off and on: excludes every other item.
+    Power,
 }
 
 impl Resource {
     /// All of them.
-    pub const ALL: [Resource; 7] = [
+    pub const ALL: [Resource; 8] = [
         Resource::Still,
         Resource::Attitude,
         Resource::IoPins,
@@ -310,6 +428,7 @@ impl Resource {
         Resource::Processor,
         Resource::Link,
         Resource::CanBus,
+        Resource::Power,
     ];
 
     /// Whether one item with this resource and one with the other cannot run at once.
@@ -317,6 +436,7 @@ impl Resource {
         match (self, other) {
             (Resource::Still, Resource::Still) => false,
             (Resource::Still, Resource::Attitude) | (Resource::Attitude, Resource::Still) => true,
+            (Resource::Power, _) | (_, Resource::Power) => true,
             _ => self == other,
         }
     }
@@ -326,8 +446,12 @@ impl ItemId {
     /// Whether two items may not run at the same time.
     pub fn excludes(self, other: ItemId) -> bool {
         let others = other.spec().resources;
-        // Two items of one kind want the same device.
-        self == other || self.spec().resources.iter().any(|mine| others.iter().any(|theirs| mine.excludes(*theirs)))
+        let switches = |resources: &[Resource]| resources.contains(&Resource::Power);
+        // Two items of one kind want the same device, and one without resources still wants its module powered.
+        self == other
+            || switches(self.spec().resources)
+            || switches(others)
+            || self.spec().resources.iter().any(|mine| others.iter().any(|theirs| mine.excludes(*theirs)))
     }
 }
 
@@ -357,71 +481,4 @@ const fn if_text(spec: MeasurementSpec, param: &'static str, element: &'static s
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use super::*;
-
-    #[test]
-    fn the_table_is_consistent() {
-        for item in ItemId::ALL {
-            let spec = item.spec();
-            assert_eq!(ItemId::from_id(item.as_str()), Some(item));
-            assert_eq!(serde_json::to_string(&item).unwrap(), format!("\"{item}\""));
-            assert!(spec.timeout_s > 0.0);
-            assert!(spec.devices.contains(&Device::Slave), "{item}");
-            let names: BTreeSet<&str> = spec.measurements.iter().map(|measurement| measurement.name).collect();
-            assert_eq!(names.len(), spec.measurements.len(), "{item} has a measurement twice");
-            for measurement in spec.measurements {
-                let name = measurement.name;
-                assert!(name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_'), "{name}");
-                assert!(measurement.look_at.ends_with('.'), "{item} {name}: not a sentence");
-                match measurement.kind {
-                    Kind::Number(dimension) => assert_eq!(measurement.unit.dimension(), dimension, "{item} {name}"),
-                    Kind::Text => assert_eq!(measurement.unit, Unit::Count),
-                }
-                match measurement.when {
-                    None => {}
-                    Some(When::HasInteger { param, element }) => match &spec.param(param).unwrap().kind {
-                        ParamKind::Integers { min, max, .. } => assert!((*min..=*max).contains(&element)),
-                        other => panic!("{item} {name}: {param} is {other:?}"),
-                    },
-                    Some(When::HasText { param, element }) => match &spec.param(param).unwrap().kind {
-                        ParamKind::Choices { of, .. } => assert!(of.contains(&element)),
-                        other => panic!("{item} {name}: {param} is {other:?}"),
-                    },
-                }
-            }
-            for param in spec.params {
-                match param.kind {
-                    ParamKind::Integer { min, max, default } => assert!((min..=max).contains(&default)),
-                    ParamKind::Integers { min, max, default } => {
-                        assert!(!default.is_empty() && default.iter().all(|value| (min..=max).contains(value)));
-                    }
-                    ParamKind::Quantity { min, max, default, .. } => assert!((min..=max).contains(&default)),
-                    ParamKind::Choice { of, default } => assert!(of.contains(&default)),
-                    ParamKind::Choices { of, default } => {
-                        assert!(!default.is_empty() && default.iter().all(|text| of.contains(text)));
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn shared_pins_and_motion_exclude() {
-        assert!(ItemId::Io.excludes(ItemId::Spi));
-        assert!(ItemId::Ad.excludes(ItemId::Imu));
-        assert!(ItemId::Imu.excludes(ItemId::Ad));
-        assert!(!ItemId::Gnss.excludes(ItemId::Sdram));
-        assert!(!Resource::Still.excludes(Resource::Still));
-    }
-
-    #[test]
-    fn counts_of_measurements_are_those_of_the_specification() {
-        let counts: Vec<usize> = ItemId::ALL.iter().map(|item| item.spec().measurements.len()).collect();
-        // identity 7, cpu 2 x 4, timers 3 x (4 x 3 + 1), memories 5 + 2, flashes 5 and 4, imu 17, gnss 14,
-        // ad 5 x 2 + 1 + 3, io 3, spi 3, sci 6, can 8: its seven and what the host's adapter saw.
-        assert_eq!(counts, [7, 8, 39, 7, 7, 5, 4, 17, 14, 14, 3, 3, 6, 8]);
-    }
-}
+mod tests;

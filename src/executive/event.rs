@@ -6,6 +6,7 @@
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::Site;
 use crate::catalogue::ItemId;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -33,8 +34,8 @@ pub struct Event {
 /// Events of a run come in this order:
 ///
 /// 1. `run_started`, once and first;
-/// 2. for each item that is run: for each attempt `item_started`, then any number of `measured` and `error_record`,
-///    then `attempt_ended`; after the last attempt `item_ended`. Attempts count from 1. Items may overlap: events of
+/// 2. for each item that is run: for each attempt `item_started`, then any number of `measured`, `found` and
+///    `error_record`, then `attempt_ended`; after the last attempt `item_ended`. Attempts count from 1. Items may overlap: events of
 ///    one item keep their order, those of different items interleave;
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
@@ -79,6 +80,15 @@ pub enum EventKind {
         attempt: u32,
         /// The value with its judgement.
         measurement: Measurement,
+    },
+    /// What an analysis found beside the measurements: equations, covariances, residuals, what a report draws.
+    Found {
+        /// Name of the item.
+        item: String,
+        /// Attempt, from 1.
+        attempt: u32,
+        /// As the analysis gives it; once for each round within the attempt.
+        details: serde_json::Value,
     },
     /// The slave made an error record for fault analysis.
     ErrorRecord {
@@ -161,8 +171,14 @@ pub struct RunHeader {
     pub program: Program,
     /// The bench that it runs on.
     pub bench: Bench,
+    /// Where the bench stands, as its file said: figures depend on gravity and latitude.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub site: Option<Site>,
     /// The plan that it follows.
     pub plan: PlanInfo,
+    /// The run whose raw record was judged again; absent where something was captured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recomputed: Option<Recomputed>,
     /// Names of the chosen items; `None` for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop this run is; `None` outside of loops.
@@ -249,6 +265,15 @@ pub struct PlanInfo {
     pub version: String,
     /// SHA-256 over the texts of the plan and all that it includes, as hexadecimal digits.
     pub sha256: String,
+}
+
+/// The run whose raw record was judged again.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recomputed {
+    /// Name of its folder.
+    pub run: String,
+    /// SHA-256 of its journal.
+    pub journal_sha256: String,
 }
 
 /// A round of a loop.
@@ -366,6 +391,7 @@ impl EventKind {
             EventKind::Power(_) => "power",
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",
+            EventKind::Found { .. } => "found",
             EventKind::ErrorRecord { .. } => "error_record",
             EventKind::AttemptEnded { .. } => "attempt_ended",
             EventKind::ItemEnded { .. } => "item_ended",

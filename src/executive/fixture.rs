@@ -94,6 +94,8 @@ pub(crate) fn header() -> RunHeader {
         program: Program { name: "gnc-station".to_owned(), version: "0.1.0".to_owned() },
         bench: Bench { port: Some("/dev/ttyUSB0".to_owned()), rate_bps: Some(921_600), ..Bench::real() },
         plan: PlanInfo { name: "small".to_owned(), version: "1.0".to_owned(), sha256: "00".repeat(32) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     }
@@ -170,6 +172,8 @@ pub(crate) fn small_run(header: RunHeader) -> Run {
     for measurement in measurements.clone() {
         run.emit(EventKind::Measured { item: name.clone(), attempt: 1, measurement });
     }
+    let details = serde_json::json!({ "equation": "f = Ka N + nabla", "residual_mps2": [0.1, -1.0 / 3.0] });
+    run.emit(EventKind::Found { item: name.clone(), attempt: 1, details });
     let outcome = item(1).attempt_outcome(&measurements);
     assert_eq!(outcome, Outcome::Failed);
     run.emit(EventKind::AttemptEnded { item: name, attempt: 1, outcome, error: None });

@@ -27,6 +27,7 @@ mod spanned;
 pub mod state;
 mod suggest;
 pub mod text;
+pub mod uncertainty;
 
 #[cfg(test)]
 mod fixture;

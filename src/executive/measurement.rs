@@ -7,12 +7,15 @@ use crate::number;
 use crate::outcome::Outcome;
 use crate::printable::printable;
 use crate::quantity::{Quantity, Unit, with_unit};
+use crate::uncertainty::{Decision, Uncertainty};
 
 /// What a procedure measured.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// A number with its unit; it may be NaN or infinite, which is then errored.
     Number(Quantity),
+    /// A number with its unit, and its coverage interval in that unit.
+    Estimate(Quantity, Uncertainty),
     /// A text, from outside: shown only through [`printable`].
     Text(String),
     /// What this bench or link cannot tell, and why; with a limit it is errored, never assumed.
@@ -23,6 +26,11 @@ impl Value {
     /// A number in a unit.
     pub const fn number(number: f64, unit: Unit) -> Self {
         Value::Number(Quantity::new(number, unit))
+    }
+
+    /// A number in a unit with its coverage interval in that unit.
+    pub const fn estimate(number: f64, unit: Unit, uncertainty: Uncertainty) -> Self {
+        Value::Estimate(Quantity::new(number, unit), uncertainty)
     }
 
     /// A number of pieces, errors, words. Counts above 2^53 lose their last digits.
@@ -76,6 +84,12 @@ pub struct Measurement {
     /// Good values above this are marginal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub marginal_high: Option<f64>,
+    /// The coverage interval of the value, in `unit`; absent where the procedure states none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<Uncertainty>,
+    /// The rule by which that interval counted; absent where it did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decision: Option<Decision>,
     /// The text that it must equal.
     pub expected: Option<String>,
     /// Null for information: a measurement without a limit is never a pass.
@@ -86,8 +100,16 @@ impl Measurement {
     /// Judges a value against its limit, if there is one.
     ///
     /// `shown` is the unit for a number without a limit; with one, the limit's unit is taken. `serial_number` is the
-    /// scanned one, for limits that name it. A value whose kind does not fit its limit is errored.
-    pub fn judge(name: &str, value: &Value, shown: Unit, limit: Option<&Limit>, serial_number: &str) -> Self {
+    /// scanned one, for limits that name it. A value whose kind does not fit its limit is errored. `decision` counts for
+    /// values with a coverage interval.
+    pub fn judge(
+        name: &str,
+        value: &Value,
+        shown: Unit,
+        limit: Option<&Limit>,
+        decision: Decision,
+        serial_number: &str,
+    ) -> Self {
         let mut measurement = Self {
             name: name.to_owned(),
             repeat: None,
@@ -98,6 +120,8 @@ impl Measurement {
             high: None,
             marginal_low: None,
             marginal_high: None,
+            uncertainty: None,
+            decision: None,
             expected: None,
             outcome: limit.map(|_| Outcome::Errored),
         };
@@ -113,24 +137,8 @@ impl Measurement {
             None => {}
         }
         match value {
-            Value::Number(quantity) => {
-                // Without a limit nothing is compared, and a procedure's own unit is better than no number at all.
-                let number = quantity.in_unit(unit).unwrap_or_else(|| {
-                    unit = quantity.unit;
-                    quantity.number
-                });
-                measurement.unit = shown_unit(unit);
-                if number.is_finite() {
-                    measurement.value = Reading::Number(number);
-                } else {
-                    measurement.raw = Some(number::non_finite(number).to_owned());
-                }
-                if let Some(Limit::Range(range)) = limit
-                    && range.unit == unit
-                {
-                    measurement.outcome = Some(range.judge(number));
-                }
-            }
+            Value::Number(quantity) => measurement.number(*quantity, None, unit, limit, decision),
+            Value::Estimate(quantity, known) => measurement.number(*quantity, Some(known), unit, limit, decision),
             Value::Text(text) => {
                 measurement.value = Reading::Text(text.clone());
                 if let Some(expected) = &measurement.expected {
@@ -140,6 +148,41 @@ impl Measurement {
             Value::NotAvailable(why) => measurement.raw = Some(why.clone()),
         }
         measurement
+    }
+
+    /// Takes a number in `unit` and judges it.
+    fn number(
+        &mut self,
+        quantity: Quantity,
+        known: Option<&Uncertainty>,
+        unit: Unit,
+        limit: Option<&Limit>,
+        decision: Decision,
+    ) {
+        // Without a limit nothing is compared, and a procedure's own unit is better than no number at all.
+        let (number, unit) = match quantity.in_unit(unit) {
+            Some(number) => (number, unit),
+            None => (quantity.number, quantity.unit),
+        };
+        self.unit = shown_unit(unit);
+        if number.is_finite() {
+            self.value = Reading::Number(number);
+        } else {
+            self.raw = Some(number::non_finite(number).to_owned());
+        }
+        let known = known.and_then(|known| known.in_unit(quantity.unit, unit));
+        self.uncertainty = known.filter(Uncertainty::is_finite);
+        let Some(Limit::Range(range)) = limit else { return };
+        if range.unit != unit {
+            return;
+        }
+        self.outcome = Some(match &known {
+            None => range.judge(number),
+            Some(known) => {
+                self.decision = Some(decision);
+                decision.judge(range, number, known)
+            }
+        });
     }
 
     /// Whether something was measured, were it NaN; false for [`Value::NotAvailable`].
@@ -158,6 +201,17 @@ impl Measurement {
             }
             Reading::Text(text) => printable(text).into_owned(),
             Reading::Null => printable(self.raw.as_deref().unwrap_or("no value")).into_owned(),
+        }
+    }
+
+    /// The coverage interval for people: "+- 0.03", "2.9 .. 11"; empty where none is stated.
+    pub fn uncertainty_text(&self) -> String {
+        /// An uncertainty is itself known to a few percent at best.
+        const DIGITS: usize = 3;
+        let Some(known) = &self.uncertainty else { return String::new() };
+        match known.expanded() {
+            Some(expanded) => format!("+- {}", number::plain(expanded, 2)),
+            None => format!("{} .. {}", number::plain(known.low, DIGITS), number::plain(known.high, DIGITS)),
         }
     }
 

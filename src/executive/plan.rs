@@ -20,6 +20,7 @@
 //! retry_failed = false               # true: tries of a failed item too
 //! repeats = 1                        # rounds within an attempt
 //! timeout = "30 s"                   # board time for an attempt
+//! decision = "simple"                # or "guard-band": the whole coverage interval of a figure must keep the limit
 //! prompt = "Level the table."        # asked before the first attempt
 //! params = { samples = 400, rate = "200 Hz" }
 //! [item.limits]
@@ -47,6 +48,7 @@ use crate::measurement::{Measurement, Value};
 use crate::mistake::{Mistake, Mistakes, Source};
 use crate::outcome::Outcome;
 use crate::quantity::Unit;
+use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
 pub use schema::plan_schema;
@@ -123,6 +125,8 @@ pub struct PlanItem {
     pub repeats: u32,
     /// Board time for an attempt.
     pub timeout_s: f64,
+    /// How the uncertainty of a figure counts near its limit.
+    pub decision: Decision,
     /// What the operator is asked to do before the first attempt.
     pub prompt: Option<String>,
     /// Every parameter of the catalogue, with its default where the plan is silent.
@@ -219,7 +223,7 @@ impl PlanItem {
     /// `repeat` counts the rounds within an attempt from 1; it is recorded only where the plan repeats.
     pub fn judge(&self, name: &str, value: &Value, repeat: u32, serial_number: &str) -> Measurement {
         let shown = self.id.spec().measurement(name).map_or(Unit::Count, |spec| spec.unit);
-        let mut measurement = Measurement::judge(name, value, shown, self.limit(name), serial_number);
+        let mut measurement = Measurement::judge(name, value, shown, self.limit(name), self.decision, serial_number);
         measurement.repeat = (self.repeats > 1).then_some(repeat);
         measurement
     }

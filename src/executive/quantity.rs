@@ -4,14 +4,15 @@
 //! ratios of integers, so that 1 g is 1000 mg and 500 us is 0.5 ms without an error in the last place, and a value
 //! that lies on its limit stays there.
 
-use std::f64::consts::PI;
-use std::fmt;
+mod unit;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use std::fmt;
 
 use crate::number;
 use crate::printable::quoted;
 use crate::suggest::nearest;
+
+pub use unit::Unit;
 
 /// What kind of quantity a number is; numbers compare only within a dimension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -46,6 +47,12 @@ pub enum Dimension {
     BitRate,
     /// Amount of data; bytes.
     Data,
+    /// Angular rate for one unit of specific force; SI unit (rad/s)/(m/s^2).
+    GSensitivity,
+    /// Angle random walk, also the density of a rate's noise; SI unit rad/sqrt(s).
+    AngleRandomWalk,
+    /// Velocity random walk, also the density of an acceleration's noise; SI unit (m/s)/sqrt(s).
+    VelocityRandomWalk,
 }
 
 impl Dimension {
@@ -67,6 +74,9 @@ impl Dimension {
             Dimension::Temperature => "temperature",
             Dimension::BitRate => "bit rate",
             Dimension::Data => "amount of data",
+            Dimension::GSensitivity => "g-sensitivity",
+            Dimension::AngleRandomWalk => "angle random walk",
+            Dimension::VelocityRandomWalk => "velocity random walk",
         }
     }
 
@@ -93,6 +103,9 @@ impl Dimension {
             Dimension::Temperature => Unit::DegreeCelsius,
             Dimension::BitRate => Unit::BitPerSecond,
             Dimension::Data => Unit::Byte,
+            Dimension::GSensitivity => Unit::DegreePerHourPerGravity,
+            Dimension::AngleRandomWalk => Unit::DegreePerRootHour,
+            Dimension::VelocityRandomWalk => Unit::MetrePerSecondPerRootHour,
         }
     }
 
@@ -105,205 +118,6 @@ impl Dimension {
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.as_str())
-    }
-}
-
-/// A unit that plans and measurements may use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "each is its symbol in words")]
-pub enum Unit {
-    Count,
-    Percent,
-    PartsPerMillion,
-    Nanosecond,
-    Microsecond,
-    Millisecond,
-    Second,
-    Minute,
-    Hour,
-    Hertz,
-    Kilohertz,
-    Megahertz,
-    Microvolt,
-    Millivolt,
-    Volt,
-    Milliampere,
-    Ampere,
-    Millimetre,
-    Metre,
-    Kilometre,
-    MetrePerSecond,
-    Degree,
-    Radian,
-    DegreePerSecond,
-    DegreePerHour,
-    RadianPerSecond,
-    Milligravity,
-    Gravity,
-    MetrePerSecondSquared,
-    Gauss,
-    Milligauss,
-    Microtesla,
-    Nanotesla,
-    DegreeCelsius,
-    BitPerSecond,
-    KilobitPerSecond,
-    Byte,
-}
-
-/// Size of a unit in the SI unit of its dimension: `numerator / denominator`, times pi if `pi`.
-struct Scale {
-    numerator: u64,
-    denominator: u64,
-    pi: bool,
-}
-
-impl Unit {
-    /// Every unit.
-    pub const ALL: [Unit; 37] = [
-        Unit::Count,
-        Unit::Percent,
-        Unit::PartsPerMillion,
-        Unit::Nanosecond,
-        Unit::Microsecond,
-        Unit::Millisecond,
-        Unit::Second,
-        Unit::Minute,
-        Unit::Hour,
-        Unit::Hertz,
-        Unit::Kilohertz,
-        Unit::Megahertz,
-        Unit::Microvolt,
-        Unit::Millivolt,
-        Unit::Volt,
-        Unit::Milliampere,
-        Unit::Ampere,
-        Unit::Millimetre,
-        Unit::Metre,
-        Unit::Kilometre,
-        Unit::MetrePerSecond,
-        Unit::Degree,
-        Unit::Radian,
-        Unit::DegreePerSecond,
-        Unit::DegreePerHour,
-        Unit::RadianPerSecond,
-        Unit::Milligravity,
-        Unit::Gravity,
-        Unit::MetrePerSecondSquared,
-        Unit::Gauss,
-        Unit::Milligauss,
-        Unit::Microtesla,
-        Unit::Nanotesla,
-        Unit::DegreeCelsius,
-        Unit::BitPerSecond,
-        Unit::KilobitPerSecond,
-        Unit::Byte,
-    ];
-
-    /// The symbol as plans write it; empty for a count.
-    pub fn symbol(self) -> &'static str {
-        self.table().0
-    }
-
-    /// The dimension that the unit measures.
-    pub fn dimension(self) -> Dimension {
-        self.table().1
-    }
-
-    /// The unit with this symbol.
-    pub fn from_symbol(symbol: &str) -> Option<Unit> {
-        Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
-    }
-
-    /// Converts a number from this unit to another; `None` if the other measures another dimension.
-    pub fn convert(self, number: f64, to: Unit) -> Option<f64> {
-        if self == to {
-            return Some(number);
-        }
-        if self.dimension() != to.dimension() {
-            return None;
-        }
-        let (from, to) = (self.scale(), to.scale());
-        let up = u128::from(from.numerator) * u128::from(to.denominator);
-        let down = u128::from(from.denominator) * u128::from(to.numerator);
-        let common = gcd(up, down);
-        // Below 2^53 after reduction for every pair of the table, so both are exact, and at most one step rounds
-        // where one of them is 1.
-        let (up, down) = ((up / common) as f64, (down / common) as f64);
-        let number = match (from.pi, to.pi) {
-            (true, false) => number * PI,
-            (false, true) => number / PI,
-            _ => number,
-        };
-        Some(number * up / down)
-    }
-
-    fn scale(self) -> Scale {
-        let (_, _, numerator, denominator, pi) = self.table();
-        Scale { numerator, denominator, pi }
-    }
-
-    /// Symbol, dimension, size in SI (numerator, denominator, times pi).
-    fn table(self) -> (&'static str, Dimension, u64, u64, bool) {
-        match self {
-            Unit::Count => ("", Dimension::Count, 1, 1, false),
-            Unit::Percent => ("%", Dimension::Ratio, 1, 100, false),
-            Unit::PartsPerMillion => ("ppm", Dimension::Ratio, 1, 1_000_000, false),
-            Unit::Nanosecond => ("ns", Dimension::Time, 1, 1_000_000_000, false),
-            Unit::Microsecond => ("us", Dimension::Time, 1, 1_000_000, false),
-            Unit::Millisecond => ("ms", Dimension::Time, 1, 1000, false),
-            Unit::Second => ("s", Dimension::Time, 1, 1, false),
-            Unit::Minute => ("min", Dimension::Time, 60, 1, false),
-            Unit::Hour => ("h", Dimension::Time, 3600, 1, false),
-            Unit::Hertz => ("Hz", Dimension::Frequency, 1, 1, false),
-            Unit::Kilohertz => ("kHz", Dimension::Frequency, 1000, 1, false),
-            Unit::Megahertz => ("MHz", Dimension::Frequency, 1_000_000, 1, false),
-            Unit::Microvolt => ("uV", Dimension::Voltage, 1, 1_000_000, false),
-            Unit::Millivolt => ("mV", Dimension::Voltage, 1, 1000, false),
-            Unit::Volt => ("V", Dimension::Voltage, 1, 1, false),
-            Unit::Milliampere => ("mA", Dimension::Current, 1, 1000, false),
-            Unit::Ampere => ("A", Dimension::Current, 1, 1, false),
-            Unit::Millimetre => ("mm", Dimension::Length, 1, 1000, false),
-            Unit::Metre => ("m", Dimension::Length, 1, 1, false),
-            Unit::Kilometre => ("km", Dimension::Length, 1000, 1, false),
-            Unit::MetrePerSecond => ("m/s", Dimension::Speed, 1, 1, false),
-            Unit::Degree => ("deg", Dimension::Angle, 1, 180, true),
-            Unit::Radian => ("rad", Dimension::Angle, 1, 1, false),
-            Unit::DegreePerSecond => ("deg/s", Dimension::AngularRate, 1, 180, true),
-            Unit::DegreePerHour => ("deg/h", Dimension::AngularRate, 1, 180 * 3600, true),
-            Unit::RadianPerSecond => ("rad/s", Dimension::AngularRate, 1, 1, false),
-            // Standard gravity, exactly 9.80665 m/s^2 (3rd CGPM, 1901); the local one belongs to the bench file.
-            Unit::Gravity => ("g", Dimension::Acceleration, 980_665, 100_000, false),
-            Unit::Milligravity => ("mg", Dimension::Acceleration, 980_665, 100_000_000, false),
-            Unit::MetrePerSecondSquared => ("m/s^2", Dimension::Acceleration, 1, 1, false),
-            Unit::Gauss => ("gauss", Dimension::MagneticField, 1, 10_000, false),
-            Unit::Milligauss => ("mgauss", Dimension::MagneticField, 1, 10_000_000, false),
-            Unit::Microtesla => ("uT", Dimension::MagneticField, 1, 1_000_000, false),
-            Unit::Nanotesla => ("nT", Dimension::MagneticField, 1, 1_000_000_000, false),
-            Unit::DegreeCelsius => ("degC", Dimension::Temperature, 1, 1, false),
-            Unit::BitPerSecond => ("bit/s", Dimension::BitRate, 1, 1, false),
-            Unit::KilobitPerSecond => ("kbit/s", Dimension::BitRate, 1000, 1, false),
-            Unit::Byte => ("bytes", Dimension::Data, 1, 1, false),
-        }
-    }
-}
-
-impl fmt::Display for Unit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.symbol())
-    }
-}
-
-impl Serialize for Unit {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.symbol())
-    }
-}
-
-impl<'de> Deserialize<'de> for Unit {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let symbol = String::deserialize(deserializer)?;
-        Unit::from_symbol(&symbol).ok_or_else(|| de::Error::custom(format_args!("unknown unit {}", quoted(&symbol))))
     }
 }
 
@@ -341,9 +155,7 @@ impl Quantity {
 
     /// The number in the SI unit of its dimension (degC for temperatures).
     pub fn si(self) -> f64 {
-        let scale = self.unit.scale();
-        let number = self.number * scale.numerator as f64 / scale.denominator as f64;
-        if scale.pi { number * PI } else { number }
+        self.unit.si(self.number)
     }
 
     /// The dimension of the unit.
@@ -469,13 +281,6 @@ fn suggested_unit(unit: &str) -> Option<&'static str> {
         .find(|(alias, _)| *alias == unit)
         .map(|(_, symbol)| *symbol)
         .or_else(|| nearest(unit, Unit::ALL.iter().map(|unit| unit.symbol()).filter(|symbol| symbol.len() > 1)))
-}
-
-fn gcd(mut a: u128, mut b: u128) -> u128 {
-    while b != 0 {
-        (a, b) = (b, a % b);
-    }
-    a
 }
 
 #[cfg(test)]

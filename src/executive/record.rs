@@ -5,9 +5,11 @@
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::Site;
 use crate::catalogue::ItemId;
 use crate::event::{
-    AttemptError, Bench, BenchKind, Board, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program, StopHow,
+    AttemptError, Bench, BenchKind, Board, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program, Recomputed,
+    StopHow,
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -30,6 +32,12 @@ pub struct RunRecord {
     pub serial_number: String,
     /// The plan that was followed.
     pub plan: PlanInfo,
+    /// Where the bench stands, as its file said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub site: Option<Site>,
+    /// The run whose raw record was judged again; absent where something was captured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recomputed: Option<Recomputed>,
     /// Which station.
     pub station: String,
     /// Who tested.
@@ -108,6 +116,9 @@ pub struct AttemptRecord {
     pub elapsed_s: Option<f64>,
     /// What was measured, in the order of measuring.
     pub measurements: Vec<Measurement>,
+    /// What an analysis found beside them, once for each round: its form is that of the item.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub details: Vec<serde_json::Value>,
     /// Why the station could not tell.
     pub error: Option<AttemptError>,
     /// What the slave recorded for fault analysis.
@@ -158,6 +169,8 @@ impl RunRecord {
             interrupted,
             serial_number: header.serial_number,
             plan: header.plan,
+            site: header.site,
+            recomputed: header.recomputed,
             station: header.station,
             operator: header.operator,
             program: header.program,
@@ -228,6 +241,7 @@ impl From<&Attempt> for AttemptRecord {
             started: attempt.started.at,
             elapsed_s: attempt.ended.map(|stamp| took(stamp.elapsed_us)),
             measurements: attempt.measurements.clone(),
+            details: attempt.details.clone(),
             error: attempt.error.clone(),
             error_records: attempt.error_records.clone(),
         }

@@ -91,6 +91,8 @@ pub struct Attempt {
     pub outcome: Option<Outcome>,
     /// What was measured, in the order of measuring.
     pub measurements: Vec<Measurement>,
+    /// What an analysis found beside them, once for each round.
+    pub details: Vec<serde_json::Value>,
     /// What the slave recorded.
     pub error_records: Vec<ErrorRecord>,
     /// Why there is no verdict.
@@ -363,6 +365,7 @@ impl RunState {
                     ended: None,
                     outcome: None,
                     measurements: Vec::new(),
+                    details: Vec::new(),
                     error_records: Vec::new(),
                     error: None,
                 });
@@ -373,6 +376,9 @@ impl RunState {
             }
             EventKind::Measured { item, attempt, measurement } => {
                 self.running(seq, kind, item, *attempt)?.measurements.push(measurement.clone());
+            }
+            EventKind::Found { item, attempt, details } => {
+                self.running(seq, kind, item, *attempt)?.details.push(details.clone());
             }
             EventKind::ErrorRecord { item, attempt, record } => {
                 self.running(seq, kind, item, *attempt)?.error_records.push(record.clone());

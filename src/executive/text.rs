@@ -100,13 +100,17 @@ pub fn banners(record: &RunRecord) -> Vec<String> {
     banners
 }
 
-/// A measurement as one line: name, value, limit.
+/// A measurement as one line: name, value, coverage interval, limit.
 pub fn measurement_line(measurement: &Measurement) -> String {
     let mut line = printable(&measurement.name).into_owned();
     if let Some(repeat) = measurement.repeat {
         let _ = write!(line, " ({repeat})");
     }
     let _ = write!(line, " {}", measurement.value_text());
+    let known = measurement.uncertainty_text();
+    if !known.is_empty() {
+        let _ = write!(line, " [{known}]");
+    }
     let limit = measurement.limit_text();
     if limit.is_empty() { line } else { format!("{line} ({limit})") }
 }
@@ -135,7 +139,7 @@ fn is_bad(outcome: Outcome) -> bool {
 }
 
 /// What decided an item: its cause, its error, its worst value, or the good value that is nearest to its limit.
-fn reason(item: &ItemRecord) -> String {
+pub fn reason(item: &ItemRecord) -> String {
     if let Some(cause) = &item.cause {
         return printable(&cause.to_string()).into_owned();
     }

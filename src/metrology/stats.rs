@@ -75,7 +75,7 @@ pub fn mean_sd(values: &[f64]) -> (f64, f64) {
 }
 
 /// Sum in eight lanes over blocks of 1024: at memory speed, and with the rounding error of short sums.
-fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
     const LANES: usize = 8;
     values
         .chunks(1024)

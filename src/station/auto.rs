@@ -5,6 +5,7 @@
 
 mod face;
 
+use std::io::{self, IsTerminal as _};
 use std::process::ExitCode;
 use std::sync::mpsc;
 use std::time::Instant;
@@ -14,21 +15,20 @@ use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
 use gnc_executive::job::Job;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{OnFail, Plan};
-use tokio::sync::watch;
 
 use crate::cli::{OnFailArg, RunArgs, complain, refuse};
+use crate::control::Control;
 use crate::files;
+use crate::fixture::{Fixture, Operator};
 use crate::runner::journal::Journal;
 use crate::runner::{self, Ending, Live, Order, chain};
+use crate::serial_number;
 use crate::setup::{self, Setup};
-use crate::stop::Stop;
-use crate::store::{RunFolder, Scribe, digest};
+use crate::store::{RunFolder, Scribe, Watcher, digest};
 use face::Face;
 
 /// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
-/// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
-const MAX_SERIAL_NUMBER: usize = 64;
 
 /// Runs the plan as often as asked. The worst outcome decides the exit code.
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
@@ -72,7 +72,7 @@ fn prepare(args: &RunArgs) -> Result<(Plan, Setup, String), Refusal> {
         Some(OnFailArg::Continue) => plan.on_fail = OnFail::Continue,
         None => {}
     }
-    let setup = setup::from_args(args, &serial_number)?;
+    let setup = setup::from_args(args, &serial_number, at_the_terminal)?;
     Ok((plan, setup, serial_number))
 }
 
@@ -80,26 +80,21 @@ fn serial_number(given: Option<&str>) -> Result<String, Refusal> {
     let Some(given) = given else {
         return Err(Refusal::new("no serial number is given", "scan it after --serial-number"));
     };
-    // A scanner may end with white space; inside it belongs to the number.
-    let text = given.trim();
-    let try_this = "scan the module's label again";
-    if text.is_empty() {
-        return Err(Refusal::new("the serial number is empty", try_this));
+    serial_number::check(given).map_err(|error| Refusal::new(error, "scan the module's label again"))
+}
+
+/// Whoever sits at the terminal; nobody where there is none.
+fn at_the_terminal() -> Result<Fixture, Refusal> {
+    if !io::stdin().is_terminal() {
+        return Ok(Fixture::Absent);
     }
-    let length = text.chars().count();
-    if length > MAX_SERIAL_NUMBER {
-        let what = format!("the serial number has {length} characters, at most {MAX_SERIAL_NUMBER} are taken");
-        return Err(Refusal::new(what, try_this));
-    }
-    if text.chars().any(char::is_control) {
-        let shown = gnc_executive::printable::quoted(text);
-        return Err(Refusal::new(format!("the serial number {shown} holds control characters"), try_this));
-    }
-    Ok(text.to_owned())
+    let operator = Operator::at_the_terminal();
+    operator.map(Fixture::Operator).map_err(|error| Refusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
 async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &str) -> Result<Outcome, Refusal> {
-    let stop = Stop::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
+    let control =
+        Control::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     let job =
         Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
     let mut order = Order {
@@ -119,7 +114,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         let count = args.until.is_none().then_some(args.loops);
         let looped = args.until.is_some() || args.loops > 1;
         order.header.looped = looped.then_some(Loop { index: round, count });
-        let ending = match one_round(args, &order, plan, &setup.records, &stop).await {
+        let ending = match one_round(args, &order, plan, &setup.records, &control).await {
             Ok(ending) => ending,
             Err(refusal) if ends.is_empty() => return Err(refusal),
             Err(refusal) => {
@@ -135,7 +130,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
             None => round >= args.loops,
         };
         let bad = !outcome.is_good() && args.on_fail == Some(OnFailArg::Stop);
-        if enough || bad || !ending.begun || stop.asked().times > 0 {
+        if enough || bad || !ending.begun || control.asked().times > 0 {
             break;
         }
     }
@@ -157,7 +152,7 @@ async fn one_round(
     order: &Order,
     plan: &Plan,
     records: &std::path::Path,
-    stop: &Stop,
+    control: &Control,
 ) -> Result<Ending, Refusal> {
     let store_refusal = |error: crate::store::StoreError| Refusal::new(chain(&error), error.try_this());
     // Before power-on, so that no module is tested whose record cannot be kept.
@@ -165,12 +160,13 @@ async fn one_round(
         .map_err(store_refusal)?;
     let path = folder.path().to_owned();
     let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-    let live: Live = watch::channel(Vec::new()).0;
+    let live = Live::default();
     let face = Face::start(events, &live, args.events, path.clone())
         .map_err(|error| Refusal::new(format!("cannot start: {error}"), ""))?;
+    let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
     let scribe = Scribe::start(folder, plan, vec![watcher]).map_err(store_refusal)?;
-    let ending = runner::run(order, Journal::new(scribe), stop, &live).await;
-    face.join(stop).await;
+    let ending = runner::run(order, Journal::new(scribe), control, &live).await;
+    face.join(control).await;
     if let Some(error) = &ending.store_error {
         complain(
             format_args!(
@@ -184,7 +180,8 @@ async fn one_round(
     Ok(ending)
 }
 
-fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {
+/// Who tests what, where, with what.
+pub(crate) fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.to_owned(),
         serial_number: serial_number.to_owned(),
@@ -197,6 +194,8 @@ fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> Ru
             version: plan.version.clone(),
             sha256: digest::of_plan(plan.files()),
         },
+        site: setup.site.clone(),
+        recomputed: None,
         selection: args.only.clone(),
         looped: None,
     }

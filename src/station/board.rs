@@ -5,7 +5,10 @@
 
 mod conversation;
 mod desk;
+mod readings;
 pub mod stream;
+#[cfg(test)]
+mod tests;
 
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
@@ -22,6 +25,7 @@ use crate::link::can::Tap;
 pub use conversation::{Answer, LinkReport};
 use conversation::{Command, Conversation};
 pub use desk::Desk;
+pub use readings::{GnssReading, Readings, StreamReading};
 
 /// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;
@@ -49,6 +53,12 @@ pub enum BoardError {
     #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
     Silent {
         /// Time since the last frame.
+        silent: Duration,
+    },
+    /// Frames come, but no heartbeat.
+    #[error("the board sends frames but no heartbeat for {} ms", silent.as_millis())]
+    NoHeartbeat {
+        /// Time since the last heartbeat.
         silent: Duration,
     },
     /// The other end speaks another version of the protocol.
@@ -134,16 +144,28 @@ pub enum BoardError {
 }
 
 impl BoardError {
+    /// Whether the board has no room for it now and may have later: a stream beside others.
+    #[must_use]
+    pub fn is_crowded(&self) -> bool {
+        matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
+    }
+
     /// What the operator can try.
     #[must_use]
     pub fn try_this(&self) -> &'static str {
         match self {
-            Self::Gone { .. } => "plug the adapter in and start again; `gnc-station ports` lists what is there",
+            Self::Gone { .. } => {
+                "plug the adapter in and start again: `gnc-station ports` lists serial ports; `sudo ip link set NAME up type \
+                 can bitrate 500000` switches a CAN interface on"
+            }
             Self::NoAnswer { .. } | Self::Silent { .. } => {
                 "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
             }
             Self::Version { .. } => "update the board's firmware or the station so that they share a version",
             Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
+            Self::NoHeartbeat { .. } => {
+                "compare the board's firmware with the interface document: a heartbeat each second"
+            }
             Self::SessionEnded => "another program may have used the port, or this computer stalled; start again",
             Self::Refused { code: NakCode::DoesNotFit, .. } => "lower the rate in the plan or raise the port's rate",
             Self::Refused { code: NakCode::NotPowered, .. } => {
@@ -196,18 +218,18 @@ pub struct Board {
 }
 
 impl Board {
-    /// Says HELLO over a link and keeps the conversation going.
+    /// Says HELLO over a link and keeps the conversation going. What comes by is shown in `readings`.
     ///
     /// # Errors
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
-    pub async fn connect(mut link: Link, nonce: u32) -> Result<Self, BoardError> {
+    pub async fn connect(mut link: Link, nonce: u32, readings: watch::Sender<Readings>) -> Result<Self, BoardError> {
         let (commands, receiver) = mpsc::channel(COMMANDS);
         let (pulse_sender, pulse) = watch::channel(Pulse::default());
         let tap = match &mut link {
             Link::Serial(_) => None,
             Link::Can(link) => link.tap(),
         };
-        let conversation = Conversation::new(link, receiver, pulse_sender);
+        let conversation = Conversation::new(link, receiver, pulse_sender, readings);
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
         let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap };

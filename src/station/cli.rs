@@ -17,7 +17,7 @@ Exit codes:
   3  errored: the station could not tell
   4  aborted by a person or a signal";
 
-/// Production test station for GNC modules.
+/// Production test station for GNC modules. Without a command and without --auto it opens the operator's screen.
 #[derive(Debug, Parser)]
 #[command(name = "gnc-station", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
 pub struct Cli {
@@ -31,12 +31,33 @@ pub struct Cli {
 enum Command {
     /// Lists the serial ports that are there.
     Ports,
+    /// Looks at ports, rights, buses, disk and clock, and names what mends them; changes nothing.
+    Doctor {
+        /// The bench file; `bench.toml` if that is there.
+        #[arg(long, value_name = "FILE")]
+        bench: Option<PathBuf>,
+        /// The records folder; the bench file's, if not given.
+        #[arg(long, value_name = "DIR")]
+        records: Option<PathBuf>,
+    },
     /// Computes calibrations, deviations and spectra from a record.
     Compute(crate::compute::Args),
     /// Looks at plans without running them.
     Plan {
         #[command(subcommand)]
         what: PlanCommand,
+    },
+    /// Works out all figures and verdicts of a run once more, from its raw record and its plan.
+    #[command(after_help = crate::recompute::EXIT_CODES)]
+    Recompute {
+        /// Its folder, whole or below the records folder.
+        run: PathBuf,
+        /// Judges by this plan instead, into a new folder beside the run.
+        #[arg(long, value_name = "FILE")]
+        plan: Option<PathBuf>,
+        /// The records folder.
+        #[arg(long, value_name = "DIR", default_value = "records")]
+        records: PathBuf,
     },
     /// Looks through the records.
     Records {
@@ -72,12 +93,12 @@ pub enum RecordsCommand {
     List,
     /// Shows a run.
     Show {
-        /// Its folder, whole or below the records folder.
+        /// Its folder, whole or below the records folder; or a serial number, for its newest run.
         run: PathBuf,
     },
     /// Compares runs with their digests and their journals.
     Verify {
-        /// Their folders; all runs if none is named.
+        /// Their folders or serial numbers; all runs if none is named.
         runs: Vec<PathBuf>,
     },
 }
@@ -94,9 +115,15 @@ pub enum SimLink {
 /// How to run a plan.
 #[derive(Debug, Clone, Args)]
 pub struct RunArgs {
-    /// Runs a plan without a screen.
+    /// Runs a plan without the screen.
     #[arg(long, value_name = "PLAN")]
     pub auto: Option<PathBuf>,
+    /// The plan that the screen opens with.
+    #[arg(long, value_name = "PLAN", conflicts_with = "auto")]
+    pub plan: Option<PathBuf>,
+    /// Language of the screen; the locale's, if not given.
+    #[arg(long, value_name = "LANG", value_enum, conflicts_with = "auto")]
+    pub lang: Option<crate::tui::Lang>,
     /// Tests a simulated module: a good one, or the one that FILE (or a built-in name) describes.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "good", conflicts_with = "bench")]
     pub sim: Option<PathBuf>,
@@ -143,7 +170,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
-    #[arg(long)]
+    #[arg(long, requires = "auto")]
     pub events: bool,
 }
 
@@ -174,12 +201,14 @@ pub fn main() -> ExitCode {
     match cli.command {
         Some(Command::Compute(args)) => crate::compute::run(&args),
         Some(Command::Ports) => crate::ports::run(),
+        Some(Command::Doctor { bench, records }) => crate::doctor::run(bench.as_deref(), records.as_deref()),
         Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {
             crate::check::run(&plans, bench.as_deref(), sim)
         }
+        Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
         Some(Command::Records { what, records }) => crate::records::run(&what, &records),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
-        None => refuse("nothing to do", "give a plan with --auto PLAN; --help shows all there is"),
+        None => crate::tui::run(&cli.run),
     }
 }
 

@@ -1,9 +1,10 @@
 //! Whoever turns the module and flips the DIP switches: a person at a terminal, or the simulated bench.
 
+use std::fmt;
 use std::io::BufRead as _;
 
-use tokio::sync::Mutex;
 use tokio::sync::mpsc::{self, error::TrySendError};
+use tokio::sync::{Mutex, oneshot};
 
 use crate::procedure::Trouble;
 use crate::runner::report::Report;
@@ -28,7 +29,7 @@ pub enum FixtureError {
         /// What was to be done.
         what: String,
     },
-    /// The terminal is gone.
+    /// Whoever showed the question is gone.
     #[error("the terminal was closed while waiting for somebody to {what}")]
     TerminalClosed {
         /// What was to be done.
@@ -43,6 +44,15 @@ pub enum FixtureError {
         /// Why.
         source: hw_mocks::BenchGone,
     },
+    /// The simulated turntable did not do it.
+    #[cfg(feature = "sim")]
+    #[error("the turntable could not {what}")]
+    Table {
+        /// What was to be done.
+        what: &'static str,
+        /// Why.
+        source: hw_mocks::TableError,
+    },
 }
 
 impl FixtureError {
@@ -54,8 +64,46 @@ impl FixtureError {
             Self::Refused { .. } => "mend the fixture and run the item again",
             #[cfg(feature = "sim")]
             Self::Simulation { .. } => "start the simulated bench again",
+            #[cfg(feature = "sim")]
+            Self::Table { .. } => "see what it was told in the plan; start the simulated bench again",
         }
     }
+}
+
+/// What somebody is asked to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ask {
+    /// Set this DIP switch (1 to 5) to ON and all others to OFF, or all to OFF.
+    Switches(Option<u8>),
+    /// Turn the level module to a heading, clockwise seen from above, from the mark on the table.
+    Heading {
+        /// Degrees.
+        deg: f64,
+    },
+    /// What a plan wants in its own words.
+    Words(String),
+}
+
+impl fmt::Display for Ask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Switches(Some(number)) => write!(f, "set DIP switch {number} to ON and the other four to OFF"),
+            Self::Switches(None) => f.write_str("set all five DIP switches to OFF"),
+            Self::Heading { deg } => write!(f, "turn the module, kept level, to {deg:.0} degrees on the table"),
+            Self::Words(words) => f.write_str(words),
+        }
+    }
+}
+
+/// A question to somebody at a screen.
+#[derive(Debug)]
+pub struct Question {
+    /// The item that needs it.
+    pub item: String,
+    /// What to do.
+    pub ask: Ask,
+    /// Takes the answer: `false` is not possible. It is closed when nobody waits for one any more.
+    pub answer: oneshot::Sender<bool>,
 }
 
 /// The fixture of a bench.
@@ -65,6 +113,8 @@ pub enum Fixture {
     Absent,
     /// A person who presses Enter.
     Operator(Operator),
+    /// A person at the operator's screen.
+    Screen(mpsc::Sender<Question>),
     /// The simulated bench does it by itself.
     #[cfg(feature = "sim")]
     Simulated(hw_mocks::Control),
@@ -82,11 +132,7 @@ impl Fixture {
     /// # Errors
     /// [`FixtureError`], or the record that could not be written.
     pub async fn only_switch(&self, on: Option<u8>, report: &Report<'_>) -> Result<(), Trouble> {
-        let what = match on {
-            Some(number) => format!("set DIP switch {number} to ON and the other four to OFF"),
-            None => "set all five DIP switches to OFF".to_owned(),
-        };
-        self.ask(&what, report, |bench| bench.only_switch(on)).await
+        self.ask(&Ask::Switches(on), report, |bench| bench.only_switch(on)).await
     }
 
     /// Turns the level module to a heading, clockwise seen from above, from the mark on the table.
@@ -94,8 +140,7 @@ impl Fixture {
     /// # Errors
     /// As [`Fixture::only_switch`].
     pub async fn turn_to(&self, heading_deg: f64, report: &Report<'_>) -> Result<(), Trouble> {
-        let what = format!("turn the module, kept level, to {heading_deg:.0} degrees on the table");
-        self.ask(&what, report, |bench| bench.turn_to(heading_deg)).await
+        self.ask(&Ask::Heading { deg: heading_deg }, report, |bench| bench.turn_to(heading_deg)).await
     }
 
     /// Asks for something that a plan wants in its own words.
@@ -103,29 +148,41 @@ impl Fixture {
     /// # Errors
     /// As [`Fixture::only_switch`].
     pub async fn prompt(&self, what: &str, report: &Report<'_>) -> Result<(), Trouble> {
-        self.ask(what, report, |_| Ok(())).await
+        self.ask(&Ask::Words(what.to_owned()), report, |_| Ok(())).await
     }
 
     async fn ask(
         &self,
-        what: &str,
+        ask: &Ask,
         report: &Report<'_>,
         simulated: impl FnOnce(SimulatedHand<'_>) -> Result<(), SimulatedError>,
     ) -> Result<(), Trouble> {
-        report.prompted(what).await?;
+        let what = ask.to_string();
+        report.prompted(&what).await?;
         let answer = match self {
-            Self::Absent => return Err(FixtureError::Nobody { what: what.to_owned() }.into()),
-            Self::Operator(operator) => operator.wait(what).await?,
+            Self::Absent => return Err(FixtureError::Nobody { what }.into()),
+            Self::Operator(operator) => operator.wait(&what).await?,
+            Self::Screen(screen) => at_the_screen(screen, report.item(), ask).await?,
             #[cfg(feature = "sim")]
             Self::Simulated(control) => {
-                simulated(SimulatedHand(control))
-                    .map_err(|source| FixtureError::Simulation { what: what.to_owned(), source })?;
+                simulated(SimulatedHand(control)).map_err(|source| FixtureError::Simulation { what, source })?;
                 "done by the simulated bench".to_owned()
             }
         };
         #[cfg(not(feature = "sim"))]
         let _ = simulated;
         report.answered(&answer).await
+    }
+}
+
+async fn at_the_screen(screen: &mpsc::Sender<Question>, item: &str, ask: &Ask) -> Result<String, FixtureError> {
+    let (answer, answered) = oneshot::channel();
+    let closed = || FixtureError::TerminalClosed { what: ask.to_string() };
+    screen.send(Question { item: item.to_owned(), ask: ask.clone(), answer }).await.map_err(|_| closed())?;
+    match answered.await {
+        Ok(true) => Ok(String::new()),
+        Ok(false) => Err(FixtureError::Refused { what: ask.to_string() }),
+        Err(_) => Err(closed()),
     }
 }
 

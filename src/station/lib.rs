@@ -2,18 +2,29 @@
 
 mod auto;
 pub mod board;
+pub mod capture;
 mod check;
 pub mod cli;
 pub mod compute;
+pub mod control;
+mod doctor;
+pub mod figures;
 mod files;
 pub mod fixture;
 pub mod link;
+pub mod motion;
 mod nmea;
 mod ports;
 pub mod procedure;
+pub mod raw;
+mod recompute;
 mod records;
+pub mod report;
 pub mod runner;
+mod serial_number;
 mod setup;
 mod statistics;
-pub mod stop;
+
 pub mod store;
+pub mod tui;
+pub mod turntable;

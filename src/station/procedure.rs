@@ -1,7 +1,9 @@
 //! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
 
 mod ad;
+mod calibration;
 mod can;
+mod capturing;
 mod cpu;
 mod flash;
 mod gnss;
@@ -19,10 +21,13 @@ use gnc_executive::plan::{ParamError, Params};
 
 use crate::board::stream::Losses;
 use crate::board::{BoardError, Desk};
+use crate::figures::{FigureError, Findings};
 use crate::fixture::{Fixture, FixtureError};
 use crate::link::can::{CanOpenError, CanTarget};
+use crate::motion::watch::Spoilt;
 use crate::runner::report::Report;
 use crate::store::StoreError;
+use crate::store::captures::CapturesError;
 
 /// What a procedure works with.
 #[derive(Debug)]
@@ -35,6 +40,8 @@ pub struct Bench<'a> {
     pub site: Option<&'a Site>,
     /// The bench's CAN bus, where the conversation does not go over it anyway.
     pub can: Option<&'a CanTarget>,
+    /// What the items that ended before this attempt found, in the order of the plan, each with its name.
+    pub earlier: Vec<(String, Findings)>,
 }
 
 /// Why a procedure came to no end.
@@ -63,21 +70,76 @@ pub enum Trouble {
         /// What came and what did not.
         losses: Losses,
     },
+    /// A capture has a gap, so that no figure may come from it.
+    #[error(
+        "capture `{label}` has a gap after sample {after} ({at_s:.3} s): {} received, {} lost on the board, {} on the line",
+        losses.received, losses.on_board, losses.on_line
+    )]
+    CaptureLost {
+        /// The capture.
+        label: String,
+        /// Samples before the gap.
+        after: u32,
+        /// Time in the capture.
+        at_s: f64,
+        /// What came and what did not.
+        losses: Losses,
+    },
+    /// A capture is of no use.
+    #[error("capture `{label}` is spoilt at {at_s:.2} s")]
+    Spoilt {
+        /// The capture.
+        label: String,
+        /// Time in the capture.
+        at_s: f64,
+        /// What is wrong.
+        #[source]
+        spoilt: Spoilt,
+    },
+    /// The turn was not the one that was asked for.
+    #[error("capture `{label}`: the module turned by {seen_deg:.0} deg instead of {wanted_deg:.0} deg")]
+    NotTurned {
+        /// The capture.
+        label: String,
+        /// What was asked for.
+        wanted_deg: f64,
+        /// What the gyroscope of the axis saw, at nominal scale.
+        seen_deg: f64,
+    },
+    /// No figure comes from the captures.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// Nothing could be worked out from the captures: a mistake in this program.
+    #[error("nothing could be worked out: {why}")]
+    Analysis {
+        /// What happened.
+        why: String,
+    },
+    /// What another item captured cannot be read back.
+    #[error(transparent)]
+    Captures(#[from] CapturesError),
     /// The CAN bus could not be joined.
     #[error(transparent)]
     CanOpen(#[from] CanOpenError),
     /// The CAN bus went away.
     #[error("the CAN bus is gone")]
     CanGone(#[from] std::io::Error),
-    /// Test frames did not come back, and the module's controller knows of no error.
-    #[error("{lost} of {sent} CAN frames did not come back; the module received {received} and counts no error")]
+    /// Test frames did not come back as they went out, and the module's controller knows of no error.
+    #[error(
+        "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
+         and counts no error{}", lost_here(*by_host)
+    )]
     FramesLost {
         /// Test frames sent.
         sent: u64,
         /// Of those, not back.
         lost: u64,
-        /// Of those, received by the module as it says.
+        /// Back twice, or before one that was sent earlier.
+        astray: u64,
+        /// Received by the module as it says.
         received: u32,
+        /// Frames that this computer lost meanwhile, as far as it knows.
+        by_host: u64,
     },
     /// The answer does not fit the question, under a good checksum.
     #[error("the board's answer to {what} does not fit the question: {why}")]
@@ -113,8 +175,24 @@ impl Trouble {
             Self::Store(error) => error.try_this(),
             Self::Param(_) => "report this: the plan was accepted and should not have been",
             Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::CaptureLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::Spoilt { spoilt: Spoilt::Moved { .. }, .. } => {
+                "keep hands and draughts off the table; run the item again"
+            }
+            Self::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => {
+                "turn slower, or keep the magnet away; if the module lies still, suspect the sensor"
+            }
+            Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
+            Self::Figure(error) => error.try_this(),
+            Self::Analysis { .. } => "keep the raw samples and report this",
+            Self::Captures(error) => error.source.try_this(),
             Self::CanOpen(error) => error.try_this(),
-            Self::CanGone(_) => "check the CAN adapter and its cable, then start again",
+            Self::CanGone(_) => {
+                "check the CAN adapter, its cable and that its interface is up (`ip -details link show NAME`), then start again"
+            }
+            Self::FramesLost { by_host: 1.., .. } => {
+                "this computer is too slow for its CAN controller: end other programs; `ip -statistics link` counts what it lost"
+            }
             Self::FramesLost { .. } => {
                 "check the CAN cable, its termination (60 ohm between the lines) and the adapter"
             }
@@ -123,6 +201,10 @@ impl Trouble {
             Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
         }
     }
+}
+
+fn lost_here(by_host: u64) -> String {
+    if by_host == 0 { String::new() } else { format!("; this computer's controller or driver lost {by_host} frames") }
 }
 
 /// Runs the procedure of an item.
@@ -145,5 +227,22 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         ItemId::Spi => spi::run(bench, params, report).await,
         ItemId::Sci => sci::run(bench, params, report).await,
         ItemId::Can => can::run(bench, report).await,
+        ItemId::SixPosition
+        | ItemId::GyroStill
+        | ItemId::Rotation
+        | ItemId::GyroBias
+        | ItemId::AccelBias
+        | ItemId::BiasStability
+        | ItemId::BiasRepeatability
+        | ItemId::ScaleFactorRepeatability
+        | ItemId::CrossCoupling
+        | ItemId::Resolution
+        | ItemId::Allan
+        | ItemId::Psd
+        | ItemId::MagnetometerEllipse
+        | ItemId::MagnetometerEllipsoid
+        | ItemId::GnssAccuracy
+        | ItemId::CalibrationDownload
+        | ItemId::CalibrationCheck => calibration::run(item, bench, params, report).await,
     }
 }

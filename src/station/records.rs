@@ -10,7 +10,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 
 use crate::cli::{RecordsCommand, complain, refuse};
-use crate::store::{StoreError, reader};
+use crate::store::{DIGESTS, JOURNAL, RECORD, StoreError, chain, reader};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -18,7 +18,10 @@ const NOT_AS_WRITTEN: u8 = 1;
 pub(crate) fn run(what: &RecordsCommand, records: &Path) -> ExitCode {
     let done = match what {
         RecordsCommand::List => list(records),
-        RecordsCommand::Show { run } => return show(&resolve(records, run)),
+        RecordsCommand::Show { run } => resolve(records, run).map(|folders| match folders.last() {
+            Some(newest) => show(newest),
+            None => no_such(run),
+        }),
         RecordsCommand::Verify { runs } => verify(records, runs),
     };
     done.unwrap_or_else(|error| refuse(crate::runner::chain(&error), error.try_this()))
@@ -72,7 +75,15 @@ fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
     let folders: Vec<PathBuf> = if runs.is_empty() {
         reader::list(records)?.into_iter().map(|found| found.path).collect()
     } else {
-        runs.iter().map(|run| resolve(records, run)).collect()
+        let mut folders = Vec::new();
+        for run in runs {
+            let named = resolve(records, run)?;
+            if named.is_empty() {
+                return Ok(no_such(run));
+            }
+            folders.extend(named);
+        }
+        folders
     };
     let mut bad = 0;
     let mut out = std::io::stdout().lock();
@@ -88,15 +99,46 @@ fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
         }
     }
     let _ = writeln!(out, "{} of {} runs are as written", folders.len() - bad, folders.len());
+    if runs.is_empty() {
+        bad += along_the_chain(records, &mut out)?;
+    }
     if bad > 0 {
         let try_this = "run the module again where a run was interrupted; restore what was changed from a backup";
-        complain(format_args!("{bad} of the runs prove nothing"), try_this);
+        complain("these records are not as they were written, so they prove nothing", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// A run's folder as the user named it: from here, or below the records folder.
-fn resolve(records: &Path, run: &Path) -> PathBuf {
-    if run.exists() { run.to_owned() } else { records.join(run) }
+/// Says what the chain of closed runs shows; how much of it is not as it was written.
+fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
+    let chain::Checked { runs, first, problems } = chain::verify(records)?;
+    if problems.is_empty() && runs > 0 {
+        let elsewhere =
+            if first > 1 { format!(" from run {first} on; earlier ones are elsewhere") } else { String::new() };
+        let _ = writeln!(out, "the chain of {runs} closed runs is whole{elsewhere}");
+    }
+    for problem in &problems {
+        let _ = writeln!(out, "chain: {}", printable(problem));
+    }
+    Ok(problems.len())
+}
+
+/// The runs that the user named, oldest first: by a folder, from here or below the records folder, or by a serial
+/// number.
+pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    // Any of them: a run whose journal was taken away is to be found out.
+    let is_run = |folder: &PathBuf| [JOURNAL, RECORD, DIGESTS].iter().any(|file| folder.join(file).exists());
+    if let Some(folder) = [named.to_owned(), records.join(named)].into_iter().find(is_run) {
+        return Ok(vec![folder]);
+    }
+    let of_module = |found: &reader::FoundRun| {
+        found.run.as_ref().is_ok_and(|run| Some(run.serial_number.as_str()) == named.to_str())
+    };
+    Ok(reader::list(records)?.into_iter().filter(of_module).map(|found| found.path).collect())
+}
+
+pub(crate) fn no_such(named: &Path) -> ExitCode {
+    let what = format!("there is no run {}", printable(&named.to_string_lossy()));
+    refuse(what, "name a run's folder or a serial number; `gnc-station records list` shows what is there")
 }

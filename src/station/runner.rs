@@ -1,45 +1,47 @@
 //! The only doer: it follows a plan on a bench, several items at once where they share nothing, and emits what
 //! happens.
 
+mod connection;
+mod error_records;
 pub mod journal;
+pub mod looking;
+mod recovery;
 pub mod report;
+mod verdict;
 
 use std::cell::{Cell, RefCell};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::time::{Duration, Instant};
 
-use chrono::Utc;
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
-use gnc_executive::event::{
-    AttemptError, Board as BoardEvent, ErrorRecord as RecordEvent, EventKind, Level, Power, RunHeader, StopHow,
-};
+use gnc_executive::catalogue::Resource;
+use gnc_executive::event::{AttemptError, EventKind, Level, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
-use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecords, MakeSafe, ModulePower};
-use gnc_protocol::{FaultCode, PROTOCOL_VERSION};
+use gnc_protocol::message::{ErrorRecord, ModulePower};
 use tokio::sync::watch;
-use tokio::time::timeout;
 
-use crate::board::{Advance, Board, BoardError, Desk, Pulse};
+use crate::board::{Advance, Board, Desk, Pulse, Readings};
+use crate::control::{Asked, Control};
+use crate::figures::Findings;
 use crate::fixture::Fixture;
+use crate::link::Target;
 use crate::link::can::CanTarget;
-use crate::link::{Link, LinkError, Target};
 use crate::procedure::{self, Bench, Trouble};
-use crate::stop::{Asked, Stop};
 use crate::store::StoreError;
+use crate::turntable;
+use connection::connect;
 use journal::Journal;
+use recovery::{session_lives, spoilt};
 use report::Report;
+use verdict::judge;
 
 pub use gnc_executive::bench::Site;
 
-/// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
-const SAFE_WITHIN: Duration = Duration::from_millis(250);
-/// Error records read at the end of one attempt: as many as the board keeps.
-const MAX_RECORDS: usize = 64;
 /// Items that run at once. Of the four requests that a board takes at once one is left for a second request of one
 /// item, or for reading error records.
 const AT_ONCE: usize = 3;
@@ -63,8 +65,14 @@ pub struct Order {
     pub one_by_one: bool,
 }
 
-/// What is being done, for people; some of it may be skipped.
-pub type Live = watch::Sender<Vec<Doing>>;
+/// What people watch while a run goes on; some of it may be skipped.
+#[derive(Debug, Clone, Default)]
+pub struct Live {
+    /// The items that run.
+    pub doing: watch::Sender<Vec<Doing>>,
+    /// The newest raw values.
+    pub readings: watch::Sender<Readings>,
+}
 
 /// An item that runs.
 #[derive(Debug, Clone)]
@@ -91,11 +99,11 @@ pub struct Ending {
 }
 
 /// Carries out an order.
-pub async fn run(order: &Order, journal: Journal, stop: &Stop, live: &Live) -> Ending {
+pub async fn run(order: &Order, journal: Journal, control: &Control, live: &Live) -> Ending {
     let run = Run {
         order,
         journal: &journal,
-        stop,
+        control,
         live,
         records_read: Cell::new(0),
         unfiled: RefCell::new(Vec::new()),
@@ -103,9 +111,11 @@ pub async fn run(order: &Order, journal: Journal, stop: &Stop, live: &Live) -> E
         one_by_one: Cell::new(order.one_by_one),
         unexplained_restart: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
+        findings: RefCell::new(BTreeMap::new()),
+        paused_since: Cell::new(None),
     };
     let ended = run.whole().await;
-    live.send_replace(Vec::new());
+    live.doing.send_replace(Vec::new());
     let begun = journal.look(|state| state.rows().iter().any(|row| !row.attempts.is_empty()));
     let closed = journal.close().await;
     // Of two errors the one of the thread that writes is the cause.
@@ -118,7 +128,7 @@ pub async fn run(order: &Order, journal: Journal, stop: &Stop, live: &Live) -> E
 struct Run<'a> {
     order: &'a Order,
     journal: &'a Journal,
-    stop: &'a Stop,
+    control: &'a Control,
     live: &'a Live,
     /// Error records of the board's session that were read already.
     records_read: Cell<u16>,
@@ -131,12 +141,18 @@ struct Run<'a> {
     unexplained_restart: Cell<bool>,
     /// Board time of each item by its position, for the critical path.
     busy: RefCell<HashMap<usize, Duration>>,
+    /// What the last attempt of an item found, by its position.
+    findings: RefCell<BTreeMap<usize, Findings>>,
+    /// Since when nothing runs because of a pause.
+    paused_since: Cell<Option<Instant>>,
 }
 
 /// How an attempt came to its end.
 enum End {
     Done(Result<(), Trouble>),
     Stopped(Asked),
+    /// Somebody gave this item up, and wants the run to go on.
+    GivenUp,
 }
 
 /// An attempt that came to its end.
@@ -157,7 +173,7 @@ impl Run<'_> {
         self.journal.emit(EventKind::RunStarted { header, items: self.order.job.planned() }).await?;
         let body = tokio::select! {
             biased;
-            asked = self.stop.asked_times(2) => Err(asked),
+            asked = self.control.asked_times(2) => Err(asked),
             body = self.body() => Ok(body),
         };
         match body {
@@ -172,6 +188,8 @@ impl Run<'_> {
             self.note(Level::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
         }
+        // The digests vouch for whole files.
+        self.journal.raw_files_ended().await;
         self.journal.emit(EventKind::RunEnded { outcome }).await?;
         Ok(outcome)
     }
@@ -192,8 +210,8 @@ impl Run<'_> {
     async fn find_board(&self) -> Result<Option<Board>, StoreError> {
         let connected = tokio::select! {
             biased;
-            asked = self.stop.asked_times(1) => Err(asked),
-            connected = connect(self.order) => Ok(connected),
+            asked = self.control.asked_times(1) => Err(asked),
+            connected = connect(&self.order.target, &self.live.readings) => Ok(connected),
         };
         match connected {
             Ok(Ok(board)) => return Ok(Some(board)),
@@ -215,8 +233,13 @@ impl Run<'_> {
     async fn items(&self, board: &Board) -> Result<(), StoreError> {
         let mut flight = Flight::new();
         loop {
-            self.launch(board, &mut flight).await?;
-            let Some(landed) = flight.next().await else { break };
+            let held = self.launch(board, &mut flight).await?;
+            let landed = tokio::select! {
+                biased;
+                Some(landed) = flight.next() => landed,
+                () = self.control.resumed(), if held => continue,
+                else => break,
+            };
             self.land(board, landed, &mut flight).await?;
             if self.link_lost.get() {
                 self.end_open_items().await?;
@@ -227,9 +250,10 @@ impl Run<'_> {
         self.critical_path().await
     }
 
-    async fn launch<'b>(&'b self, board: &'b Board, flight: &mut Flight<'b>) -> Result<(), StoreError> {
+    /// Starts what may start. `true`: a pause holds the next item back.
+    async fn launch<'b>(&'b self, board: &'b Board, flight: &mut Flight<'b>) -> Result<bool, StoreError> {
         loop {
-            let asked = self.stop.asked();
+            let asked = self.control.asked();
             if asked.times > 0 {
                 self.stop_in_order(asked).await?;
             }
@@ -237,17 +261,38 @@ impl Run<'_> {
             let job = &self.order.job;
             let next = self.journal.look(|state| if alone { job.next(state) } else { job.next_overlapping(state) });
             match next {
-                Next::Run { .. } if flight.len() >= AT_ONCE => return Ok(()),
+                Next::Run { .. } if flight.len() >= AT_ONCE => return Ok(false),
+                Next::Run { .. } if self.control.is_paused() => {
+                    self.paused(flight.is_empty()).await?;
+                    return Ok(true);
+                }
                 Next::Run { item: position, attempt } => {
-                    let Some(item) = job.item(position) else { return Ok(()) };
+                    let Some(item) = job.item(position) else { return Ok(false) };
+                    self.go_on().await?;
+                    self.control.begin(&item.name);
                     self.journal.emit(EventKind::ItemStarted { item: item.name.clone(), attempt }).await?;
                     flight.push(self.attempt(board, position, item, attempt).boxed_local());
                 }
                 Next::End { item, outcome } => self.end_item(item, outcome, None).await?,
                 Next::Skip { item, cause } => self.end_item(item, Outcome::Skipped, Some(cause)).await?,
-                Next::Wait | Next::Done { .. } => return Ok(()),
+                Next::Wait | Next::Done { .. } => return Ok(false),
             }
         }
+    }
+
+    /// Says once that nothing runs because of a pause.
+    async fn paused(&self, nothing_runs: bool) -> Result<(), StoreError> {
+        if !nothing_runs || self.paused_since.get().is_some() {
+            return Ok(());
+        }
+        self.paused_since.set(Some(Instant::now()));
+        self.note(Level::Info, "paused: nothing new begins until somebody lets the run go on".into(), None).await
+    }
+
+    /// Says how long a pause was.
+    async fn go_on(&self) -> Result<(), StoreError> {
+        let Some(since) = self.paused_since.take() else { return Ok(()) };
+        self.note(Level::Info, format!("went on after a pause of {:.1} s", since.elapsed().as_secs_f64()), None).await
     }
 
     async fn end_item(&self, position: usize, outcome: Outcome, cause: Option<Cause>) -> Result<(), StoreError> {
@@ -258,28 +303,45 @@ impl Run<'_> {
     async fn attempt(&self, board: &Board, position: usize, item: &PlanItem, attempt: u32) -> Landed {
         let (sender, advance) = watch::channel(Advance::default());
         let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance };
-        self.live.send_modify(|live| live.push(doing));
+        self.live.doing.send_modify(|live| live.push(doing));
         let desk = Desk::new(board, sender);
         let report = Report::new(self.journal, item, attempt, &self.order.header.serial_number);
         // After a stop only teardown items run, and those may be ended by a second one alone.
         let may_stop = item.phase != Phase::Teardown;
         let end = tokio::select! {
             biased;
-            asked = self.stop.asked_times(1), if may_stop => End::Stopped(asked),
+            asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
+            () = self.control.given_up(&item.name) => End::GivenUp,
             done = self.procedure(&desk, board, item, attempt, &report) => End::Done(done),
         };
-        if let End::Done(Err(trouble)) = &end
-            && session_lives(trouble)
-        {
+        let uses = |resource| item.id.spec().resources.contains(&resource);
+        if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
+            // Before anything else: somebody may have his hands there.
+            turntable::stop_at_once(&self.order.fixture);
+        }
+        let left_behind = match &end {
+            End::Done(Err(trouble)) => session_lives(trouble),
+            End::GivenUp => true,
+            End::Done(Ok(())) | End::Stopped(_) => false,
+        };
+        if left_behind {
             tokio::select! {
                 biased;
-                _ = self.stop.asked_times(1) => {}
+                _ = self.control.asked_times(1) => {}
                 () = desk.clear() => {}
             }
+            if uses(Resource::Power) {
+                // It may have been left without; whoever comes next finds out if it stays so.
+                let _ = desk.call(&ModulePower { on: 1 }).await;
+            }
         }
-        self.live.send_modify(|live| live.retain(|doing| doing.item != item.name));
+        self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (desk.requests(), desk.busy());
-        Landed { position, attempt, end, measured: report.into_measured(), requests, busy }
+        let (measured, findings) = report.into_measured();
+        if let Some(findings) = findings {
+            self.findings.borrow_mut().insert(position, findings);
+        }
+        Landed { position, attempt, end, measured, requests, busy }
     }
 
     async fn procedure(
@@ -295,6 +357,7 @@ impl Run<'_> {
             fixture: &self.order.fixture,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
+            earlier: self.earlier(),
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
@@ -313,6 +376,20 @@ impl Run<'_> {
         }
     }
 
+    /// What the items that have ended found, in the order of the plan.
+    fn earlier(&self) -> Vec<(String, Findings)> {
+        let findings = self.findings.borrow();
+        let ended = self.journal.look(|state| {
+            let rows = state.rows();
+            let over = |position: &usize| rows.get(*position).is_some_and(gnc_executive::state::Row::is_over);
+            findings.keys().copied().filter(over).collect::<Vec<usize>>()
+        });
+        let named = ended.into_iter().filter_map(|position| {
+            Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
+        });
+        named.collect()
+    }
+
     /// Files an attempt that came to its end, and deals with its trouble.
     async fn land<'b>(&'b self, board: &'b Board, landed: Landed, flight: &mut Flight<'b>) -> Result<(), StoreError> {
         match landed.end {
@@ -323,7 +400,21 @@ impl Run<'_> {
                 let error = AttemptError { text, hint: String::new(), again: false };
                 self.end_attempt(&landed, Outcome::Aborted, Some(error)).await
             }
+            End::GivenUp => {
+                self.file_error_records(board, &landed).await?;
+                let error = AttemptError { text: "given up by the operator".into(), hint: String::new(), again: false };
+                self.end_attempt(&landed, Outcome::Aborted, Some(error)).await
+            }
             End::Done(Err(ref trouble)) if !session_lives(trouble) => self.lost_session(board, landed, flight).await,
+            End::Done(Err(Trouble::Board(ref error))) if error.is_crowded() && !flight.is_empty() => {
+                // The line carries each of them, but not both.
+                self.one_by_one.set(true);
+                let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
+                let text = "it did not fit on the line beside what else ran: from here on one item after the other";
+                self.note(Level::Info, text.into(), name).await?;
+                let error = spoilt(Some(&error.to_string()));
+                self.end_attempt(&landed, Outcome::Errored, Some(error)).await
+            }
             End::Done(ref done) => {
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
@@ -331,65 +422,6 @@ impl Run<'_> {
                 self.end_attempt(&landed, outcome, error).await
             }
         }
-    }
-
-    /// The session is gone, and with it the work of all items in flight. Whose fault was it? The item whose request
-    /// was in flight when the board restarted; the others run again. If that is not one alone, all run again, one
-    /// by one, so that the culprit shows.
-    async fn lost_session<'b>(
-        &'b self,
-        board: &'b Board,
-        first: Landed,
-        flight: &mut Flight<'b>,
-    ) -> Result<(), StoreError> {
-        let mut ended = vec![first];
-        while let Some(Some(landed)) = flight.next().now_or_never() {
-            ended.push(landed);
-        }
-        flight.clear();
-        self.live.send_replace(Vec::new());
-        let restarted = |landed: &Landed, only_asked: bool| matches!(&landed.end, End::Done(Err(Trouble::Board(BoardError::Restarted { asked, .. }))) if *asked || !only_asked);
-        let any_restart = ended.iter().any(|landed| restarted(landed, false));
-        let suspects: Vec<usize> = match ended.iter().filter(|landed| restarted(landed, true)).count() {
-            0 => ended.iter().filter(|landed| restarted(landed, false)).map(|landed| landed.position).collect(),
-            _ => ended.iter().filter(|landed| restarted(landed, true)).map(|landed| landed.position).collect(),
-        };
-        let culprit = match (any_restart, suspects.as_slice()) {
-            (true, [one]) => Some(*one),
-            (true, _) => None,
-            // Without a restart the first to notice speaks for the line.
-            (false, _) => ended.first().map(|landed| landed.position),
-        };
-        if any_restart {
-            self.unexplained_restart.set(culprit.is_none());
-            self.one_by_one.set(self.one_by_one.get() || culprit.is_none());
-        }
-        let text = ended.first().map(|landed| match &landed.end {
-            End::Done(Err(trouble)) => chain(trouble),
-            _ => String::new(),
-        });
-        for landed in &ended {
-            let Some(item) = self.order.job.item(landed.position) else { continue };
-            let trouble = match &landed.end {
-                End::Done(done) => done.as_ref().err(),
-                End::Stopped(asked) => {
-                    self.stop_in_order(*asked).await?;
-                    self.end_attempt(landed, Outcome::Aborted, None).await?;
-                    continue;
-                }
-            };
-            // What came to its own end in the same moment has its own verdict.
-            let own = trouble.is_none_or(session_lives) || Some(landed.position) == culprit;
-            if own {
-                let (outcome, error) = judge(item, &landed.measured, trouble);
-                self.end_attempt(landed, outcome, error).await?;
-            } else {
-                self.end_attempt(landed, Outcome::Errored, Some(spoilt(text.as_deref()))).await?;
-            }
-        }
-        self.end_spoilt_items(text.as_deref()).await?;
-        let name = culprit.and_then(|position| self.order.job.item(position)).map(|item| item.name.clone());
-        self.recover(board, name.filter(|_| any_restart)).await
     }
 
     async fn end_attempt(
@@ -402,56 +434,6 @@ impl Run<'_> {
         self.busy.borrow_mut().insert(landed.position, landed.busy);
         let (item, attempt) = (item.name.clone(), landed.attempt);
         self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome, error }).await
-    }
-
-    /// Attempts that were in flight and had not noticed yet.
-    async fn end_spoilt_items(&self, text: Option<&str>) -> Result<(), StoreError> {
-        let running: Vec<(String, u32)> = self.journal.look(|state| {
-            let rows = state.rows().iter().filter(|row| row.running().is_some());
-            rows.map(|row| (row.planned.name.clone(), row.attempts.len() as u32)).collect()
-        });
-        for (item, attempt) in running {
-            let error = Some(spoilt(text));
-            self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome: Outcome::Errored, error }).await?;
-        }
-        Ok(())
-    }
-
-    /// After a lost session nobody knows what the board still does: a new one makes it safe and starts clean.
-    async fn recover(&self, board: &Board, culprit: Option<String>) -> Result<(), StoreError> {
-        let before = board.hello().boot_id;
-        let reopened = tokio::select! {
-            biased;
-            asked = self.stop.asked_times(1), if self.stop.asked().times == 0 => Err(asked),
-            reopened = board.reopen(nonce()) => Ok(reopened),
-        };
-        self.records_read.set(0);
-        self.unfiled.borrow_mut().clear();
-        match reopened {
-            Err(asked) => self.stop_in_order(asked).await,
-            Ok(Err(error)) => {
-                self.link_lost.set(true);
-                self.note(Level::Error, format!("{}; {}", chain(&error), error.try_this()), None).await
-            }
-            Ok(Ok(boot_id)) => {
-                if boot_id != before {
-                    if culprit.is_none() {
-                        // Also where the line hid it: whose request it was will not be known, unless it happens again.
-                        self.unexplained_restart.set(true);
-                        self.one_by_one.set(true);
-                    }
-                    let (item, boot_id) = (culprit.clone(), format!("{boot_id:08x}"));
-                    self.journal.emit(EventKind::BoardRebooted { item, boot_id }).await?;
-                }
-                if self.stop.asked().times > 0 {
-                    // Nobody wants the module to be switched on again.
-                    return Ok(());
-                }
-                let on = self.power_on(board, culprit.as_deref()).await?;
-                self.link_lost.set(!on && self.stop.asked().times == 0);
-                Ok(())
-            }
-        }
     }
 
     /// What the table would take at least, by the board's own durations, beside what it took.
@@ -479,111 +461,6 @@ impl Run<'_> {
         self.note(Level::Info, text, None).await
     }
 
-    async fn found(&self, board: &Board) -> Result<(), StoreError> {
-        let hello = board.hello();
-        let link = self.order.target.to_string();
-        self.journal
-            .emit(EventKind::BoardFound(BoardEvent {
-                board_serial: hello.serial.as_str().to_owned(),
-                firmware: hello.firmware.as_str().to_owned(),
-                protocol: u16::from(PROTOCOL_VERSION),
-                boot_id: format!("{:08x}", hello.boot_id),
-                link,
-            }))
-            .await
-    }
-
-    async fn power_on(&self, board: &Board, item: Option<&str>) -> Result<bool, StoreError> {
-        let desk = self.own_desk(board);
-        let switched = tokio::select! {
-            biased;
-            asked = self.stop.asked_times(1), if self.stop.asked().times == 0 => Err(asked),
-            switched = desk.call(&ModulePower { on: 1 }) => Ok(switched),
-        };
-        match switched {
-            Err(asked) => {
-                self.stop_in_order(asked).await?;
-                Ok(false)
-            }
-            Ok(Ok(supply)) => {
-                let power = Power {
-                    on: true,
-                    supply: "slave board".into(),
-                    voltage_v: Some(f64::from(supply.supply_uv) * 1e-6),
-                    current_a: Some(f64::from(supply.supply_ua) * 1e-6),
-                };
-                self.journal.emit(EventKind::Power(power)).await?;
-                Ok(true)
-            }
-            Ok(Err(error)) => {
-                let text = format!("the module cannot be switched on: {}; {}", chain(&error), error.try_this());
-                self.note(Level::Error, text, item).await?;
-                Ok(false)
-            }
-        }
-    }
-
-    /// Module off, streams stopped, lines released.
-    async fn make_safe(&self, board: Board) -> Result<(), StoreError> {
-        let safe = if self.link_lost.get() {
-            Ok(Err(BoardError::Gone { reason: "the link was lost".into() }))
-        } else {
-            timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
-        };
-        let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
-        match safe {
-            Ok(Ok(())) => {
-                let power = Power { on: false, supply: "slave board".into(), voltage_v: None, current_a: None };
-                self.journal.emit(EventKind::Power(power)).await?;
-            }
-            Ok(Err(_)) | Err(_) => {
-                let text = "the board did not confirm that it is safe; its watchdog makes it so within 2 s";
-                self.note(Level::Warning, text.into(), None).await?;
-            }
-        }
-        let received = report.received;
-        let damaged = received.bad_checksum + received.malformed;
-        if damaged + received.missing + report.resent + report.stale > 0 {
-            let text = format!(
-                "the line was not clean: {} frames received, {damaged} damaged, {} missing, {} late or twice; {} \
-                 requests sent again",
-                received.frames, received.missing, report.stale, report.resent
-            );
-            self.note(Level::Warning, text, None).await?;
-        }
-        Ok(())
-    }
-
-    /// Files what the board found wrong during an attempt. That it cannot be read is worth a line, not a verdict.
-    async fn file_error_records(&self, board: &Board, landed: &Landed) -> Result<(), StoreError> {
-        let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
-        for _ in 0..MAX_RECORDS {
-            let reply = match self.own_desk(board).call(&ErrorRecords { from: self.records_read.get() }).await {
-                Ok(reply) => reply,
-                Err(error) => {
-                    let text = format!("the board's error records cannot be read: {}", chain(&error));
-                    self.note(Level::Warning, text, Some(&item.name)).await?;
-                    break;
-                }
-            };
-            if let Some(last) = reply.records.last() {
-                self.records_read.set(last.index.wrapping_add(1));
-            }
-            let done = reply.records.is_empty() || self.records_read.get() >= reply.total;
-            self.unfiled.borrow_mut().extend(reply.records);
-            if done {
-                break;
-            }
-        }
-        let mine: Vec<ErrorRecord> =
-            self.unfiled.borrow_mut().extract_if(.., |record| landed.requests.contains(&record.request)).collect();
-        for record in &mine {
-            let (item, attempt, record) = (item.name.clone(), landed.attempt, for_people(record));
-            self.journal.emit(EventKind::ErrorRecord { item, attempt, record }).await?;
-        }
-        Ok(())
-    }
-
     /// For what the runner itself asks of the board.
     fn own_desk<'b>(&self, board: &'b Board) -> Desk<'b> {
         Desk::new(board, watch::channel(Advance::default()).0)
@@ -597,6 +474,7 @@ impl Run<'_> {
     }
 
     async fn end_at_once(&self, asked: Asked) -> Result<(), StoreError> {
+        turntable::stop_at_once(&self.order.fixture);
         self.journal.emit(EventKind::StopRequested { how: StopHow::AtOnce, by: asked.by.into() }).await?;
         self.end_open_items().await
     }
@@ -632,35 +510,6 @@ impl Run<'_> {
     }
 }
 
-/// Why there is no board to work with.
-#[derive(Debug, thiserror::Error)]
-enum ConnectError {
-    #[error(transparent)]
-    Open(#[from] LinkError),
-    #[error(transparent)]
-    Board(#[from] BoardError),
-}
-
-impl ConnectError {
-    fn try_this(&self) -> &'static str {
-        match self {
-            Self::Open(error) => error.try_this(),
-            Self::Board(error) => error.try_this(),
-        }
-    }
-}
-
-async fn connect(order: &Order) -> Result<Board, ConnectError> {
-    let link = Link::open(&order.target)?;
-    Ok(Board::connect(link, nonce()).await?)
-}
-
-/// Another number each time, so that a board never takes a new session for the old one.
-fn nonce() -> u32 {
-    let now = Utc::now();
-    now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
-}
-
 /// Ends when the board's clock has gone on by so much.
 async fn board_time(mut pulse: watch::Receiver<Pulse>, limit_s: f64) {
     let mut began_us = None;
@@ -680,56 +529,6 @@ async fn board_time(mut pulse: watch::Receiver<Pulse>, limit_s: f64) {
     }
 }
 
-fn session_lives(trouble: &Trouble) -> bool {
-    !matches!(
-        trouble,
-        Trouble::Board(
-            BoardError::Gone { .. }
-                | BoardError::NoAnswer { .. }
-                | BoardError::Silent { .. }
-                | BoardError::Restarted { .. }
-                | BoardError::SessionEnded
-        )
-    )
-}
-
-/// A restart and a device that does not work are the module's; everything else leaves the station unable to tell.
-fn judge(item: &PlanItem, measured: &[Measurement], trouble: Option<&Trouble>) -> (Outcome, Option<AttemptError>) {
-    let Some(trouble) = trouble else {
-        let outcome = item.attempt_outcome(measured);
-        let missing: Vec<&str> = item.missing(measured).collect();
-        let error = (outcome == Outcome::Errored && !missing.is_empty()).then(|| AttemptError {
-            text: format!("nothing was measured for {}", missing.join(", ")),
-            hint: "see the notes of this item in the log".into(),
-            again: false,
-        });
-        return (outcome, error);
-    };
-    let outcome = match trouble {
-        // What the line lost is in the counts, and says nothing of the module.
-        Trouble::FramesLost { .. } | Trouble::SamplesLost { .. } => Outcome::Errored,
-        // A limit was violated before the trouble came; that stands.
-        _ if violates(measured) => Outcome::Failed,
-        Trouble::Board(BoardError::Restarted { .. }) => Outcome::Failed,
-        Trouble::Board(BoardError::Fault { code: FaultCode::DeviceFault | FaultCode::DeviceTimeout, .. }) => {
-            Outcome::Failed
-        }
-        _ => Outcome::Errored,
-    };
-    (outcome, Some(AttemptError { text: chain(trouble), hint: trouble.try_this().to_owned(), again: false }))
-}
-
-/// Whether a value that was measured lies outside its limit.
-fn violates(measured: &[Measurement]) -> bool {
-    measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed))
-}
-
-/// What stands at an attempt that the trouble of another one ended.
-fn spoilt(text: Option<&str>) -> AttemptError {
-    let text = format!("ended by the trouble of another item: {}", text.unwrap_or_default());
-    AttemptError { text, hint: "it is run again".into(), again: true }
-}
-
 /// An error and its causes in one line.
 pub(crate) fn chain(error: &(dyn std::error::Error + 'static)) -> String {
     let mut text = error.to_string();
@@ -740,37 +539,4 @@ pub(crate) fn chain(error: &(dyn std::error::Error + 'static)) -> String {
         source = cause.source();
     }
     text
-}
-
-fn for_people(record: &ErrorRecord) -> RecordEvent {
-    let kind = ErrorKind::from_number(record.kind);
-    let (what, location) = match kind {
-        Some(ErrorKind::MemoryMismatch) => ("memory word differs".to_owned(), format!("word {:#08x}", record.place)),
-        Some(ErrorKind::FlashNotBlank) => ("flash word not blank".to_owned(), format!("word {}", record.place)),
-        Some(ErrorKind::FlashMismatch) => ("flash word differs".to_owned(), format!("word {}", record.place)),
-        Some(ErrorKind::FlashSlow) => ("flash slower than its data sheet".to_owned(), "us".to_owned()),
-        Some(ErrorKind::IoMismatch) => (
-            "IO line does not follow".to_owned(),
-            format!("line {} driven, {} read", record.place >> 4, record.place & 15),
-        ),
-        Some(ErrorKind::SpiMismatch) => ("SPI byte differs".to_owned(), format!("byte {}", record.place)),
-        Some(ErrorKind::SciMismatch) => ("SCI byte differs".to_owned(), format!("byte {}", record.place)),
-        Some(ErrorKind::TimerInterrupts) => ("timer interrupts missing".to_owned(), format!("timer {}", record.place)),
-        Some(ErrorKind::Supply) => ("supply out of range".to_owned(), "microvolts at the socket".to_owned()),
-        Some(ErrorKind::CalibrationDamaged) => {
-            ("stored calibration does not match its checksum".to_owned(), format!("slot {}", record.place))
-        }
-        None => (format!("error of unknown kind {}", record.kind), format!("{}", record.place)),
-    };
-    let number = |value: u32| match kind {
-        Some(ErrorKind::FlashSlow | ErrorKind::TimerInterrupts | ErrorKind::Supply) => value.to_string(),
-        _ => format!("{value:#010x}"),
-    };
-    RecordEvent {
-        what,
-        location,
-        expected: number(record.expected),
-        got: number(record.got),
-        board_time_us: record.board_time_us,
-    }
 }

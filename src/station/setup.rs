@@ -11,14 +11,14 @@ use crate::cli::RunArgs;
 #[cfg(feature = "sim")]
 use crate::cli::SimLink;
 use crate::files;
-use crate::fixture::{Fixture, Operator};
+use crate::fixture::Fixture;
 use crate::link::Target;
 use crate::link::can::CanTarget;
 
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
 /// Where records go if nobody says otherwise.
-const RECORDS: &str = "records";
+pub(crate) const RECORDS: &str = "records";
 
 /// A bench that is ready to be used.
 #[derive(Debug)]
@@ -40,14 +40,19 @@ pub(crate) type Simulation = Option<hw_mocks::RunningBench>;
 #[cfg(not(feature = "sim"))]
 pub(crate) type Simulation = Option<std::convert::Infallible>;
 
-pub(crate) fn from_args(args: &RunArgs, serial_number: &str) -> Result<Setup, Refusal> {
+/// `operator` is asked only for a real bench: the simulated one turns its module by itself.
+pub(crate) fn from_args(
+    args: &RunArgs,
+    serial_number: &str,
+    operator: impl FnOnce() -> Result<Fixture, Refusal>,
+) -> Result<Setup, Refusal> {
     match &args.sim {
         Some(personality) => simulated(args, personality, serial_number),
-        None => real(args),
+        None => real(args, operator),
     }
 }
 
-fn real(args: &RunArgs) -> Result<Setup, Refusal> {
+fn real(args: &RunArgs, operator: impl FnOnce() -> Result<Fixture, Refusal>) -> Result<Setup, Refusal> {
     let path = match &args.bench {
         Some(path) => path.clone(),
         None if Path::new(BENCH_FILE).exists() => BENCH_FILE.into(),
@@ -64,15 +69,7 @@ fn real(args: &RunArgs) -> Result<Setup, Refusal> {
         let what = format!("{} names no port: it has no [socket]", path.display());
         return Err(Refusal::new(what, "add [socket] with port and rate; `gnc-station ports` lists what is there"));
     };
-    let on_terminal = std::io::IsTerminal::is_terminal(&std::io::stdin());
-    let fixture = if on_terminal {
-        let operator = Operator::at_the_terminal();
-        Fixture::Operator(
-            operator.map_err(|error| Refusal::new(format!("cannot read from the terminal: {error}"), ""))?,
-        )
-    } else {
-        Fixture::Absent
-    };
+    let fixture = operator()?;
     let can = file.can.as_ref().map(|can| CanTarget::parse(&can.port));
     let target = match (socket, &can) {
         (Socket::Rs422 { port, rate_bps }, _) => Target::Serial { port: port.into(), rate_baud: rate_bps },
@@ -204,6 +201,15 @@ fn speed(text: &str) -> Result<hw_mocks::Speed, Refusal> {
 
 fn station(args: &RunArgs, file: &BenchFile) -> String {
     args.station.clone().unwrap_or_else(|| file.station_id.clone())
+}
+
+/// Where records go, as far as can be said without starting anything.
+pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
+    let path = args.bench.clone().unwrap_or_else(|| BENCH_FILE.into());
+    match files::bench(&path) {
+        Ok(file) if args.sim.is_none() => records(args, &file, path.parent()),
+        _ => args.records.clone().unwrap_or_else(|| RECORDS.into()),
+    }
 }
 
 /// A folder in a bench file goes from the folder of that file.

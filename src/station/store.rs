@@ -1,10 +1,14 @@
 //! The records folder. Nobody else touches it.
 //!
 //! A run has a folder `DATE/SERIAL/TIME-PLAN`. Its journal is written as things happen and synced at the end of each
-//! item; everything else is made from it at the end, and a list of digests closes the folder.
+//! item, and so are raw samples, one file for each attempt that captures; everything else is made from the journal at
+//! the end, and a list of digests closes the folder.
 
+pub mod captures;
+pub mod chain;
 pub mod digest;
 pub mod folder;
+mod raw;
 pub mod reader;
 mod scribe;
 
@@ -14,7 +18,8 @@ use std::path::{Path, PathBuf};
 use gnc_executive::state::OutOfOrder;
 
 pub use folder::RunFolder;
-pub use scribe::Scribe;
+pub use raw::RawFile;
+pub use scribe::{Scribe, Watcher};
 
 /// The journal of a run.
 pub const JOURNAL: &str = "events.jsonl";
@@ -71,6 +76,19 @@ impl StoreError {
             io::ErrorKind::NotADirectory => "that name is taken by a file; choose another folder with --records",
             _ => "check the disk, or choose another folder with --records",
         }
+    }
+}
+
+/// The folder of an item below a run's, by its position in the plan from 0.
+pub(crate) fn item_folder(position: usize, item: &str) -> String {
+    format!("{:02}-{}", position + 1, folder::folder_name(item))
+}
+
+/// The raw samples of an attempt below the folder of its item; rounds within it have files of their own.
+pub(crate) fn raw_file(attempt: u32, repeat: u32) -> String {
+    match repeat {
+        1 => format!("attempt-{attempt}.mcap"),
+        _ => format!("attempt-{attempt}-{repeat}.mcap"),
     }
 }
 

@@ -55,8 +55,8 @@ impl CanHost {
     fn send(&mut self, kind: Kind, request: u16, message: u16, payload: Payload) {
         let version = u8::from(kind != Kind::Hello);
         let header = Header { version, kind, flags: Flags::default(), request, message, sequence: 0 };
-        let bench = &mut self.bench;
-        self.endpoint.send(&Frame { header, payload }, &mut |raw| bench.receive_can(raw));
+        let (bench, now) = (&mut self.bench, self.now);
+        self.endpoint.send(&Frame { header, payload }, &mut |raw| bench.receive_can(raw, now));
     }
 
     fn turn(&mut self) {
@@ -67,7 +67,7 @@ impl CanHost {
             self.send(Kind::Event, 0, event::KEEP_ALIVE, Payload::new());
         }
         while let Some(frame) = self.endpoint.poll(self.now) {
-            self.bench.receive_can(frame);
+            self.bench.receive_can(frame, self.now);
         }
         self.bench.advance(self.now);
         // Nobody listens on RS-422, where the board sends its heartbeat too.
@@ -120,7 +120,7 @@ impl CanHost {
     /// Sends test frames one after the other and gives what came back within 50 ms.
     fn echo(&mut self, frames: &[CanFrame]) -> Vec<CanFrame> {
         for frame in frames {
-            self.bench.receive_can(*frame);
+            self.bench.receive_can(*frame, self.now);
             self.turn();
         }
         let end = self.now + Duration::from_millis(50);
@@ -202,7 +202,7 @@ fn the_bus_keeps_its_pace() {
         while host.bench.can_room() == 0 {
             host.turn();
         }
-        host.bench.receive_can(test);
+        host.bench.receive_can(test, host.now);
     }
     while host.echoes.len() < 100 {
         host.turn();

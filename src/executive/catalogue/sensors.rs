@@ -1,5 +1,6 @@
 //! Inertial sensors, satellite receiver, AD channels and magnetometer.
 
+use super::shared::{COVERAGE, quantity};
 use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
 
@@ -160,4 +161,31 @@ pub(super) static AD: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude],
     timeout_s: 600.0,
+};
+
+const SCATTER: &str = "The solution scatters: check what the antenna sees and its cable, then suspect the receiver.";
+
+/// One-sigma position and velocity about the surveyed antenna; pulses against the board's timer.
+pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
+    title: "GNSS accuracy",
+    params: &[
+        quantity("duration", "time to collect after the fix", Unit::Second, (60.0, 86_400.0), 600.0),
+        quantity("timeout", "time to wait for a fix", Unit::Second, (1.0, 3600.0), 60.0),
+        COVERAGE,
+        quantity("clock_u", "standard uncertainty of the board's clock", Unit::PartsPerMillion, (0.0, 1000.0), 12.0),
+        quantity("survey_u", "standard uncertainty of the antenna's place, each axis", Unit::Metre, (0.0, 10.0), 0.05),
+    ],
+    measurements: &[
+        number("position_horizontal", Unit::Metre, Dimension::Length, PLACE),
+        number("position_height", Unit::Metre, Dimension::Length, PLACE),
+        number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
+        number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
+        number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line."),
+        number("pps_accuracy", Unit::Nanosecond, Dimension::Time, "Needs an external time reference."),
+        count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences."),
+        count("effective_epochs", "So few epochs are independent that the figure is uncertain: collect longer."),
+    ],
+    devices: &[Device::Slave],
+    resources: &[],
+    timeout_s: 14_400.0,
 };

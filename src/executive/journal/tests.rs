@@ -7,6 +7,7 @@ use crate::measurement::Value;
 use crate::quantity::Unit;
 use crate::record::RunRecord;
 use crate::text::log_txt;
+use crate::uncertainty::Uncertainty;
 
 fn stored() -> (Vec<u8>, RunState, Vec<Event>) {
     let run = small_run(header());
@@ -113,6 +114,9 @@ fn any_value() -> impl Strategy<Value = Value> {
     prop_oneof![
         (any::<f64>(), proptest::sample::select(Unit::ALL.to_vec()))
             .prop_map(|(number, unit)| Value::number(number, unit)),
+        (any::<f64>(), any::<f64>(), any::<f64>(), proptest::sample::select(Unit::ALL.to_vec())).prop_map(
+            |(number, low, high, unit)| Value::estimate(number, unit, Uncertainty::interval(low, high, 0.95))
+        ),
         any::<String>().prop_map(Value::Text),
         any::<String>().prop_map(Value::NotAvailable),
     ]

@@ -5,6 +5,7 @@ use std::collections::hash_map::Entry;
 
 use super::item::{self, RawItem};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
+use crate::catalogue::ParamKind;
 use crate::mistake::{Mistake, Mistakes, Source};
 use crate::printable::{printable, quoted};
 use crate::spanned::{Span, Table, Walk, parse};
@@ -189,39 +190,101 @@ fn link(mut raw: Vec<RawItem>, sources: &[Source], unreadable: bool, mistakes: &
             }),
         }
     }
-    let mut requires: Vec<Vec<usize>> = Vec::with_capacity(raw.len());
-    for (position, RawItem { item, requires: names, .. }) in raw.iter().enumerate() {
-        let mut found = Vec::with_capacity(names.len());
-        for (name, span) in names {
-            let at = positions.get(name.as_str()).copied();
-            if let Some(required) = at.filter(|at| *at < position) {
-                found.push(required);
-                continue;
-            }
-            if at.is_none() && unreadable {
-                continue;
-            }
-            mistakes.add(|| {
-                let (what, hint) = match at {
-                    Some(at) if at == position => (format!("{} requires itself", quoted(name)), String::new()),
-                    Some(_) => (
-                        format!("{} runs after the item that requires it", quoted(name)),
-                        "move it up: items run in the order of the plan, setup first and teardown last".to_owned(),
-                    ),
-                    None => (
-                        format!("no item has the name {}", quoted(name)),
-                        nearest(name, positions.keys().copied())
-                            .map(|name| format!("did you mean \"{name}\"?"))
-                            .unwrap_or_else(|| "add that item before this one, or remove the name here".to_owned()),
-                    ),
-                };
-                sources[item.place.source].mistake(span.clone(), what, hint)
-            });
-        }
-        requires.push(found);
-    }
+    let linker = Linker { raw: &raw, positions: &positions, sources, unreadable };
+    let requires: Vec<Vec<usize>> = (0..raw.len()).map(|position| linker.requirements(position, mistakes)).collect();
     drop(positions);
     raw.into_iter().zip(requires).map(|(raw, requires)| PlanItem { requires, ..raw.item }).collect()
+}
+
+/// What is needed to find the items that others name.
+struct Linker<'a> {
+    raw: &'a [RawItem],
+    positions: &'a HashMap<&'a str, usize>,
+    sources: &'a [Source],
+    unreadable: bool,
+}
+
+impl Linker<'_> {
+    /// Positions of the items that must be good before this one: those that it requires, and the one whose captures it
+    /// uses.
+    fn requirements(&self, position: usize, mistakes: &mut Mistakes) -> Vec<usize> {
+        let raw = &self.raw[position];
+        let mut found: Vec<usize> =
+            raw.requires.iter().filter_map(|(name, span)| self.find(position, name, span, mistakes)).collect();
+        if let Some((name, span)) = &raw.source
+            && let Some(at) = self.find(position, name, span, mistakes)
+        {
+            self.check_source(position, at, span, mistakes);
+            if !found.contains(&at) {
+                found.push(at);
+            }
+        }
+        self.check_needs(position, mistakes);
+        found
+    }
+
+    /// Position of an item before this one.
+    fn find(&self, position: usize, name: &str, span: &Span, mistakes: &mut Mistakes) -> Option<usize> {
+        let at = self.positions.get(name).copied();
+        if let Some(required) = at.filter(|at| *at < position) {
+            return Some(required);
+        }
+        if at.is_none() && self.unreadable {
+            return None;
+        }
+        mistakes.add(|| {
+            let (what, hint) = match at {
+                Some(at) if at == position => (format!("{} requires itself", quoted(name)), String::new()),
+                Some(_) => (
+                    format!("{} runs after the item that requires it", quoted(name)),
+                    "move it up: items run in the order of the plan, setup first and teardown last".to_owned(),
+                ),
+                None => (
+                    format!("no item has the name {}", quoted(name)),
+                    nearest(name, self.positions.keys().copied())
+                        .map(|name| format!("did you mean \"{name}\"?"))
+                        .unwrap_or_else(|| "add that item before this one, or remove the name here".to_owned()),
+                ),
+            };
+            self.source_of(position).mistake(span.clone(), what, hint)
+        });
+        None
+    }
+
+    /// The item whose captures are used makes captures of the right kind.
+    fn check_source(&self, position: usize, at: usize, span: &Span, mistakes: &mut Mistakes) {
+        let (item, other) = (&self.raw[position].item, &self.raw[at].item);
+        let kinds = item.id.spec().params.iter().find_map(|param| match param.kind {
+            ParamKind::Source { of } => Some(of),
+            _ => None,
+        });
+        let kinds = kinds.unwrap_or_default();
+        if !kinds.contains(&other.id) {
+            let ids = kinds.iter().map(|id| id.as_str()).collect::<Vec<_>>().join(" or ");
+            let what = format!("{} makes no captures that {} can use", quoted(&other.name), item.id);
+            mistakes
+                .add(|| self.source_of(position).mistake(span.clone(), what, format!("name an item that is {ids}")));
+        }
+    }
+
+    /// The calibration that the item works with is made before it.
+    fn check_needs(&self, position: usize, mistakes: &mut Mistakes) {
+        let item = &self.raw[position].item;
+        for (need, when) in item.id.needs() {
+            let there = self.raw[..position].iter().any(|raw| raw.item.id == *need);
+            if !there && !self.unreadable && item.params.switch_on(*when) {
+                let what =
+                    format!("{} works with what {need} finds, and no {need} stands before it", quoted(&item.name));
+                let hint = format!("put an item with id = \"{need}\" before it");
+                let span = item.place.start..item.place.end;
+                mistakes.add(|| self.source_of(position).mistake(span, what, hint));
+            }
+        }
+    }
+
+    fn source_of(&self, position: usize) -> &Source {
+        &self.sources[self.raw[position].item.place.source]
+    }
 }
 
 /// The name of an included file, relative to the folder of the file that includes it, without `.` and `..` inside.

@@ -2,11 +2,12 @@
 
 use super::closure::check_name;
 use super::{ItemPlace, Phase, PlanItem, limits, params};
-use crate::catalogue::ItemId;
+use crate::catalogue::{ItemId, ParamKind};
 use crate::printable::quoted;
 use crate::quantity::Dimension;
 use crate::spanned::{Span, Table, Walk};
 use crate::suggest::nearest;
+use crate::uncertainty::Decision;
 
 /// Tries of an item: one that fails ten times will fail again.
 const MAX_ATTEMPTS: i64 = 10;
@@ -25,6 +26,8 @@ pub(super) struct RawItem {
     pub(super) item: PlanItem,
     pub(super) name_span: Span,
     pub(super) requires: Vec<(String, Span)>,
+    /// The item whose captures it uses.
+    pub(super) source: Option<(String, Span)>,
 }
 
 /// Reads an item; `None` if it cannot be told which one it is, in which case its other keys cannot be judged.
@@ -57,8 +60,16 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     }
     let repeats = table.integer("repeats", (1, MAX_REPEATS), 1);
     let timeout_s = timeout(walk, &table).unwrap_or(spec.timeout_s);
+    let decision = decision(walk, &table);
     let prompt = prompt(walk, &table);
-    let params = params::read(walk, table.table("params").as_ref(), id);
+    let written = table.table("params");
+    let params = params::read(walk, written.as_ref(), id);
+    let source_param = spec.params.iter().find(|param| matches!(param.kind, ParamKind::Source { .. }));
+    let captures = source_param.and_then(|param| {
+        let name = params.source(param.name).ok()??;
+        let span = written.as_ref()?.entry(param.name)?.value.span();
+        Some((name.to_owned(), span))
+    });
     let limits = limits::read(walk, table.table("limits").as_ref(), id, &params);
     if limits.as_ref().is_some_and(Vec::is_empty) && phase == Phase::Test {
         let what = format!("{} has no limits: nothing would be judged", quoted(name));
@@ -75,12 +86,13 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
         retry_failed,
         repeats: u32::try_from(repeats).unwrap_or(1),
         timeout_s,
+        decision,
         prompt,
         params,
         limits: limits.unwrap_or_default(),
         place: ItemPlace { source, start: id_span.start, end: id_span.end },
     };
-    Some(RawItem { item, name_span, requires })
+    Some(RawItem { item, name_span, requires, source: captures })
 }
 
 fn phase(walk: &Walk<'_>, table: &Table<'_, '_>) -> Phase {
@@ -94,6 +106,16 @@ fn phase(walk: &Walk<'_>, table: &Table<'_, '_>) -> Phase {
             Phase::Test
         }
     }
+}
+
+fn decision(walk: &Walk<'_>, table: &Table<'_, '_>) -> Decision {
+    let Some((text, span)) = table.text("decision") else { return Decision::default() };
+    let known = [Decision::Simple, Decision::GuardBand].into_iter().find(|decision| decision.as_str() == text);
+    known.unwrap_or_else(|| {
+        let hint = "\"simple\": the value decides; \"guard-band\": its whole coverage interval must keep the limit";
+        walk.mistake(span, format!("unknown decision {}", quoted(text)), hint);
+        Decision::default()
+    })
 }
 
 fn timeout(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<f64> {

@@ -28,6 +28,8 @@ pub enum ParamValue {
     Choice(&'static str),
     /// Different texts of the catalogue's set, at least one.
     Choices(Vec<&'static str>),
+    /// Name of the item whose captures are used; `None`: its own.
+    Source(Option<String>),
 }
 
 /// A procedure asks for a parameter that its item does not have in this form: a mistake in the procedure.
@@ -106,6 +108,17 @@ impl Params {
         }
     }
 
+    /// Name of the item whose captures are used; `None` where the item captures by itself.
+    ///
+    /// # Errors
+    /// The catalogue has no such parameter for the item.
+    pub fn source(&self, name: &str) -> Result<Option<&str>, ParamError> {
+        match self.get(name) {
+            Some(ParamValue::Source(value)) => Ok(value.as_deref()),
+            _ => Err(missing(name, "the name of an item")),
+        }
+    }
+
     /// Whether a measurement comes with these parameters.
     pub fn switch_on(&self, when: Option<When>) -> bool {
         match when {
@@ -149,6 +162,7 @@ fn default(kind: &ParamKind) -> ParamValue {
         ParamKind::Quantity { unit, default, .. } => ParamValue::Quantity(Quantity::new(default, unit)),
         ParamKind::Choice { default, .. } => ParamValue::Choice(default),
         ParamKind::Choices { default, .. } => ParamValue::Choices(default.to_vec()),
+        ParamKind::Source { .. } => ParamValue::Source(None),
     }
 }
 
@@ -194,6 +208,16 @@ fn value<'t>(
                 walk.mistake(value.span(), format!("{name} is empty"), choices_hint("", of));
             }
             (!chosen.is_empty()).then_some(ParamValue::Choices(chosen))
+        }
+        // Whether there is such an item before it is seen when all items are read.
+        ParamKind::Source { of } => {
+            let text = value.get_ref().as_str();
+            if text.is_none() {
+                let ids = of.iter().map(|id| id.as_str()).collect::<Vec<_>>().join(" or ");
+                let hint = format!("write the name of an item before this one that is {ids}");
+                walk.mistake(value.span(), format!("{name} cannot be {}", written(value)), hint);
+            }
+            text.map(|text| ParamValue::Source(Some(text.to_owned())))
         }
     }
 }

@@ -93,6 +93,10 @@ fn item(id: ItemId) -> Value {
                 "description": format!("Board time for an attempt; {} s if it is left out.", spec.timeout_s),
                 "type": "string"
             },
+            "decision": {
+                "description": "simple: the value decides. guard-band: the whole coverage interval of a figure must keep its limit.",
+                "enum": ["simple", "guard-band"]
+            },
             "prompt": { "description": "What the operator is asked to do before the first attempt.", "type": "string" },
             "params": params(spec),
             "limits": limits(spec)
@@ -120,6 +124,7 @@ fn params(spec: &ItemSpec) -> Value {
                 ParamKind::Choices { of, default } => json!({
                     "type": "array", "minItems": 1, "uniqueItems": true, "default": default, "items": { "enum": of }
                 }),
+                ParamKind::Source { .. } => json!({ "$ref": "#/$defs/name" }),
             };
             let about = match param.kind {
                 ParamKind::Quantity { unit, min, max, .. } => {

@@ -695,3 +695,65 @@ proptest! {
         }
     }
 }
+
+/// An item that uses another one's captures is skipped unless that one is good, and needs it before itself.
+#[test]
+fn captures_of_another_item() {
+    let head = "name = \"p\"\nversion = \"1\"\n";
+    let six = "[[item]]\nid = \"six-position\"\n[item.limits]\n\"bias_*\" = \"0 +- 50 mg\"\n";
+    let still = |of: &str| {
+        format!(
+            "[[item]]\nid = \"gyro-still\"\nparams = {{ of = {of} }}\n[item.limits]\n\"bias_*\" = \"0 +- 1 deg/s\"\n"
+        )
+    };
+    let plan = plan(&format!("{head}{six}{}", still("\"six-position\"")));
+    assert_eq!(plan.items()[1].requires, [0]);
+    assert_eq!(plan.items()[1].params.source("of"), Ok(Some("six-position")));
+    assert!(plan.items()[1].params.source("rate").is_err());
+    let wrong =
+        format!("{head}{six}{}", still("3")) + &still("\"six-postion\"").replace("still\"", "still\"\nname = \"b\"");
+    let wrong = wrong + &still("\"gyro-still\"").replace("still\"\nparams", "still\"\nname = \"c\"\nparams");
+    insta::assert_snapshot!(mistakes(&wrong), @r#"
+    plan.toml:9:17: of cannot be 3
+     9 | params = { of = 3 }
+       |                 ^
+       = try: write the name of an item before this one that is six-position
+
+    plan.toml:15:17: no item has the name "six-postion"
+     15 | params = { of = "six-postion" }
+        |                 ^^^^^^^^^^^^^
+        = try: did you mean "six-position"?
+
+    plan.toml:21:17: "gyro-still" makes no captures that gyro-still can use
+     21 | params = { of = "gyro-still" }
+        |                 ^^^^^^^^^^^^
+        = try: name an item that is six-position
+    "#);
+}
+
+/// Who works with a calibration has one before it; the accelerometers alone need no gyroscope's.
+#[test]
+fn calibrations_that_are_needed() {
+    let head = "name = \"p\"\nversion = \"1\"\n";
+    let six = "[[item]]\nid = \"six-position\"\n[item.limits]\n\"bias_*\" = \"0 +- 50 mg\"\n";
+    let hour = |params: &str| {
+        format!("[[item]]\nid = \"bias-stability\"\n{params}[item.limits]\n\"*_accel_x\" = \"<= 2 mg\"\n")
+    };
+    assert!(read(&[("plan.toml", &format!("{head}{six}{}", hour("params = { sensors = [\"accel\"] }\n")))]).is_ok());
+    insta::assert_snapshot!(mistakes(&format!("{head}{}{six}", hour(""))), @r#"
+    plan.toml:4:6: "bias-stability" works with what six-position finds, and no six-position stands before it
+     4 | id = "bias-stability"
+       |      ^^^^^^^^^^^^^^^^
+       = try: put an item with id = "six-position" before it
+
+    plan.toml:4:6: "bias-stability" works with what gyro-still finds, and no gyro-still stands before it
+     4 | id = "bias-stability"
+       |      ^^^^^^^^^^^^^^^^
+       = try: put an item with id = "gyro-still" before it
+
+    plan.toml:4:6: "bias-stability" works with what rotation finds, and no rotation stands before it
+     4 | id = "bias-stability"
+       |      ^^^^^^^^^^^^^^^^
+       = try: put an item with id = "rotation" before it
+    "#);
+}

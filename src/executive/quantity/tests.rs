@@ -24,7 +24,7 @@ fn quantities_are_read_with_their_unit() {
         ("+3 s", "3.0 Second"),
         (
             "1 e",
-            "unknown unit \"e\"; the units are %, ppm, ns, us, ms, s, min, h, Hz, kHz, MHz, uV, mV, V, mA, A, mm, m, km, m/s, deg, rad, deg/s, deg/h, rad/s, mg, g, m/s^2, gauss, mgauss, uT, nT, degC, bit/s, kbit/s, bytes",
+            "unknown unit \"e\"; the units are %, ppm, ns, us, ms, s, min, h, Hz, kHz, MHz, uV, mV, V, mA, A, mm, m, km, m/s, deg, rad, deg/s, deg/h, rad/s, mg, g, m/s^2, gauss, mgauss, uT, nT, degC, bit/s, kbit/s, bytes, deg/s/g, deg/h/g, deg/sqrt(h), deg/s/sqrt(Hz), m/s/sqrt(h), mg/sqrt(Hz), ug/sqrt(Hz)",
         ),
         ("2 µs", "unknown unit \"µs\"; did you mean \"us\"?"),
         ("2 Deg/S", "unknown unit \"Deg/S\"; did you mean \"deg/s\"?"),
@@ -36,7 +36,7 @@ fn quantities_are_read_with_their_unit() {
         ("1e999 V", "the number \"1e999\" is too large; the largest number is about 1.8e308"),
         (
             "1 \u{1b}[2J",
-            "unknown unit \"\\u{1b}[2J\"; the units are %, ppm, ns, us, ms, s, min, h, Hz, kHz, MHz, uV, mV, V, mA, A, mm, m, km, m/s, deg, rad, deg/s, deg/h, rad/s, mg, g, m/s^2, gauss, mgauss, uT, nT, degC, bit/s, kbit/s, bytes",
+            "unknown unit \"\\u{1b}[2J\"; the units are %, ppm, ns, us, ms, s, min, h, Hz, kHz, MHz, uV, mV, V, mA, A, mm, m, km, m/s, deg, rad, deg/s, deg/h, rad/s, mg, g, m/s^2, gauss, mgauss, uT, nT, degC, bit/s, kbit/s, bytes, deg/s/g, deg/h/g, deg/sqrt(h), deg/s/sqrt(Hz), m/s/sqrt(h), mg/sqrt(Hz), ug/sqrt(Hz)",
         ),
     ] {
         assert_eq!(parsed(text), expected, "{text}");
@@ -52,6 +52,10 @@ fn units_have_their_size() {
         ("180 deg", std::f64::consts::PI),
         ("3600 deg/h", std::f64::consts::PI / 180.0),
         ("1 gauss", 1e-4),
+        ("180 deg/s/g", std::f64::consts::PI / 9.80665),
+        ("60 m/s/sqrt(h)", 1.0),
+        ("1 deg/sqrt(h)", std::f64::consts::PI / 10_800.0),
+        ("1000 ug/sqrt(Hz)", 0.00980665),
         ("1 mgauss", 1e-7),
         ("1 nT", 1e-9),
         ("5 %", 0.05),

@@ -17,8 +17,8 @@ fn a_record_comes_back_as_it_was() {
     let json = serde_json::to_string_pretty(&record).unwrap();
     assert_eq!(serde_json::from_str::<RunRecord>(&json).unwrap(), record);
     assert_eq!(record.outcome, Outcome::Errored);
-    // 26 events, a quarter of a second apart.
-    assert_eq!(record.elapsed_s, 6.25);
+    // 27 events, a quarter of a second apart.
+    assert_eq!(record.elapsed_s, 6.5);
     let outcomes: Vec<Outcome> = record.items.iter().map(|item| item.outcome).collect();
     assert_eq!(outcomes, [Outcome::Marginal, Outcome::Failed, Outcome::Errored, Outcome::Skipped]);
     assert_eq!(record.items[2].attempts.len(), 2, "every attempt is kept");

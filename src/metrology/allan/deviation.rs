@@ -2,58 +2,83 @@
 
 use std::thread;
 
-use super::Kind;
+use super::{Kind, overlapping};
+use crate::stats;
 
-/// Phases that fit a core's cache beside their shifted copies: averaging factors up to a quarter of it share one walk.
-const TILE: usize = 1 << 15;
 const BLOCK: usize = 1024;
+
+/// Mean of the values, first value removed before the sum, on several threads. Not finite where a value is not.
+pub(super) fn mean(values: &[f64], threads: usize) -> f64 {
+    let Some(&first) = values.first() else { return f64::NAN };
+    let parts = on_threads(values.chunks(share(values.len(), threads)), |part| stats::sum(part, |v| v - first));
+    first + parts.into_iter().sum::<f64>() / values.len() as f64
+}
 
 /// Integral of the rates less their mean: one value more than rates, the first 0.
 ///
 /// Rounding: within a block of 1024 the sum runs from 0, the blocks' offsets are summed with compensation; so each phase
 /// is good to its own rounding instead of to that of all before it.
-pub(super) fn integrate(rates: &[f64], dt_s: f64, threads: usize) -> Vec<f64> {
-    let mean = crate::stats::mean(rates);
+pub(super) fn integrate(rates: &[f64], mean: f64, dt_s: f64, threads: usize) -> Vec<f64> {
     let mut phase = vec![0.0; rates.len() + 1];
-    let local = |rates: &[f64], phase: &mut [f64]| {
+    let share = share(rates.len(), threads);
+    // Where each thread's stretch begins is known before it is summed, so that every phase is written once.
+    let ends = on_threads(rates.chunks(share), |part| {
+        let mut end = Compensated::default();
+        part.chunks(BLOCK).for_each(|block| end.add(stats::sum(block, |r| (r - mean) * dt_s)));
+        end
+    });
+    let mut start = Compensated::default();
+    let stretches = rates.chunks(share).zip(phase[1..].chunks_mut(share)).zip(ends).map(|(stretch, end)| {
+        let at = start;
+        start.add(end.sum);
+        start.add(end.lost);
+        (stretch, at)
+    });
+    on_threads(stretches, |((rates, phase), mut offset)| {
         for (rates, phase) in rates.chunks(BLOCK).zip(phase.chunks_mut(BLOCK)) {
-            let mut sum = 0.0;
+            let (mut sum, from) = (0.0, offset.value());
             for (r, p) in rates.iter().zip(phase) {
                 sum += (r - mean) * dt_s;
-                *p = sum;
+                *p = from + sum;
             }
-        }
-    };
-    let share = rates.len().div_ceil(threads.max(1)).next_multiple_of(BLOCK);
-    thread::scope(|scope| {
-        for (rates, phase) in rates.chunks(share).zip(phase[1..].chunks_mut(share)) {
-            scope.spawn(move || local(rates, phase));
-        }
-    });
-    // Offsets of the blocks, compensated (Neumaier).
-    let (mut sum, mut lost) = (0.0_f64, 0.0_f64);
-    let offsets: Vec<f64> = phase[1..]
-        .chunks(BLOCK)
-        .map(|block| {
-            let offset = sum + lost;
-            let last = block[block.len() - 1];
-            let next = sum + last;
-            lost += if sum.abs() >= last.abs() { (sum - next) + last } else { (last - next) + sum };
-            sum = next;
-            offset
-        })
-        .collect();
-    let shift = |phase: &mut [f64], offsets: &[f64]| {
-        for (block, offset) in phase.chunks_mut(BLOCK).zip(offsets) {
-            block.iter_mut().for_each(|p| *p += offset);
-        }
-    };
-    thread::scope(|scope| {
-        for (phase, offsets) in phase[1..].chunks_mut(share).zip(offsets.chunks(share / BLOCK)) {
-            scope.spawn(move || shift(phase, offsets));
+            offset.add(sum);
         }
     });
     phase
+}
+
+/// Samples of a thread's stretch: whole blocks.
+fn share(samples: usize, threads: usize) -> usize {
+    samples.div_ceil(threads.max(1)).next_multiple_of(BLOCK)
+}
+
+/// Runs `work` on each part, on a thread of its own, and gives the results in order.
+pub(super) fn on_threads<T: Send, R: Send>(parts: impl IntoIterator<Item = T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+    let work = &work;
+    thread::scope(|scope| {
+        let handles: Vec<_> = parts.into_iter().map(|part| scope.spawn(move || work(part))).collect();
+        let joined = handles.into_iter().map(|handle| handle.join());
+        joined.map(|result| result.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+    })
+}
+
+/// Neumaier's compensated sum.
+#[derive(Debug, Clone, Copy, Default)]
+struct Compensated {
+    sum: f64,
+    lost: f64,
+}
+
+impl Compensated {
+    fn add(&mut self, value: f64) {
+        let next = self.sum + value;
+        self.lost += if self.sum.abs() >= value.abs() { (self.sum - next) + value } else { (value - next) + self.sum };
+        self.sum = next;
+    }
+
+    fn value(self) -> f64 {
+        self.sum + self.lost
+    }
 }
 
 /// Number of differences at an averaging factor.
@@ -79,8 +104,8 @@ pub(super) fn count(phases: usize, m: usize, kind: Kind) -> usize {
 /// For each averaging factor the variance times tau^2, and the number of differences in it.
 pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: Kind, threads: usize) -> Vec<(f64, usize)> {
     let sums = match kind {
-        Kind::Oadev => overlapping::<2>(phase, factors, threads),
-        Kind::Ohdev => overlapping::<3>(phase, factors, threads),
+        Kind::Oadev => overlapping::sums::<2>(phase, factors, threads),
+        Kind::Ohdev => overlapping::sums::<3>(phase, factors, threads),
         _ => spread(factors, threads, |m| match kind {
             Kind::Adev => (0..count(phase.len(), m, kind)).map(|i| difference::<2>(phase, i * m, m).powi(2)).sum(),
             Kind::Hdev => (0..count(phase.len(), m, kind)).map(|i| difference::<3>(phase, i * m, m).powi(2)).sum(),
@@ -97,7 +122,7 @@ pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: Kind, threads
 }
 
 /// Difference of order 2 or 3 with stride m.
-fn difference<const ORDER: usize>(x: &[f64], i: usize, m: usize) -> f64 {
+pub(super) fn difference<const ORDER: usize>(x: &[f64], i: usize, m: usize) -> f64 {
     if ORDER == 2 {
         (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i])
     } else {
@@ -106,70 +131,12 @@ fn difference<const ORDER: usize>(x: &[f64], i: usize, m: usize) -> f64 {
 }
 
 /// Runs `work` for each factor, the factors dealt to the threads in turn.
-fn spread(factors: &[usize], threads: usize, work: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
+pub(super) fn spread<R: Copy + Send>(factors: &[usize], threads: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let threads = threads.clamp(1, factors.len().max(1));
-    let mut sums = vec![0.0; factors.len()];
-    let work = &work;
-    thread::scope(|scope| {
-        let mut lanes: Vec<Vec<(usize, &mut f64)>> = (0..threads).map(|_| Vec::new()).collect();
-        for (k, (m, sum)) in factors.iter().zip(&mut sums).enumerate() {
-            lanes[k % threads].push((*m, sum));
-        }
-        for lane in lanes {
-            scope.spawn(move || lane.into_iter().for_each(|(m, sum)| *sum = work(m)));
-        }
+    let lanes = on_threads(0..threads, |lane| -> Vec<R> {
+        factors.iter().skip(lane).step_by(threads).map(|&m| work(m)).collect()
     });
-    sums
-}
-
-/// All overlapping differences. The start points are cut into tiles that stay in the cache while every factor walks over
-/// them; each thread takes a stretch of tiles.
-fn overlapping<const ORDER: usize>(phase: &[f64], factors: &[usize], threads: usize) -> Vec<f64> {
-    let share = phase.len().div_ceil(threads.max(1)).next_multiple_of(TILE);
-    let stretches: Vec<(usize, usize)> =
-        (0..phase.len()).step_by(share).map(|s| (s, (s + share).min(phase.len()))).collect();
-    let sums = |(from, to): (usize, usize)| {
-        let mut sums = vec![0.0; factors.len()];
-        for start in (from..to).step_by(TILE) {
-            for (sum, &m) in sums.iter_mut().zip(factors) {
-                let end = (start + TILE).min(to).min(phase.len().saturating_sub(ORDER * m));
-                if start < end {
-                    *sum += tile::<ORDER>(&phase[start..], end - start, m);
-                }
-            }
-        }
-        sums
-    };
-    let mut total = vec![0.0; factors.len()];
-    thread::scope(|scope| {
-        let handles: Vec<_> = stretches.into_iter().map(|stretch| scope.spawn(move || sums(stretch))).collect();
-        for handle in handles {
-            match handle.join() {
-                Ok(part) => total.iter_mut().zip(part).for_each(|(t, p)| *t += p),
-                Err(panic) => std::panic::resume_unwind(panic),
-            }
-        }
-    });
-    total
-}
-
-/// Sum of squared differences that start at the first `n` phases, in eight lanes so that the compiler can use vectors.
-fn tile<const ORDER: usize>(x: &[f64], n: usize, m: usize) -> f64 {
-    const LANES: usize = 8;
-    let (a, b, c) = (&x[..n], &x[m..m + n], &x[2 * m..2 * m + n]);
-    let d = if ORDER == 3 { &x[3 * m..3 * m + n] } else { a };
-    let mut sums = [0.0; LANES];
-    let whole = n - n % LANES;
-    let (a, b) = (a.as_chunks::<LANES>().0, b.as_chunks::<LANES>().0);
-    let (c, d) = (c.as_chunks::<LANES>().0, d.as_chunks::<LANES>().0);
-    for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
-        for k in 0..LANES {
-            let v = if ORDER == 2 { (c[k] - b[k]) - (b[k] - a[k]) } else { (d[k] - a[k]) - 3.0 * (c[k] - b[k]) };
-            sums[k] += v * v;
-        }
-    }
-    let rest: f64 = (whole..n).map(|i| difference::<ORDER>(x, i, m).powi(2)).sum();
-    sums.iter().sum::<f64>() + rest
+    (0..factors.len()).map(|k| lanes[k % threads][k / threads]).collect()
 }
 
 /// Modified: squares of the mean of m neighbouring differences. The moving sum starts afresh now and then, so that its

@@ -8,6 +8,7 @@ mod coefficients;
 mod deviation;
 mod edf;
 mod noise;
+mod overlapping;
 
 pub use coefficients::{Coefficient, Coefficients};
 pub use noise::Noise;
@@ -105,17 +106,22 @@ pub fn analyse(
     taus: &Taus,
     threads: usize,
 ) -> Result<Analysis, Refusal> {
-    series::finite("record", values)?;
     series::positive("rate (Hz)", rate_hz)?;
     let needed = 8;
     if values.len() < needed {
         return Err(Refusal::TooFew { what: "a deviation".to_owned(), got: values.len(), needed });
     }
+    // One pass for both: a value that is not finite leaves no finite mean.
+    let mean = deviation::mean(values, threads);
+    if !mean.is_finite() {
+        series::finite("record", values)?;
+        return Err(Refusal::NotFinite { channel: "mean of the record".to_owned(), index: 0, value: mean });
+    }
     if values.iter().all(|v| *v == values[0]) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: values[0] });
     }
     let phase = match input {
-        Input::Rate => deviation::integrate(values, 1.0 / rate_hz, threads),
+        Input::Rate => deviation::integrate(values, mean, 1.0 / rate_hz, threads),
         Input::Phase => values.iter().map(|v| v - values[0]).collect(),
     };
     let factors = factors(taus, phase.len(), rate_hz, kind)?;
@@ -124,12 +130,13 @@ pub fn analyse(
         return Err(Refusal::Parameter { name: "number of averaging times", value, expected });
     }
     let sums = deviation::mean_squares(&phase, &factors, kind, threads);
+    let noises = deviation::spread(&factors, threads, |m| noise::identify(&phase, m, kind.order()));
     let mut points: Vec<Point> = Vec::with_capacity(factors.len());
-    for (&m, (square, n)) in factors.iter().zip(sums) {
+    for ((&m, (square, n)), noise) in factors.iter().zip(sums).zip(noises) {
         let tau_s = m as f64 / rate_hz;
         let dev = square.sqrt() / tau_s;
         // A record too short to tell at this averaging time is taken to go on as before.
-        let noise = noise::identify(&phase, m, kind.order()).or(points.last().and_then(|p| p.noise));
+        let noise = noise.or(points.last().and_then(|p| p.noise));
         let edf = edf::edf(kind, noise.unwrap_or(Noise::WhiteRate), m, phase.len());
         let unbiased = dev / edf::total_bias(kind, noise, m, phase.len()).sqrt();
         let (low, high) = stats::sd_interval(unbiased, edf, stats::ONE_SIGMA);

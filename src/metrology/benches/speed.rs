@@ -1,5 +1,6 @@
 //! Time and memory of the dear methods, with their bounds: `cargo bench -p gnc-metrology --bench speed`; ends with 1
-//! when a bound is broken. Each figure is the best of five, since other programs share the machine.
+//! when a bound is broken. Each figure is the best of several, since other programs share the machine; the least processor
+//! time (of all threads) stands beside it. `-- allan` or `-- ellip` runs a part.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
@@ -11,76 +12,87 @@ use std::time::Instant;
 
 use gnc_metrology::allan::{Input, Kind, Taus, analyse};
 use gnc_metrology::{ellipse, ellipsoid};
+use nix::time::{ClockId, clock_gettime};
 use truth::Dice;
 
 fn main() {
     let mut broken = 0;
-    let mut judge = |what: &str, value: f64, bound: f64, unit: &str| {
+    let mut judge = |what: &str, value: f64, bound: f64, unit: &str, note: &str| {
         let word = if value <= bound { "ok" } else { "BROKEN" };
         broken += usize::from(value > bound);
-        println!("{what:<60} {value:>9.4} {unit:<3} bound {bound} {unit}  {word}");
+        println!(
+            "{what:<52} {value:>9.4} {unit:<2} bound {bound} {unit} ({:.0} %) {word}{note}",
+            100.0 * value / bound
+        );
     };
-
-    let mut dice = Dice::new(7);
-    let n = 3_600_000;
-    let axes: Vec<Vec<f64>> = (0..6).map(|_| (0..n).map(|_| dice.normal()).collect()).collect();
-    let before = status_mb("VmRSS:");
-    let seconds = best(7, || {
-        for axis in &axes {
-            black_box(analyse(axis, Input::Rate, 1000.0, Kind::Oadev, &Taus::Octave, 2).unwrap());
-        }
-    });
-    judge("oadev, octave, 6 axes x 3.6 million, two threads", seconds, 0.25, "s");
-    judge("  memory beyond the input", status_mb("VmHWM:") - before, 40.0, "MB");
-    drop(axes);
-
-    let (x, y) = truth::ellipse_points(180_000, [3.0, -5.0, 100.0, 80.0, 25.0], 0.5, &mut dice);
-    let mut spiked = x.clone();
-    spiked.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
-    judge(
-        "ellipse, 180,000 points: algebraic",
-        1e3 * best(5, || _ = black_box(ellipse::fit_algebraic(&x, &y))),
-        5.0,
-        "ms",
-    );
-    judge(
-        "ellipse: whole robust fit, 0.1 % spikes",
-        1e3 * best(5, || _ = black_box(ellipse::fit(&spiked, &y, None).unwrap())),
-        25.0,
-        "ms",
-    );
-
-    let points: Vec<[f64; 3]> = truth::directions(180_000)
-        .iter()
-        .map(|u| [60.0 * u[0], 45.0 * u[1] + 5.0 * u[0], 50.0 * u[2]].map(|v| v + 0.5 * dice.normal()))
-        .collect();
-    let [mut x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
-    judge(
-        "ellipsoid, 180,000 points: algebraic",
-        1e3 * best(5, || _ = black_box(ellipsoid::fit_algebraic(&x, &y, &z))),
-        5.0,
-        "ms",
-    );
-    x.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
-    judge(
-        "ellipsoid: whole robust fit, 0.1 % spikes",
-        1e3 * best(5, || _ = black_box(ellipsoid::fit(&x, &y, &z, None, None).unwrap())),
-        25.0,
-        "ms",
-    );
+    let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let wanted = |part: &str| only.is_empty() || only.iter().any(|o| part.contains(o.as_str()));
+    println!("load {}", std::fs::read_to_string("/proc/loadavg").unwrap().trim());
+    if wanted("allan") {
+        allan(&mut judge);
+    }
+    if wanted("ellipse ellipsoid") {
+        surfaces(&mut judge);
+    }
+    println!("load {}", std::fs::read_to_string("/proc/loadavg").unwrap().trim());
     if broken > 0 {
         std::process::exit(1);
     }
 }
 
-fn best(times: usize, mut work: impl FnMut()) -> f64 {
-    (0..times)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64()
-        })
-        .fold(f64::INFINITY, f64::min)
+fn allan(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
+    let mut dice = Dice::new(7);
+    let n = 3_600_000;
+    let axes: Vec<Vec<f64>> = (0..6).map(|_| (0..n).map(|_| dice.normal()).collect()).collect();
+    let before = status_mb("VmRSS:");
+    let (wall, cpu) = best(15, || {
+        for axis in &axes {
+            black_box(analyse(axis, Input::Rate, 1000.0, Kind::Oadev, &Taus::Octave, 2).unwrap());
+        }
+    });
+    judge("oadev, octave, 6 axes x 3.6 million, two threads", wall, 0.25, "s", &format!(", processor time {cpu:.3} s"));
+    judge("  memory beyond the input", status_mb("VmHWM:") - before, 40.0, "MB", "");
+}
+
+fn surfaces(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
+    let mut dice = Dice::new(8);
+    let mut time = |what: &str, bound: f64, work: &mut dyn FnMut()| {
+        let (wall, cpu) = best(15, work);
+        judge(what, 1e3 * wall, bound, "ms", &format!(", processor time {:.1} ms", 1e3 * cpu));
+    };
+    let (x, y) = truth::ellipse_points(180_000, [3.0, -5.0, 100.0, 80.0, 25.0], 0.5, &mut dice);
+    let mut spiked = x.clone();
+    spiked.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
+    time("ellipse, 180,000 points: algebraic", 5.0, &mut || _ = black_box(ellipse::fit_algebraic(&x, &y)));
+    time("ellipse: whole robust fit, 0.1 % spikes", 25.0, &mut || {
+        _ = black_box(ellipse::fit(&spiked, &y, None).unwrap())
+    });
+    let points: Vec<[f64; 3]> = truth::directions(180_000)
+        .iter()
+        .map(|u| [60.0 * u[0], 45.0 * u[1] + 5.0 * u[0], 50.0 * u[2]].map(|v| v + 0.5 * dice.normal()))
+        .collect();
+    let [mut x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
+    time("ellipsoid, 180,000 points: algebraic", 5.0, &mut || _ = black_box(ellipsoid::fit_algebraic(&x, &y, &z)));
+    x.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
+    time("ellipsoid: whole robust fit, 0.1 % spikes", 25.0, &mut || {
+        _ = black_box(ellipsoid::fit(&x, &y, &z, None, None).unwrap());
+    });
+}
+
+/// Least wall time of several turns, and least processor time, s.
+fn best(times: usize, mut work: impl FnMut()) -> (f64, f64) {
+    let processor = || {
+        let t = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).unwrap();
+        t.tv_sec() as f64 + 1e-9 * t.tv_nsec() as f64
+    };
+    let (mut wall, mut cpu) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..times {
+        let (start, used) = (Instant::now(), processor());
+        work();
+        wall = wall.min(start.elapsed().as_secs_f64());
+        cpu = cpu.min(processor() - used);
+    }
+    (wall, cpu)
 }
 
 /// A line of this process's memory status, MB (Linux).

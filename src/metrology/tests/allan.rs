@@ -83,12 +83,23 @@ fn long_records_follow_the_definition() {
     let values: Vec<f64> = (0..200_001).map(|_| dice.normal()).collect();
     let mut phase = vec![0.0];
     values.iter().for_each(|v| phase.push(phase[phase.len() - 1] + v));
-    for m in [1_usize, 7, 1000, 65_536] {
-        let n = phase.len() - 2 * m;
-        let sum: f64 = (0..n).map(|i| (phase[i + 2 * m] - 2.0 * phase[i + m] + phase[i]).powi(2)).sum();
-        let expected = (sum / (2.0 * n as f64)).sqrt() / m as f64;
-        let found = deviations(&values, Kind::Oadev, &[m as f64])[0];
-        assert!((found / expected - 1.0).abs() < 1e-9, "{m}: {found} {expected}");
+    let defined = |m: usize, order: usize| {
+        let weights: &[f64] = if order == 2 { &[1.0, -2.0, 1.0] } else { &[1.0, -3.0, 3.0, -1.0] };
+        let n = phase.len() - order * m;
+        let difference = |i: usize| weights.iter().enumerate().map(|(k, w)| w * phase[i + k * m]).sum::<f64>();
+        let squares: f64 = (0..n).map(|i| difference(i).powi(2)).sum();
+        (squares / (if order == 2 { 2.0 } else { 6.0 } * n as f64)).sqrt() / m as f64
+    };
+    // Neighbours that double share their work, others do not; long factors are walked across the record.
+    let lists: [&[f64]; 3] = [&[1.0, 7.0, 14.0, 1000.0, 65_536.0], &[20_000.0, 40_000.0], &[16_385.0, 50_000.0]];
+    let lists = lists.into_iter().map(|l| Taus::Seconds(l.to_vec())).chain([Taus::Octave]);
+    for (taus, threads) in lists.flat_map(|l| [1, 2, 5].map(|threads| (l.clone(), threads))) {
+        for (kind, order) in [(Kind::Oadev, 2), (Kind::Ohdev, 3)] {
+            for p in analyse(&values, Input::Rate, 1.0, kind, &taus, threads).unwrap().points {
+                let expected = defined(p.tau_s as usize, order);
+                assert!((p.dev / expected - 1.0).abs() < 1e-9, "{kind:?} {taus:?}: {p:?} {expected}");
+            }
+        }
     }
 }
 
@@ -96,13 +107,36 @@ fn long_records_follow_the_definition() {
 struct Source {
     noise: Noise,
     make: fn(usize, &mut Dice) -> Vec<f64>,
-    variance: fn(f64) -> f64,
+    /// Expected square of a sum of rates with these weights, which add up to nothing.
+    variance: fn(&[f64]) -> f64,
 }
 
-const WHITE: Source =
-    Source { noise: Noise::WhiteRate, make: |n, dice| (0..n).map(|_| dice.normal()).collect(), variance: |m| 1.0 / m };
+/// Weights of the rates in one difference of the family, from the definitions: neighbouring means, second differences of
+/// three means, and the mean of m shifted ones for the modified.
+fn weights(kind: Kind, m: usize) -> Vec<f64> {
+    let means = |signs: &[f64]| -> Vec<f64> {
+        let norm = signs.iter().map(|s| s * s).sum::<f64>().sqrt() * m as f64;
+        signs.iter().flat_map(|s| vec![s / norm; m]).collect()
+    };
+    match kind {
+        Kind::Hdev | Kind::Ohdev => means(&[1.0, -2.0, 1.0]),
+        Kind::Mdev => {
+            let plain = means(&[-1.0, 1.0]);
+            (0..3 * m - 1)
+                .map(|i| (0..m).filter_map(|shift| plain.get(i.checked_sub(shift)?)).sum::<f64>() / m as f64)
+                .collect()
+        }
+        _ => means(&[-1.0, 1.0]),
+    }
+}
 
-/// Steps of variance 1: `avar(m) = (2 m^2 + 1) / (6 m)`.
+const WHITE: Source = Source {
+    noise: Noise::WhiteRate,
+    make: |n, dice| (0..n).map(|_| dice.normal()).collect(),
+    variance: |w| w.iter().map(|v| v * v).sum(),
+};
+
+/// Steps of variance 1, each carried by all later rates.
 const WALK: Source = Source {
     noise: Noise::RateRandomWalk,
     make: |n, dice| {
@@ -113,11 +147,17 @@ const WALK: Source = Source {
             })
             .collect()
     },
-    variance: |m| (2.0 * m * m + 1.0) / (6.0 * m),
+    variance: |w| {
+        let carried = w.iter().rev().scan(0.0, |sum, v| {
+            *sum += v;
+            Some(*sum)
+        });
+        carried.map(|v| v * v).sum()
+    },
 };
 
 /// Flicker of spectral density 1 / f up to the corners: a sum of relaxations, spaced so closely in frequency that the
-/// ripple is below 0.1 %; its Allan variance is the sum of theirs.
+/// ripple is below 0.1 %; its variance is the sum of theirs.
 const CORNERS: usize = 40;
 fn corner(k: usize) -> (f64, f64) {
     // Autoregression of the first order with this coefficient, and unit variance: equal power per octave.
@@ -137,21 +177,17 @@ const FLICKER: Source = Source {
             })
             .collect()
     },
-    variance: |m| (0..CORNERS).map(|k| relaxation(corner(k).0, m)).sum(),
+    variance: |w| {
+        // The weights' own products at each lag, and what the relaxations have in common there.
+        (0..w.len())
+            .map(|lag| {
+                let products: f64 = w.iter().zip(&w[lag..]).map(|(a, b)| a * b).sum();
+                let common: f64 = (0..CORNERS).map(|k| corner(k).0.powi(lag as i32)).sum();
+                if lag == 0 { products * common } else { 2.0 * products * common }
+            })
+            .sum()
+    },
 };
-
-/// Allan variance of `x' = a x + sqrt(1 - a^2) e` at averaging factor m, from the covariances of two adjacent means:
-/// `avar = (V - C)`, V the variance of a mean, C the covariance of neighbours.
-fn relaxation(a: f64, m: f64) -> f64 {
-    let am = a.powf(m);
-    // 1 - a is small for slow ones: the series in m (1 - a) avoids the cancellation.
-    if m * (1.0 - a) < 1e-3 {
-        return (1.0 - a) * (2.0 * m * m + 1.0) / (3.0 * m);
-    }
-    let variance = (m * (1.0 - a * a) - 2.0 * a * (1.0 - am)) / (m * m * (1.0 - a).powi(2));
-    let neighbours = a * (1.0 - am).powi(2) / (m * m * (1.0 - a).powi(2));
-    variance - neighbours
-}
 
 /// The 68.3 % intervals of white, flicker and random-walk noise cover the truth. Pooled over records; 6 % is four
 /// standard deviations of a coverage over 1000 records, and what the chi-square approximation itself may miss.
@@ -159,24 +195,28 @@ fn relaxation(a: f64, m: f64) -> f64 {
 fn intervals_cover_the_truth() {
     const SEED: u64 = 3;
     const RECORDS: usize = 1000;
-    const KINDS: [Kind; 3] = [Kind::Oadev, Kind::Adev, Kind::Totdev];
+    const KINDS: [Kind; 6] = [Kind::Oadev, Kind::Adev, Kind::Totdev, Kind::Mdev, Kind::Hdev, Kind::Ohdev];
     println!("seed {SEED}");
     for (source, name) in [(WHITE, "white"), (FLICKER, "flicker"), (WALK, "walk")] {
         let mut dice = Dice::new(SEED);
-        let mut covered = [[0_usize; 7]; 3];
+        let mut covered = [[0_usize; 7]; KINDS.len()];
+        let truths = KINDS.map(|kind| [0, 1, 2, 3, 4, 5, 6].map(|k| (source.variance)(&weights(kind, 1 << k)).sqrt()));
         let mut named = [0_usize; 7];
         for _ in 0..RECORDS {
             let values = (source.make)(1024, &mut dice);
-            for (covered, kind) in covered.iter_mut().zip(KINDS) {
+            for ((covered, truths), kind) in covered.iter_mut().zip(truths).zip(KINDS) {
                 let points = analyse(&values, Input::Rate, 1.0, kind, &Taus::Octave, 1).unwrap().points;
                 for (k, p) in points.iter().take(7).enumerate() {
-                    let truth = (source.variance)(p.tau_s).sqrt();
-                    covered[k] += usize::from((p.low..=p.high).contains(&truth));
+                    covered[k] += usize::from((p.low..=p.high).contains(&truths[k]));
                     named[k] += usize::from(kind == Kind::Oadev && p.noise == Some(source.noise));
                 }
             }
         }
-        println!("{name}: covered {covered:?} ({KINDS:?}), named {named:?} of {RECORDS}");
+        KINDS
+            .iter()
+            .zip(covered)
+            .for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
+        println!("{name}: named {named:?}");
         // From 2 samples on, where the simulated walk is a walk.
         for (covered, kind) in covered.iter().zip(KINDS) {
             for (k, covered) in covered.iter().enumerate().skip(1) {

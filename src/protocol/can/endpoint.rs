@@ -93,7 +93,7 @@ impl Channel {
     }
 
     fn is_idle(&self) -> bool {
-        self.flow.is_none() && self.waiting.is_empty() && self.sender.is_idle()
+        self.flow.is_none() && self.waiting.is_empty() && self.sender.is_idle() && self.receiver.is_idle()
     }
 }
 
@@ -173,7 +173,7 @@ impl Endpoint {
         (self.urgent.expected, self.work.expected) = (None, None);
     }
 
-    /// Whether no message waits or is on its way out.
+    /// Whether no message waits or is on its way, out or in.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.urgent.is_idle() && self.work.is_idle()

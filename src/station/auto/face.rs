@@ -14,8 +14,8 @@ use gnc_executive::text;
 use terminal_size::terminal_size_of;
 use tokio::sync::watch;
 
+use crate::control::Control;
 use crate::runner::{Doing, Live};
-use crate::stop::Stop;
 
 /// How often a bar moves.
 const BAR_EVERY: Duration = Duration::from_millis(100);
@@ -39,7 +39,7 @@ impl Face {
         let writer = Writer {
             events_to_stdout,
             terminal: if events_to_stdout { io::stderr().is_terminal() } else { io::stdout().is_terminal() },
-            live: live.subscribe(),
+            live: live.doing.subscribe(),
             line_due: Instant::now() + LINE_EVERY,
             bar_drawn: false,
             state: RunState::new(),
@@ -50,10 +50,10 @@ impl Face {
     }
 
     /// Waits until everything is written, or nobody wants to wait any more: a terminal may stand still for ever.
-    pub(super) async fn join(self, stop: &Stop) {
+    pub(super) async fn join(self, control: &Control) {
         let joined = tokio::task::spawn_blocking(move || self.thread.join());
         tokio::select! {
-            _ = stop.asked_times(2) => {}
+            _ = control.asked_times(2) => {}
             _ = joined => {}
         }
     }

@@ -1,6 +1,8 @@
 //! What the station itself costs: time and memory of an item, and of a 1 kHz stream. Prints figures with their bounds.
 //!
-//!     cargo bench -p gnc-station --bench own_cost [-- items N | stream SECONDS]
+//!     cargo bench -p gnc-station --bench own_cost [-- cost | items N | stream SECONDS]
+//!
+//! `openhtf_peer.py` beside this file runs OpenHTF on the same task and prints both.
 
 #![expect(clippy::expect_used, clippy::print_stdout, reason = "a benchmark prints, and ends where it cannot go on")]
 
@@ -33,21 +35,26 @@ fn main() {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     match args.as_slice() {
         ["items", count] => items(count.parse().expect("a number")),
+        ["cost"] => cost(),
         ["stream", seconds] => stream(seconds.parse().expect("a number")),
         _ => all(),
     }
 }
 
 fn all() {
+    cost();
+    let [share, lost] = child(&["stream", "60"])[..] else { return };
+    verdict("1 kHz stream for 60 s, share of a core", share, STREAM_SHARE, "");
+    verdict("1 kHz stream for 60 s, samples lost", lost, 0.0, "");
+}
+
+fn cost() {
     let few = child(&["items", "200"]);
     let many = child(&["items", "20000"]);
     let per_item_ms = (many[0] - few[0]) / 19_800.0 * 1e3;
     let per_item_bytes = (many[1] - few[1]) / 19_800.0;
     verdict("own cost of a trivial item", per_item_ms, ITEM_MS, "ms");
     verdict("memory of an item", per_item_bytes, ITEM_BYTES, "bytes");
-    let [share, lost] = child(&["stream", "60"])[..] else { return };
-    verdict("1 kHz stream for 60 s, share of a core", share, STREAM_SHARE, "");
-    verdict("1 kHz stream for 60 s, samples lost", lost, 0.0, "");
 }
 
 fn verdict(what: &str, value: f64, bound: f64, unit: &str) {
@@ -126,6 +133,8 @@ fn header() -> RunHeader {
         program: Program { name: "own_cost".to_owned(), version: "0".to_owned() },
         bench: Bench::real(),
         plan: PlanInfo { name: "many".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
         selection: None,
         looped: None,
     }
@@ -140,7 +149,7 @@ fn stream(seconds: u32) {
     let (lost, busy) = runtime.block_on(async {
         let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
         let link = Link::open(&target).expect("a port");
-        let board = Board::connect(link, 1).await.expect("a board");
+        let board = Board::connect(link, 1, Default::default()).await.expect("a board");
         let desk = Desk::new(&board, watch::channel(Advance::default()).0);
         desk.call(&ModulePower { on: 1 }).await.expect("power");
         let mut stream = desk.listen(StreamId::Imu).await.expect("a stream");

@@ -15,18 +15,28 @@ use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERS
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
-use super::stream::Newest;
-use super::{Advance, BoardError, Pulse};
+use super::readings::Gauges;
+use super::stream::{AHEAD, Newest};
+use super::{Advance, BoardError, Pulse, Readings};
 use crate::link::Link;
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
-/// A board that hears HELLO answers at once; one that is starting takes up to two seconds.
-const HELLO_TRIES: u32 = 8;
-/// Between two HELLOs.
+/// Payload of the longer HELLO, the board's, at most.
+const HELLO_BYTES: usize = 128;
+/// Between two HELLOs, or longer on a slow line.
 const HELLO_EVERY: Duration = Duration::from_millis(250);
+/// A board that hears HELLO answers at once; one that is starting listens after two seconds, and then one must still come.
+const HELLO_FOR: Duration = Duration::from_millis(2500);
 /// Three heartbeats missed.
 const SILENT_AFTER: Duration = Duration::from_millis(3500);
+/// Six heartbeats missed while other frames come. The time limits of items go by heartbeats, so that without them
+/// nothing would ever take too long.
+const BEATLESS_AFTER: Duration = Duration::from_millis(6500);
+/// A timer that is served so late says that this computer stalled, not that the board was silent.
+const STALLED: Duration = Duration::from_millis(250);
+/// After a stall what came meanwhile is read first.
+const AFTER_A_STALL: Duration = Duration::from_millis(250);
 /// Requests that may end while another one is unresolved before the board is asked about that one, and nothing new is
 /// begun until it has answered. Those that are in flight then may end too, and all of them must fit into the board's
 /// memory of results, or a request whose result was lost would be done a second time.
@@ -142,11 +152,21 @@ pub(super) struct Conversation {
     sequence: u16,
     keep_alive_due: Instant,
     heard: Instant,
+    /// The last heartbeat of the session.
+    beat: Instant,
+    /// What the line counted before the first session: the middle of a frame is not damage.
+    before: Option<LineCounters>,
     report: LinkReport,
+    gauges: Gauges,
 }
 
 impl Conversation {
-    pub(super) fn new(link: Link, commands: mpsc::Receiver<Command>, pulse: watch::Sender<Pulse>) -> Self {
+    pub(super) fn new(
+        link: Link,
+        commands: mpsc::Receiver<Command>,
+        pulse: watch::Sender<Pulse>,
+        readings: watch::Sender<Readings>,
+    ) -> Self {
         let now = Instant::now();
         Self {
             link,
@@ -163,7 +183,10 @@ impl Conversation {
             sequence: 0,
             keep_alive_due: now,
             heard: now,
+            beat: now,
+            before: None,
             report: LinkReport::default(),
+            gauges: Gauges::new(readings),
         }
     }
 
@@ -171,7 +194,8 @@ impl Conversation {
     pub(super) async fn run(mut self) -> LinkReport {
         loop {
             let due = self.next_due();
-            let behind = self.held.front().and_then(|(id, _)| self.sender_of(*id));
+            let behind = self.behind();
+            let reads = self.reads();
             tokio::select! {
                 biased;
                 () = sleep_until(due) => self.overdue(),
@@ -179,10 +203,10 @@ impl Conversation {
                     Some(command) => self.command(command),
                     None => break,
                 },
-                () = async { if let Some(sender) = &behind { let _ = sender.reserve().await; } }, if behind.is_some() => {
+                () = async { if let Some((sender, room)) = &behind { let _ = sender.reserve_many(*room).await; } }, if behind.is_some() => {
                     self.deliver_held();
                 }
-                received = self.link.next(behind.is_none()) => match received {
+                received = self.link.next(reads) => match received {
                     Ok(Ok(frame)) => self.receive(&frame),
                     // A damaged frame was counted by the link; whoever misses it asks again.
                     Ok(Err(_)) => {}
@@ -193,9 +217,31 @@ impl Conversation {
                 },
             }
         }
-        self.report.received = self.link.counters();
+        let (counters, before) = (self.link.counters(), self.before.unwrap_or_default());
+        self.report.received = LineCounters {
+            bad_checksum: counters.bad_checksum.saturating_sub(before.bad_checksum),
+            malformed: counters.malformed.saturating_sub(before.malformed),
+            ..counters
+        };
         self.link.close().await;
         self.report
+    }
+
+    /// A listener who is behind, and the room that makes it good.
+    fn behind(&self) -> Option<(StreamSender, usize)> {
+        if let Some(sender) = self.held.iter().find_map(|(id, _)| self.sender_of(*id)) {
+            return Some((sender, 1));
+        }
+        let slow = |sender: &StreamSender| sender.capacity() < AHEAD && !sender.is_closed();
+        self.streams.iter().find(|(_, sender)| slow(sender)).map(|(_, sender)| (sender.clone(), AHEAD))
+    }
+
+    /// Whether the line is read. Not for a listener who is behind, so that a bench at full speed waits for him; but an
+    /// answer that somebody awaits comes behind samples, and whoever awaits it may be who keeps the listener from his
+    /// work.
+    fn reads(&self) -> bool {
+        let awaited = !self.pending.is_empty() || self.greeting.is_some();
+        self.held.is_empty() && (awaited || self.behind().is_none())
     }
 
     fn next_due(&self) -> Instant {
@@ -203,8 +249,13 @@ impl Conversation {
         let sendable = self.pending.iter().filter(|pending| !(held_back && pending.can_be_held_back()));
         let requests = sendable.map(|pending| pending.due).min();
         let greeting = self.greeting.as_ref().map(|greeting| greeting.due);
-        let silent = self.session.map(|_| self.heard + SILENT_AFTER);
+        let silent = self.session.map(|_| self.silent_due());
         [requests, greeting, silent].into_iter().flatten().fold(self.keep_alive_due, Instant::min)
+    }
+
+    /// When the board counts as silent.
+    fn silent_due(&self) -> Instant {
+        (self.heard + SILENT_AFTER).min(self.beat + BEATLESS_AFTER)
     }
 
     fn command(&mut self, command: Command) {
@@ -235,8 +286,7 @@ impl Conversation {
                 });
             }
             Command::Listen { stream, sender } => {
-                self.streams.retain(|(id, _)| *id != stream);
-                self.held.retain(|(id, _)| *id != stream);
+                self.forget(stream);
                 self.streams.push((stream, sender));
             }
         }
@@ -244,10 +294,12 @@ impl Conversation {
 
     fn overdue(&mut self) {
         let now = Instant::now();
-        if self.session.is_some() && now >= self.heard + SILENT_AFTER {
-            self.session = None;
-            let silent = now - self.heard;
-            self.fail_all(&BoardError::Silent { silent });
+        if !self.reads() {
+            // Whoever does not listen hears no silence.
+            (self.heard, self.beat) = (now, now);
+        }
+        if self.session.is_some() && now >= self.silent_due() {
+            self.silent(now);
         }
         self.greet_again(now);
         self.ask_again(now);
@@ -259,9 +311,24 @@ impl Conversation {
         }
     }
 
+    fn silent(&mut self, now: Instant) {
+        if now >= self.silent_due() + STALLED {
+            self.heard = self.heard.max(now + AFTER_A_STALL - SILENT_AFTER);
+            self.beat = self.beat.max(now + AFTER_A_STALL - BEATLESS_AFTER);
+            return;
+        }
+        self.session = None;
+        let silent = now - self.beat.min(self.heard);
+        let error = match now - self.heard >= SILENT_AFTER {
+            true => BoardError::Silent { silent },
+            false => BoardError::NoHeartbeat { silent },
+        };
+        self.fail_all(&error);
+    }
+
     fn greet_again(&mut self, now: Instant) {
         let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
-        if greeting.asked >= HELLO_TRIES {
+        if now - greeting.since > HELLO_FOR {
             let error = BoardError::NoAnswer { what: "HELLO", asked: greeting.asked, waited: now - greeting.since };
             if let Some(greeting) = self.greeting.take() {
                 let _ = greeting.answer.send(Err(error));
@@ -269,7 +336,8 @@ impl Conversation {
             return;
         }
         greeting.asked += 1;
-        greeting.due = now + HELLO_EVERY;
+        // At 115,200 baud and below it is half a second or more.
+        greeting.due = now + HELLO_EVERY.max(self.link.exchange_time(HELLO_BYTES) * 5);
         let nonce = greeting.nonce;
         self.say_hello(nonce);
     }
@@ -366,6 +434,8 @@ impl Conversation {
         }
         self.session = Some((hello.nonce, hello.boot_id));
         self.in_doubt = false;
+        self.beat = Instant::now();
+        self.before.get_or_insert_with(|| self.link.counters());
         self.link.restart_sequence();
         self.pulse.send_replace(Pulse::default());
         let _ = greeting.answer.send(Ok(hello));
@@ -414,6 +484,9 @@ impl Conversation {
                 Err(BoardError::Fault { what, code, text })
             }
         };
+        if let Ok(answer) = &answer {
+            self.gauges.answered(message, &answer.body);
+        }
         let _ = pending.answer.send(answer);
     }
 
@@ -446,6 +519,7 @@ impl Conversation {
                 if beat.boot_id != before {
                     return self.restarted(before, beat.boot_id);
                 }
+                self.beat = Instant::now();
                 self.pulse.send_modify(|pulse| {
                     pulse.board_time_us = beat.board_time_us;
                     pulse.beats += 1;
@@ -478,12 +552,19 @@ impl Conversation {
             self.report.stale += 1;
             return;
         }
+        self.gauges.streamed(id, &frame);
         let Some(sender) = self.sender_of(id) else { return };
         match sender.try_send(Ok(Box::new(frame))) {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(Ok(frame))) => self.held.push_back((id, frame)),
-            Err(_) => self.streams.retain(|(other, _)| *other != id),
+            Err(_) => self.forget(id),
         }
+    }
+
+    /// Nobody listens to the stream any more.
+    fn forget(&mut self, id: StreamId) {
+        self.streams.retain(|(other, _)| *other != id);
+        self.held.retain(|(other, _)| *other != id);
     }
 
     fn deliver_held(&mut self) {
@@ -491,7 +572,7 @@ impl Conversation {
             match self.sender_of(id).map(|sender| sender.try_send(Ok(frame))) {
                 None | Some(Ok(())) => {}
                 Some(Err(mpsc::error::TrySendError::Full(Ok(frame)))) => return self.held.push_front((id, frame)),
-                Some(Err(_)) => self.streams.retain(|(other, _)| *other != id),
+                Some(Err(_)) => self.forget(id),
             }
         }
     }

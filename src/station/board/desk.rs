@@ -9,12 +9,9 @@ use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::conversation::{Answer, Command};
-use super::stream::{Closed, Stream};
+use super::stream::{AHEAD, Closed, Stream, WAITING};
 use super::{Advance, Board, BoardError, gone};
 use crate::link::can::Tap;
-
-/// Frames waiting for whoever reads a stream: a second of 1 kHz in single samples.
-const STREAM_FRAMES: usize = 1024;
 
 /// What one attempt of an item asks of the board. Several items may do so at once.
 #[derive(Debug)]
@@ -71,7 +68,7 @@ impl<'a> Desk<'a> {
     /// # Errors
     /// [`BoardError::Gone`].
     pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
-        let (sender, frames) = mpsc::channel(STREAM_FRAMES);
+        let (sender, frames) = mpsc::channel(WAITING + AHEAD);
         self.streams.borrow_mut().push(stream);
         self.board.send(Command::Listen { stream, sender }).await?;
         Ok(Stream::new(stream, frames, self.board.pulse()))
@@ -96,6 +93,16 @@ impl<'a> Desk<'a> {
             done_permille: (u64::from(samples) * 1000 / u64::from(wanted.max(1))).min(1000) as u16,
             elapsed_ms: u32::try_from(ms(samples)).unwrap_or(u32::MAX),
             expected_ms: u32::try_from(ms(wanted)).unwrap_or(u32::MAX),
+        });
+    }
+
+    /// Tells people how far a whole program of captures is.
+    pub fn advanced(&self, done_s: f64, whole_s: f64) {
+        let ms = |span_s: f64| (span_s * 1e3) as u32;
+        self.advance.send_replace(Advance {
+            done_permille: (done_s / whole_s.max(1e-3) * 1e3).clamp(0.0, 1e3) as u16,
+            elapsed_ms: ms(done_s),
+            expected_ms: ms(whole_s),
         });
     }
 

@@ -16,6 +16,12 @@ const BEHIND_US: u64 = 2_000_000;
 /// a stream whose last frame was lost on a simulated bench at full speed.
 const STANDS_FOR: Duration = Duration::from_millis(1500);
 
+/// Frames that wait for whoever reads a stream before the line is held up for him: a second of 1 kHz in single samples.
+pub(super) const WAITING: usize = 1024;
+/// Frames beyond those that may come before an answer that is awaited: what a board says between a request and its
+/// RESULT, over CAN in pieces of six bytes and with a round trip for each message, and that a few times.
+pub(super) const AHEAD: usize = 16_384;
+
 /// Frames of one stream, in the order they came.
 #[derive(Debug)]
 pub struct Stream {

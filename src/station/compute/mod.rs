@@ -5,7 +5,7 @@
 
 mod allan;
 mod magnetometer;
-mod plot;
+pub(crate) mod plot;
 mod report;
 mod spectrum;
 mod table;

@@ -12,7 +12,7 @@ const TOP: f64 = 34.0;
 const BOTTOM: f64 = 50.0;
 
 /// How a series is drawn.
-pub(super) enum Mark {
+pub(crate) enum Mark {
     Dots,
     Line,
     /// Dots with an upright bar from low to high.
@@ -20,39 +20,39 @@ pub(super) enum Mark {
 }
 
 /// Points that belong together.
-pub(super) struct Series {
-    pub(super) name: String,
-    pub(super) mark: Mark,
-    pub(super) points: Vec<(f64, f64)>,
+pub(crate) struct Series {
+    pub(crate) name: String,
+    pub(crate) mark: Mark,
+    pub(crate) points: Vec<(f64, f64)>,
 }
 
 impl Series {
-    pub(super) fn dots(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn dots(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self { name: name.into(), mark: Mark::Dots, points: points.into_iter().collect() }
     }
 
-    pub(super) fn line(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn line(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self { name: name.into(), mark: Mark::Line, points: points.into_iter().collect() }
     }
 }
 
 /// One pair of axes.
-pub(super) struct Panel {
-    pub(super) title: String,
-    pub(super) x: String,
-    pub(super) y: String,
+pub(crate) struct Panel {
+    pub(crate) title: String,
+    pub(crate) x: String,
+    pub(crate) y: String,
     /// Logarithmic axes, x and y.
-    pub(super) log: (bool, bool),
+    pub(crate) log: (bool, bool),
     /// One scale for both axes, so that a circle looks like one.
-    pub(super) square: bool,
-    pub(super) series: Vec<Series>,
+    pub(crate) square: bool,
+    pub(crate) series: Vec<Series>,
 }
 
 /// Colours that differ in print and for most eyes.
 const COLOURS: [&str; 6] = ["#1b5e9b", "#d1495b", "#2e8b57", "#b8860b", "#6a4c93", "#555555"];
 
 /// The panels beside each other.
-pub(super) fn svg(panels: &[Panel]) -> String {
+pub(crate) fn svg(panels: &[Panel]) -> String {
     let mut text = String::new();
     let width = WIDTH * panels.len() as f64;
     let _ = writeln!(

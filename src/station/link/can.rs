@@ -1,8 +1,9 @@
 //! CAN: commands by ISO-TP, streams as raw frames, and test frames beside them for whoever tests the bus itself.
 
 mod bus;
+mod interface;
 mod memory;
-mod slcan;
+pub(crate) mod slcan;
 mod socket;
 
 use std::collections::VecDeque;
@@ -125,7 +126,7 @@ impl CanOpenError {
 /// # Errors
 /// [`CanOpenError`] says what is there instead.
 pub fn check_interface(interface: &str) -> Result<(), CanOpenError> {
-    socket::look_at(interface)
+    interface::look_at(interface)
 }
 
 /// What the host's own controller saw of the bus.
@@ -135,6 +136,8 @@ pub struct BusErrors {
     pub frames: u32,
     /// Times it left the bus.
     pub bus_off: u32,
+    /// Times its buffer was full and a frame was lost: the host's fault, not the bus's.
+    pub overruns: u32,
 }
 
 /// Test frames of the bus, beside the conversation that goes over it.
@@ -143,6 +146,8 @@ pub struct Tap {
     outgoing: mpsc::Sender<CanFrame>,
     incoming: tokio::sync::Mutex<mpsc::Receiver<CanFrame>>,
     errors: watch::Receiver<Option<BusErrors>>,
+    /// Where the kernel counts what it or the controller lost.
+    statistics: Option<interface::Statistics>,
 }
 
 impl Tap {
@@ -166,6 +171,14 @@ impl Tap {
     pub async fn drain(&self) {
         let mut incoming = self.incoming.lock().await;
         while incoming.try_recv().is_ok() {}
+    }
+
+    /// Frames that this computer's own controller or driver has lost so far; `None` where nobody counts them.
+    #[must_use]
+    pub fn lost_by_host(&self) -> Option<u64> {
+        let overruns = self.errors().map(|errors| u64::from(errors.overruns));
+        // Some drivers count, some send error frames, some do both.
+        self.statistics.as_ref().map(interface::Statistics::lost).max(overruns)
     }
 
     /// What the host's own controller saw; `None` where the adapter cannot tell.
@@ -220,12 +233,14 @@ impl CanLink {
         let (to_bus, outgoing) = mpsc::channel(TEST_FRAMES);
         let (incoming, from_bus) = mpsc::channel(TEST_FRAMES);
         let (errors, seen) = watch::channel(bus.errors());
+        let statistics = bus.statistics();
+        let tap = Tap { outgoing: to_bus, incoming: tokio::sync::Mutex::new(from_bus), errors: seen, statistics };
         Self {
             bus,
             endpoint: Endpoint::new(Role::Host),
             outgoing: VecDeque::new(),
             tap: TapEnd { outgoing, incoming, errors },
-            handed_out: Some(Tap { outgoing: to_bus, incoming: tokio::sync::Mutex::new(from_bus), errors: seen }),
+            handed_out: Some(tap),
             started: Instant::now(),
         }
     }

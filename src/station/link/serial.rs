@@ -144,6 +144,20 @@ pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
     Ok(SerialLink { frames, writer, outgoing: BytesMut::with_capacity(MAX_ON_WIRE), rate_baud })
 }
 
+/// Opens a port as [`open`] does, and closes it again.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn try_open(port: &Path, rate_baud: u32) -> Result<(), OpenError> {
+    let port_path = port.to_string_lossy();
+    let stream =
+        serialport::TTYPort::open(&tokio_serial::new(port_path, rate_baud)).map_err(|source| explain(port, source))?;
+    match serialport::SerialPort::baud_rate(&stream).map_err(|source| explain(port, source))? {
+        got if got == rate_baud => Ok(()),
+        got => Err(OpenError::Rate { port: port.to_owned(), wanted: rate_baud, got }),
+    }
+}
+
 /// The port alone, whatever is spoken on it.
 pub(super) fn open_port(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
     let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)

@@ -1,6 +1,6 @@
 //! The GNSS receiver: its raw sentences and 1PPS edges come through the board; they are read and weighed here.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::plan::Params;
@@ -17,6 +17,9 @@ use crate::statistics::mean;
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
+
+/// A receiver's slowest pace.
+const RECEIVER_SPEAKS_EVERY: Duration = Duration::from_secs(1);
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
     let window_s = params.quantity("window", Unit::Second)?;
@@ -36,8 +39,9 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     let [start_pulses, start_bytes] =
         [StreamId::Pps, StreamId::Gnss].map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
     tokio::try_join!(bench.board.call(&start_pulses), bench.board.call(&start_bytes))?;
+    let asked = Instant::now();
     let heard = listen(&mut bytes, &mut pulses, window_s, timeout_s).await?;
-    bench.board.spent(heard.listened);
+    bench.board.spent(heard.listened + heard.waited(asked));
     let in_window = bytes.losses();
     let (bytes, pulses) = tokio::try_join!(bench.board.stop_stream(bytes), bench.board.stop_stream(pulses))?;
     // A receiver is not mute, and a pulse not missing, because the line lost what they said. Of a receiver with a fix
@@ -64,8 +68,21 @@ struct Heard {
     fixes_lost: u32,
     sentence_errors: u32,
     pulses_ns: Vec<u64>,
+    /// When the first sentence came, by link time.
+    first: Option<Instant>,
     /// Board time from the first sentence to the last.
     listened: Duration,
+}
+
+impl Heard {
+    /// Board time from the start of the stream to the first sentence. No frame tells it, so it is link time at the
+    /// pace at which board time passed after it; a receiver that runs speaks at least once a second.
+    fn waited(&self, asked: Instant) -> Duration {
+        let Some(first) = self.first else { return Duration::ZERO };
+        let pace = self.listened.as_secs_f64() / first.elapsed().as_secs_f64().max(1e-6);
+        let waited_s = (first - asked).as_secs_f64() * pace;
+        Duration::from_secs_f64(waited_s).min(RECEIVER_SPEAKS_EVERY)
+    }
 }
 
 /// Listens until the window after the fix is over, or the time for a fix is. Both go by the board's clock.
@@ -81,6 +98,7 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                 Some(frame) => {
                     now_us = frame.head.board_time_us;
                     began_us.get_or_insert(now_us);
+                    heard.first.get_or_insert_with(Instant::now);
                     for epoch in sentences.push(&frame.samples) {
                         if epoch.has_fix() {
                             fixed_us.get_or_insert(now_us);
@@ -139,7 +157,10 @@ async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Repo
         mean(&heard.fixes.iter().map(|epoch| pick(epoch).unwrap_or(f64::NAN)).collect::<Vec<_>>())
     };
     let latitude_deg = average(&|epoch| epoch.latitude_deg);
-    let longitude_deg = average(&|epoch| epoch.longitude_deg);
+    // The average of 179.9 and -179.9 degrees is 180, not 0: all are counted from the last one.
+    let from_deg = last.longitude_deg.unwrap_or(f64::NAN);
+    let longitude_deg =
+        short_way_deg(from_deg + average(&|epoch| epoch.longitude_deg.map(|deg| short_way_deg(deg - from_deg))));
     let height_m = average(&|epoch| epoch.height_m);
     report.number("latitude", latitude_deg, Unit::Degree).await?;
     report.number("longitude", longitude_deg, Unit::Degree).await?;
@@ -179,8 +200,27 @@ fn horizontal_distance_m(site: &SitePlace, latitude_deg: f64, longitude_deg: f64
     let prime_vertical_m = EARTH_RADIUS_M / w + site.height_m;
     let meridian_m = EARTH_RADIUS_M * (1.0 - ECCENTRICITY_SQUARED) / w.powi(3) + site.height_m;
     let north_m = (latitude_deg - site.latitude_deg).to_radians() * meridian_m;
-    // The shorter way round, also across the date line.
-    let east_deg = (longitude_deg - site.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
+    let east_deg = short_way_deg(longitude_deg - site.longitude_deg);
     let east_m = east_deg.to_radians() * prime_vertical_m * cos;
     north_m.hypot(east_m)
+}
+
+/// An angle as the shorter way round, also across the date line: -180 to below 180 degrees.
+fn short_way_deg(angle_deg: f64) -> f64 {
+    (angle_deg + 180.0).rem_euclid(360.0) - 180.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_date_line_is_no_step() {
+        assert_eq!(short_way_deg(-179.9 - 179.9).round(), 0.0);
+        assert_eq!(short_way_deg(190.0), -170.0);
+        let site = SitePlace { latitude_deg: 0.0, longitude_deg: 179.999_99, height_m: 0.0 };
+        // 2e-5 deg on the equator are 2.2 m.
+        let away_m = horizontal_distance_m(&site, 0.0, -179.999_99);
+        assert!((away_m - 2.226).abs() < 0.01, "{away_m}");
+    }
 }

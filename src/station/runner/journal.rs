@@ -8,7 +8,7 @@ use chrono::Local;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
 
-use crate::store::{Scribe, StoreError};
+use crate::store::{RawFile, Scribe, StoreError};
 
 /// Emits the events of one run.
 #[derive(Debug)]
@@ -44,6 +44,25 @@ impl Journal {
             place.write(event, must_be_on_disk)
         };
         written.synced().await
+    }
+
+    /// Opens a file for the raw samples of an attempt.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+        self.scribe.raw(item, attempt, repeat)
+    }
+
+    /// Waits until every raw file is whole.
+    pub async fn raw_files_ended(&self) {
+        self.scribe.raw_files_ended().await;
+    }
+
+    /// Where the run's record is.
+    #[must_use]
+    pub fn folder(&self) -> &std::path::Path {
+        self.scribe.folder()
     }
 
     /// Looks at the run as it stands.

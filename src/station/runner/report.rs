@@ -2,13 +2,16 @@
 
 use std::cell::RefCell;
 
-use gnc_executive::event::{EventKind, Level};
+use gnc_executive::event::{EventKind, Level, Power};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::plan::PlanItem;
 use gnc_executive::quantity::Unit;
 
 use super::journal::Journal;
+use crate::capture::Capture;
+use crate::figures::Findings;
 use crate::procedure::Trouble;
+use crate::store::{RawFile, captures};
 
 /// The report of one attempt.
 #[derive(Debug)]
@@ -19,19 +22,28 @@ pub struct Report<'a> {
     repeat: RefCell<u32>,
     serial_number: &'a str,
     measured: RefCell<Vec<Measurement>>,
+    findings: RefCell<Option<Findings>>,
 }
 
 impl<'a> Report<'a> {
     pub(super) fn new(journal: &'a Journal, item: &'a PlanItem, attempt: u32, serial_number: &'a str) -> Self {
-        Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured: RefCell::new(Vec::new()) }
+        let (measured, findings) = (RefCell::new(Vec::new()), RefCell::new(None));
+        Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured, findings }
+    }
+
+    /// Name of the item.
+    #[must_use]
+    pub fn item(&self) -> &str {
+        &self.item.name
     }
 
     pub(super) fn begin_repeat(&self, repeat: u32) {
         *self.repeat.borrow_mut() = repeat;
     }
 
-    pub(super) fn into_measured(self) -> Vec<Measurement> {
-        self.measured.into_inner()
+    /// What was measured, and what the last round's analysis found.
+    pub(super) fn into_measured(self) -> (Vec<Measurement>, Option<Findings>) {
+        (self.measured.into_inner(), self.findings.into_inner())
     }
 
     /// A number in a unit.
@@ -73,6 +85,57 @@ impl<'a> Report<'a> {
     pub async fn note(&self, text: &str) -> Result<(), Trouble> {
         let item = Some(self.item.name.clone());
         Ok(self.journal.emit(EventKind::Note { level: Level::Info, text: text.to_owned(), item }).await?)
+    }
+
+    /// Opens the file for the raw samples of this round.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub fn raw(&self) -> Result<RawFile, Trouble> {
+        Ok(self.journal.raw(&self.item.name, self.attempt, *self.repeat.borrow())?)
+    }
+
+    /// What another item of this run captured, in its last attempt.
+    ///
+    /// # Errors
+    /// Its raw samples cannot be read.
+    pub async fn captures_of(&self, item: &str) -> Result<Vec<Capture>, Trouble> {
+        let (position, attempt) = self.journal.look(|state| {
+            let position = state.position(item).unwrap_or_default();
+            (position, state.rows().get(position).map_or(1, |row| row.attempts.len()))
+        });
+        let path = captures::path(self.journal.folder(), position, item, u32::try_from(attempt).unwrap_or(1), 1);
+        // Beside the conversation with the board, which must not wait for a disk.
+        let read = tokio::task::spawn_blocking(move || captures::read(&path)).await;
+        let record = read.map_err(|_| Trouble::Analysis { why: "reading its captures came to grief".into() })??;
+        Ok(record.captures)
+    }
+
+    /// The module's supply was switched; microvolts and microamperes as the board measures them.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn powered(&self, on: bool, measured: Option<(u32, u32)>) -> Result<(), Trouble> {
+        let power = Power {
+            on,
+            supply: "slave board".into(),
+            voltage_v: measured.map(|(uv, _)| f64::from(uv) * 1e-6),
+            current_a: measured.map(|(_, ua)| f64::from(ua) * 1e-6),
+        };
+        Ok(self.journal.emit(EventKind::Power(power)).await?)
+    }
+
+    /// Files what an analysis found: its measurements, then everything else.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn found(&self, findings: Findings) -> Result<(), Trouble> {
+        for (name, value) in &findings.measured {
+            self.file(name, value).await?;
+        }
+        let (item, attempt, details) = (self.item.name.clone(), self.attempt, findings.details.clone());
+        *self.findings.borrow_mut() = Some(findings);
+        Ok(self.journal.emit(EventKind::Found { item, attempt, details }).await?)
     }
 
     /// Somebody is asked to do something.

@@ -34,22 +34,37 @@ impl RunFolder {
         let day = records.join(at.format("%Y-%m-%d").to_string()).join(folder_name(serial_number));
         on(fs::create_dir_all(&day), "create", &day)?;
         let name = format!("{}-{}", at.format("%H%M%S"), folder_name(plan));
+        let folder = Self::fresh(&day, &name)?;
+        // The names of the new folders must outlive a power cut as well.
+        for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
+            sync_dir(dir)?;
+        }
+        Ok(folder)
+    }
+
+    /// Creates a folder beside a run's, `RUN-WHAT`, with `-2`, `-3` where that is taken.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub fn beside(run: &Path, what: &str) -> Result<Self, StoreError> {
+        let run = on(fs::canonicalize(run), "read", run)?;
+        let day = run.parent().unwrap_or(&run);
+        let name = run.file_name().unwrap_or_default().to_string_lossy();
+        let folder = Self::fresh(day, &format!("{name}-{what}"))?;
+        sync_dir(day)?;
+        Ok(folder)
+    }
+
+    fn fresh(parent: &Path, name: &str) -> Result<Self, StoreError> {
         for number in 1..=MAX_SAME_SECOND {
-            let path = day.join(if number == 1 { name.clone() } else { format!("{name}-{number}") });
+            let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
             match DirBuilder::new().create(&path) {
-                Ok(()) => {
-                    let folder = Self { path };
-                    // The names of the new folders must outlive a power cut as well.
-                    for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
-                        sync_dir(dir)?;
-                    }
-                    return Ok(folder);
-                }
+                Ok(()) => return Ok(Self { path }),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
             }
         }
-        on(Err(io::ErrorKind::AlreadyExists.into()), "create", &day.join(name))
+        on(Err(io::ErrorKind::AlreadyExists.into()), "create", &parent.join(name))
     }
 
     /// Where it is.
@@ -62,6 +77,17 @@ impl RunFolder {
     pub(super) fn create_file(&self, name: &str) -> Result<File, StoreError> {
         let path = self.path.join(name);
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
+        sync_dir(&self.path)?;
+        Ok(file)
+    }
+
+    /// Opens a new file in a folder of its own to append to.
+    pub(super) fn create_below(&self, name: &str) -> Result<File, StoreError> {
+        let path = self.path.join(name);
+        let parent = path.parent().unwrap_or(&self.path);
+        on(fs::create_dir_all(parent), "create", parent)?;
+        let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
+        sync_dir(parent)?;
         sync_dir(&self.path)?;
         Ok(file)
     }
@@ -112,7 +138,7 @@ impl RunFolder {
     }
 }
 
-fn sync_dir(dir: &Path) -> Result<(), StoreError> {
+pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
     on(File::open(dir).and_then(|dir| dir.sync_all()), "write", dir)
 }
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use gnc_executive::journal;
 use gnc_executive::record::RunRecord;
 
+use super::folder::folder_name;
 use super::{DIGESTS, JOURNAL, RECORD, StoreError, digest, on};
 
 /// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
@@ -32,11 +33,7 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
     for day in folders(records)?.into_iter().filter(|day| is_day(day)) {
         // A folder that cannot be read is no reason to hide the others.
         for serial in folders(&day).unwrap_or_default() {
-            for path in folders(&serial).unwrap_or_default() {
-                let run = read(&path);
-                let sealed = path.join(DIGESTS).is_file();
-                runs.push(FoundRun { path, run, sealed });
-            }
+            runs.extend(folders(&serial).unwrap_or_default().into_iter().map(found));
         }
     }
     runs.sort_by(|a, b| {
@@ -46,10 +43,60 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
     Ok(runs)
 }
 
+/// The days that have records, oldest first, each with its number of serial numbers.
+///
+/// # Errors
+/// The folder itself cannot be read.
+pub fn days(records: &Path) -> Result<Vec<(String, usize)>, StoreError> {
+    let days = folders(records)?.into_iter().filter(|day| is_day(day));
+    Ok(days.map(|day| (name_of(&day), folders(&day).unwrap_or_default().len())).collect())
+}
+
+/// At most `limit` runs of a day, and whether there are more.
+///
+/// # Errors
+/// The day's folder cannot be read.
+pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>, bool), StoreError> {
+    let serials = folders(&records.join(day))?;
+    let mut paths: Vec<PathBuf> = serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect();
+    let cut = paths.len() > limit;
+    // Names of runs begin with their time of day.
+    paths.sort_by(|a, b| b.file_name().cmp(&a.file_name()));
+    paths.truncate(limit);
+    Ok((paths.into_iter().map(found).collect(), cut))
+}
+
+/// The runs of one module on a day; none where nothing can be read.
+#[must_use]
+pub fn of_module(records: &Path, day: &str, serial_number: &str) -> Vec<FoundRun> {
+    let folder = records.join(day).join(folder_name(serial_number));
+    let runs = folders(&folder).unwrap_or_default().into_iter().map(found);
+    runs.filter(|found| found.run.as_ref().is_ok_and(|run| run.serial_number == serial_number)).collect()
+}
+
+/// Folders of the newest runs, newest first.
+pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
+    let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
+    let of_day = |day: PathBuf| {
+        let serials = folders(&day).unwrap_or_default();
+        let mut runs: Vec<PathBuf> = serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect();
+        runs.sort_by(|a, b| b.file_name().cmp(&a.file_name()));
+        runs
+    };
+    days.flat_map(of_day).take(limit)
+}
+
+fn found(path: PathBuf) -> FoundRun {
+    FoundRun { run: read(&path), sealed: path.join(DIGESTS).is_file(), path }
+}
+
+fn name_of(folder: &Path) -> String {
+    folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Whether a folder is named by a date; a disk of its own has others too.
 fn is_day(folder: &Path) -> bool {
-    let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    chrono::NaiveDate::parse_from_str(&name, "%Y-%m-%d").is_ok()
+    chrono::NaiveDate::parse_from_str(&name_of(folder), "%Y-%m-%d").is_ok()
 }
 
 /// Reads a run from its journal.

@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io::{self, Write as _};
-use std::sync::{Arc, Mutex, PoisonError, mpsc as channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
@@ -15,10 +15,18 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
-use super::{DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RunFolder, StoreError, digest, folder, on};
+use super::raw::RawThread;
+use super::{
+    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, chain, digest, folder, item_folder, on,
+    raw_file,
+};
+use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
+
+/// Hears of an event that is written. `false`: nobody listens any more, or is too far behind.
+pub type Watcher = Box<dyn FnMut(&Event) -> bool + Send>;
 
 type Written = oneshot::Sender<Result<(), StoreError>>;
 
@@ -28,6 +36,8 @@ pub struct Scribe {
     events: mpsc::Sender<(Event, Option<Written>)>,
     thread: JoinHandle<Result<(), StoreError>>,
     state: Arc<Mutex<RunState>>,
+    folder: RunFolder,
+    raw: Mutex<Vec<RawThread>>,
 }
 
 impl Scribe {
@@ -36,11 +46,7 @@ impl Scribe {
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
-    pub fn start(
-        folder: RunFolder,
-        plan: &Plan,
-        watchers: Vec<channel::SyncSender<Event>>,
-    ) -> Result<Self, StoreError> {
+    pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         let state = Arc::new(Mutex::new(RunState::new()));
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
@@ -49,10 +55,44 @@ impl Scribe {
         }
         let journal = folder.create_file(JOURNAL)?;
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
-        let writer = Writer { folder, journal, state: Arc::clone(&state), watchers, line: Vec::new() };
+        let writer = Writer { folder: folder.clone(), journal, state: Arc::clone(&state), watchers, line: Vec::new() };
         let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
         let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
-        Ok(Self { events, thread, state })
+        Ok(Self { events, thread, state, folder, raw: Mutex::default() })
+    }
+
+    /// Opens a file for the raw samples of an attempt of an item.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+        let position = self.state.lock().unwrap_or_else(PoisonError::into_inner).position(item).unwrap_or_default();
+        let name = format!("{}/{}", item_folder(position, item), raw_file(attempt, repeat));
+        let (file, thread) = RawFile::create(&self.folder, &name)?;
+        self.threads().push(thread);
+        Ok(file)
+    }
+
+    /// Waits until every raw file is whole, also those that nobody waits for after a stop.
+    pub async fn raw_files_ended(&self) {
+        let threads = std::mem::take(&mut *self.threads());
+        let joined = tokio::task::spawn_blocking(|| {
+            for thread in threads {
+                // What went wrong is told where the file was written.
+                let _ = thread.join();
+            }
+        });
+        let _ = joined.await;
+    }
+
+    fn threads(&self) -> std::sync::MutexGuard<'_, Vec<RawThread>> {
+        self.raw.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Where the run's record is.
+    #[must_use]
+    pub fn folder(&self) -> &std::path::Path {
+        self.folder.path()
     }
 
     /// The fold over the events handed over, shared with whoever emits them: a run may have 20,000 items, and one
@@ -128,7 +168,7 @@ struct Writer {
     journal: File,
     /// At least up to the event being written; what an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
-    watchers: Vec<channel::SyncSender<Event>>,
+    watchers: Vec<Watcher>,
     line: Vec<u8>,
 }
 
@@ -139,7 +179,7 @@ impl Writer {
             let failed = result.is_err();
             if !failed {
                 // Somebody who no longer listens, or is that far behind, is no reason to stop.
-                self.watchers.retain(|watcher| watcher.try_send(event.clone()).is_ok());
+                self.watchers.retain_mut(|watcher| watcher(&event));
             }
             match written {
                 Some(written) => {
@@ -188,7 +228,7 @@ impl Writer {
                 run_started,
                 item: ItemRecord::from(row),
             };
-            (format!("{:02}-{}/{ITEM}", position + 1, folder::folder_name(item)), file)
+            (format!("{}/{ITEM}", item_folder(position, item)), file)
         };
         self.folder.put(&name, |out| pretty(out, &file))
     }
@@ -198,11 +238,17 @@ impl Writer {
         if let Some(record) = record {
             self.folder.put(LOG, |out| out.write_all(text::log_txt(&record).as_bytes()))?;
             self.folder.put(RECORD, |out| pretty(out, &record))?;
+            // Those of the files from which everything else can be made again.
+            let digests = [JOURNAL, RECORD]
+                .map(|name| digest::of_file(&self.folder.path().join(name)).map(|digest| (name.to_owned(), digest)));
+            let digests: Vec<_> = digests.into_iter().collect::<Result<_, _>>()?;
+            self.folder.put(REPORT, |out| out.write_all(report::html(&record, &digests).as_bytes()))?;
         }
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
         let digests = digest::list(self.folder.path())?;
-        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
+        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
+        chain::append(self.folder.path())
     }
 }
 

@@ -5,6 +5,7 @@ use std::io;
 use gnc_protocol::can::CanFrame;
 
 use super::BusErrors;
+use super::interface::Statistics;
 use super::memory::MemoryBus;
 use super::slcan::SlcanBus;
 use super::socket::SocketBus;
@@ -46,6 +47,14 @@ impl Bus {
             Self::Socket(bus) => Some(bus.errors()),
             // Memory has no errors to see.
             Self::Memory(_) => Some(BusErrors::default()),
+        }
+    }
+
+    /// Where the kernel counts losses; `None` for what is none of its interfaces.
+    pub(super) fn statistics(&self) -> Option<Statistics> {
+        match self {
+            Self::Socket(bus) => Some(bus.statistics()),
+            Self::Slcan(_) | Self::Memory(_) => None,
         }
     }
 

@@ -17,7 +17,7 @@ use crate::link::serial::{self, OpenError};
 
 /// Rate of the port. USB adapters ignore it; on a real line it must carry more than the bus: 27 characters for each
 /// frame of 111 bits.
-const RATE_BAUD: u32 = 2_000_000;
+pub(crate) const RATE_BAUD: u32 = 2_000_000;
 /// Bytes of lines that may wait for the port: 150 frames.
 const OUTGOING: usize = 4096;
 

@@ -1,102 +1,151 @@
-//! An interface of the kernel.
+//! An interface of the kernel. One that goes away, unplugged or switched off, is given a while to come back.
 
 use std::io;
-use std::path::Path;
 use std::time::Duration;
 
 use gnc_protocol::can::{CanFrame, CanId};
 use nix::errno::Errno;
-use nix::sys::socket::{AddressFamily, SockFlag, SockType, setsockopt, sockopt};
+use nix::sys::socket::{setsockopt, sockopt};
+use socketcan::id::CAN_ERR_MASK;
 use socketcan::{CanSocket, EmbeddedFrame as _, Frame as _, Id, Socket as _, SocketOptions as _};
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
-use tokio::time::{Instant, sleep};
+use tokio::time::{Instant, sleep, sleep_until};
 
 use super::bus::Turn;
+use super::interface::{Statistics, index, look_at};
 use super::{BusErrors, CanOpenError};
 
 /// A transmit queue that stays full so long belongs to a bus on which nobody acknowledges.
 const FULL_FOR: Duration = Duration::from_millis(1000);
 /// Between two tries: eight frames' time on the bus.
 const RETRY: Duration = Duration::from_millis(2);
-/// The kernel's default overruns after a few hundred frames; the kernel doubles it and caps it at `net.core.rmem_max`.
+/// An interface may be away so long: a board's watchdog ends the session a little later, and a request is given up.
+const AWAY_FOR: Duration = Duration::from_millis(1500);
+/// Between two looks for an interface that is away.
+const REOPEN: Duration = Duration::from_millis(50);
+/// When nothing was heard for so long, half of the time between two heartbeats, it is looked whether the interface that
+/// was opened is still there: the kernel says so once, and then reads wait for ever.
+const LOOK: Duration = Duration::from_millis(500);
+/// The kernel's default overruns after a few hundred frames; the kernel doubles it and caps it at `net.core.rmem_max`,
+/// unless root asks.
 const RECEIVE_BUFFER: usize = 1 << 20;
-/// ARPHRD_CAN: the kind of a network interface.
-const KIND_CAN: &str = "280";
-/// IFF_UP.
-const UP: u32 = 1;
-/// CAN_ERR_BUSOFF in the id of an error frame.
+/// Bits of the id of an error frame (`linux/can/error.h`). A lost arbitration is how the bus works, and no error.
+const LOST_ARBITRATION: u32 = 0x02;
+const CONTROLLER: u32 = 0x04;
 const BUS_OFF: u32 = 0x40;
+/// Bits of the second byte of an error frame of the controller: it lost a frame, come or to go.
+const OVERFLOW: u8 = 0x03;
 
 /// The interface.
 #[derive(Debug)]
 pub(super) struct SocketBus {
-    socket: AsyncFd<CanSocket>,
+    interface: String,
+    socket: Socket,
+    statistics: Statistics,
     errors: BusErrors,
     full_since: Option<Instant>,
 }
 
+#[derive(Debug)]
+enum Socket {
+    Open {
+        socket: AsyncFd<CanSocket>,
+        /// The kernel's number of the interface: one that was plugged in again has another one.
+        index: u32,
+        look_at: Instant,
+    },
+    Away {
+        since: Instant,
+        next_try: Instant,
+    },
+}
+
 impl SocketBus {
     pub(super) fn open(interface: &str) -> Result<Self, CanOpenError> {
-        look_at(interface)?;
-        let system = |source| CanOpenError::System { interface: interface.to_owned(), source };
-        let socket = CanSocket::open(interface).map_err(system)?;
-        socket.set_nonblocking(true).map_err(system)?;
-        // Without it error frames never come.
-        socket.set_error_filter_accept_all().map_err(system)?;
-        // A smaller buffer is no reason not to start: losses are seen by the numbers in the frames.
-        let _ = setsockopt(&socket, sockopt::RcvBuf, &RECEIVE_BUFFER);
-        #[expect(deprecated, reason = "its successor is unsafe; this socket owns its descriptor and keeps it open")]
-        let socket = AsyncFd::new(socket).map_err(system)?;
-        Ok(Self { socket, errors: BusErrors::default(), full_since: None })
+        Ok(Self {
+            interface: interface.to_owned(),
+            socket: open(interface)?,
+            statistics: Statistics::of(interface),
+            errors: BusErrors::default(),
+            full_since: None,
+        })
     }
 
     pub(super) fn errors(&self) -> BusErrors {
         self.errors
     }
 
+    pub(super) fn statistics(&self) -> Statistics {
+        self.statistics.clone()
+    }
+
     pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
         loop {
-            if let Some(frame) = outgoing
-                && self.try_send(frame)?
-            {
-                return Ok(Turn::Sent);
+            let (socket, due) = match &self.socket {
+                Socket::Away { next_try, .. } => {
+                    sleep_until(*next_try).await;
+                    self.come_back()?;
+                    continue;
+                }
+                Socket::Open { socket, look_at, .. } => (socket, *look_at),
+            };
+            if let Some(frame) = outgoing.and_then(to_socket) {
+                let sent = socket.get_ref().write_frame(&frame);
+                match self.sent(sent)? {
+                    Some(turn) => return Ok(turn),
+                    None if matches!(self.socket, Socket::Away { .. }) => continue,
+                    None => {}
+                }
             }
+            let Socket::Open { socket, .. } = &self.socket else { continue };
             tokio::select! {
                 biased;
-                frame = self.socket.async_io(Interest::READABLE, CanSocket::read_frame), if read => {
-                    match frame {
-                        Ok(frame) => if let Some(turn) = self.understand(&frame) {
-                            return Ok(turn);
-                        },
-                        // Said once when the interface goes down; it may come up again, and silence is noticed.
-                        Err(error) if is(&error, Errno::ENETDOWN) => {}
-                        Err(error) => return Err(explain(error)),
+                frame = socket.async_io(Interest::READABLE, CanSocket::read_frame), if read => {
+                    if let Some(turn) = self.received(frame)? {
+                        return Ok(turn);
                     }
                 }
                 () = sleep(RETRY), if outgoing.is_some() => {}
-                else => std::future::pending().await,
+                () = sleep_until(due) => self.look(),
             }
         }
     }
 
-    /// Whether the frame was taken; a full queue is tried again for a while.
-    fn try_send(&mut self, frame: &CanFrame) -> io::Result<bool> {
-        let Some(raw) = to_socket(frame) else { return Ok(true) };
-        match self.socket.get_ref().write_frame(&raw) {
+    /// What became of a frame that was to go. `None`: it is still to go; a full queue is tried again for a while.
+    fn sent(&mut self, sent: io::Result<()>) -> io::Result<Option<Turn>> {
+        match sent {
             Ok(()) => {
                 self.full_since = None;
-                Ok(true)
+                Ok(Some(Turn::Sent))
             }
             Err(error) if is_full(&error) => {
                 let since = *self.full_since.get_or_insert_with(Instant::now);
                 if since.elapsed() < FULL_FOR {
-                    return Ok(false);
+                    return Ok(None);
                 }
-                let why = "the bus takes no frames: is it terminated, and does another node acknowledge?";
+                let interface = &self.interface;
+                let why = if self.errors.bus_off > 0 {
+                    format!(
+                        "the controller of {interface} left the bus after too many errors (bus-off); \
+                         `sudo ip link set {interface} type can restart` brings it back"
+                    )
+                } else {
+                    format!("{interface} takes no frames: does another node on the bus acknowledge, at 500 kbit/s?")
+                };
                 Err(io::Error::new(io::ErrorKind::TimedOut, why))
             }
-            Err(error) => Err(explain(error)),
+            Err(error) => self.went_away(error).map(|()| None),
+        }
+    }
+
+    fn received(&mut self, frame: io::Result<socketcan::CanFrame>) -> io::Result<Option<Turn>> {
+        if let Socket::Open { look_at, .. } = &mut self.socket {
+            *look_at = Instant::now() + LOOK;
+        }
+        match frame {
+            Ok(frame) => Ok(self.understand(&frame)),
+            Err(error) => self.went_away(error).map(|()| None),
         }
     }
 
@@ -111,30 +160,83 @@ impl SocketBus {
             }
             socketcan::CanFrame::Remote(_) => None,
             socketcan::CanFrame::Error(frame) => {
-                self.errors.frames = self.errors.frames.saturating_add(1);
-                self.errors.bus_off += u32::from(frame.raw_id() & BUS_OFF != 0);
+                note(&mut self.errors, frame.raw_id(), frame.data());
                 Some(Turn::Errors)
+            }
+        }
+    }
+
+    /// Whether the interface that was opened is still there and on.
+    fn look(&mut self) {
+        if let Socket::Open { index: opened, look_at, .. } = &mut self.socket {
+            *look_at = Instant::now() + LOOK;
+            if self::look_at(&self.interface).is_err() || index(&self.interface) != Some(*opened) {
+                self.socket = away();
+            }
+        }
+    }
+
+    /// The interface was switched off or unplugged; any other error ends the link.
+    fn went_away(&mut self, error: io::Error) -> io::Result<()> {
+        let errno = error.raw_os_error().map(Errno::from_raw);
+        if !matches!(errno, Some(Errno::ENODEV | Errno::ENXIO | Errno::ENETDOWN)) {
+            return Err(error);
+        }
+        self.socket = away();
+        Ok(())
+    }
+
+    /// Opens the interface by its name once more; gives up when it was away for too long.
+    fn come_back(&mut self) -> io::Result<()> {
+        let Socket::Away { since, next_try } = &mut self.socket else { return Ok(()) };
+        match open(&self.interface) {
+            Ok(socket) => {
+                (self.socket, self.full_since) = (socket, None);
+                Ok(())
+            }
+            Err(_) if since.elapsed() < AWAY_FOR => {
+                *next_try = Instant::now() + REOPEN;
+                Ok(())
+            }
+            Err(error) => {
+                let text = format!("{error}, and did not come back in {} ms", AWAY_FOR.as_millis());
+                Err(io::Error::new(io::ErrorKind::NotConnected, text))
             }
         }
     }
 }
 
-/// Tells apart what `open` calls "no such device" all alike.
-pub(super) fn look_at(interface: &str) -> Result<(), CanOpenError> {
-    let interface = interface.to_owned();
-    let probe = nix::sys::socket::socket(AddressFamily::Can, SockType::Raw, SockFlag::empty(), None);
-    if matches!(probe, Err(Errno::EAFNOSUPPORT)) {
-        return Err(CanOpenError::NoKernel { interface });
+fn away() -> Socket {
+    let now = Instant::now();
+    Socket::Away { since: now, next_try: now + REOPEN }
+}
+
+fn open(interface: &str) -> Result<Socket, CanOpenError> {
+    look_at(interface)?;
+    let system = |source| CanOpenError::System { interface: interface.to_owned(), source };
+    let index = index(interface).ok_or_else(|| CanOpenError::Missing { interface: interface.to_owned() })?;
+    let socket = CanSocket::open(interface).map_err(system)?;
+    socket.set_nonblocking(true).map_err(system)?;
+    // Without it error frames never come.
+    socket.set_error_filter(CAN_ERR_MASK & !LOST_ARBITRATION).map_err(system)?;
+    // A smaller buffer is no reason not to start: losses are seen by the numbers in the frames.
+    let _ = setsockopt(&socket, sockopt::RcvBufForce, &RECEIVE_BUFFER)
+        .or_else(|_| setsockopt(&socket, sockopt::RcvBuf, &RECEIVE_BUFFER));
+    #[expect(deprecated, reason = "its successor is unsafe; this socket owns its descriptor and keeps it open")]
+    let socket = AsyncFd::new(socket).map_err(system)?;
+    Ok(Socket::Open { socket, index, look_at: Instant::now() + LOOK })
+}
+
+/// What an error frame says. A frame that the controller lost is no error of the bus.
+fn note(errors: &mut BusErrors, id: u32, data: &[u8]) {
+    let overflowed = id & CONTROLLER != 0 && data.get(1).is_some_and(|state| state & OVERFLOW != 0);
+    if overflowed {
+        errors.overruns = errors.overruns.saturating_add(1);
     }
-    // A name with a slash is none, and must not lead out of the folder.
-    let folder = Path::new("/sys/class/net").join(interface.replace('/', "_"));
-    let read = |what: &str| std::fs::read_to_string(folder.join(what)).map(|text| text.trim().to_owned());
-    let (Ok(kind), Ok(flags)) = (read("type"), read("flags")) else { return Err(CanOpenError::Missing { interface }) };
-    if kind != KIND_CAN {
-        return Err(CanOpenError::NotCan { interface });
+    if !overflowed || id & CAN_ERR_MASK != CONTROLLER {
+        errors.frames = errors.frames.saturating_add(1);
     }
-    let flags = u32::from_str_radix(flags.trim_start_matches("0x"), 16).unwrap_or(UP);
-    if flags & UP == 0 { Err(CanOpenError::Down { interface }) } else { Ok(()) }
+    errors.bus_off = errors.bus_off.saturating_add(u32::from(id & BUS_OFF != 0));
 }
 
 fn to_socket(frame: &CanFrame) -> Option<socketcan::CanFrame> {
@@ -144,23 +246,8 @@ fn to_socket(frame: &CanFrame) -> Option<socketcan::CanFrame> {
     }
 }
 
-fn is(error: &io::Error, errno: Errno) -> bool {
-    error.raw_os_error() == Some(errno as i32)
-}
-
 fn is_full(error: &io::Error) -> bool {
-    is(error, Errno::ENOBUFS) || error.kind() == io::ErrorKind::WouldBlock
-}
-
-/// ENODEV comes once and reads block for ever after it, so it ends the link.
-fn explain(error: io::Error) -> io::Error {
-    if is(&error, Errno::ENODEV) {
-        return io::Error::new(io::ErrorKind::NotConnected, "the CAN interface is gone: was the adapter unplugged?");
-    }
-    if is(&error, Errno::ENETDOWN) {
-        return io::Error::new(io::ErrorKind::NetworkDown, "the CAN interface was switched off");
-    }
-    error
+    error.raw_os_error() == Some(Errno::ENOBUFS as i32) || error.kind() == io::ErrorKind::WouldBlock
 }
 
 #[cfg(test)]
@@ -168,14 +255,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_told_apart() {
-        // The loopback is everywhere and no CAN; where the kernel has no CAN, that is said first.
-        let no_kernel = matches!(look_at("lo"), Err(CanOpenError::NoKernel { .. }));
-        assert!(no_kernel || matches!(look_at("lo"), Err(CanOpenError::NotCan { .. })), "{:?}", look_at("lo"));
-        let missing = look_at("../../etc");
-        assert!(no_kernel || matches!(missing, Err(CanOpenError::Missing { .. })), "{missing:?}");
+    fn error_frames_are_told_apart() {
+        let mut errors = BusErrors::default();
+        let mut check = |id, state, frames, bus_off, overruns| {
+            note(&mut errors, 0x2000_0000 | id, &[0, state, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(errors, BusErrors { frames, bus_off, overruns }, "{id:#x} {state}");
+        };
+        // The controller's buffer ran over; it became error-passive; a form error; bus-off.
+        check(CONTROLLER, 0x01, 0, 0, 1);
+        check(CONTROLLER, 0x10, 1, 0, 1);
+        check(0x88, 0x02, 2, 0, 1);
+        check(BUS_OFF, 0x00, 3, 1, 1);
+        // Several classes in one frame.
+        check(CONTROLLER | 0x80, 0x02, 4, 1, 2);
     }
-
     #[test]
     fn frames_keep_their_ids_and_data() {
         for (id, data) in [

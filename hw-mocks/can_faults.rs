@@ -1,0 +1,269 @@
+//! Faults between the station and the CAN bus: what adapters, drivers and a bad cable do to frames on their way.
+//!
+//! One [`FaultyBus`] for each direction. A controller throws away what comes with a bad CRC, so damage on the wire shows
+//! as loss; a single frame is never cut, but the frames of a message are, by a burst. Damage that no controller sees (in
+//! an adapter's memory, on the serial line of an slcan adapter) hits messages here and no raw frames: those carry no
+//! checksum of this protocol, and nobody could tell what altered them. Garbage comes under any id but those of raw
+//! frames, for the same reason. Chance comes from seeded dice, time is link time.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use gnc_protocol::can::id::{
+    BOARD_EVENTS, IMU_GYRO, PPS, URGENT_TO_BOARD, URGENT_TO_HOST, WORK_TO_BOARD, WORK_TO_HOST, echo_of, is_echo,
+};
+use gnc_protocol::can::{CanFrame, CanId};
+
+use crate::noise::Dice;
+
+/// Frames that may pass one that is overtaken.
+const OVERTAKEN_BY: f64 = 3.0;
+/// An overtaken frame that nothing follows goes on after this long.
+const OVERTAKEN_FOR: Duration = Duration::from_millis(20);
+/// Longest burst of lost frames: what an adapter holds.
+const BURST: f64 = 32.0;
+/// Ids of messages.
+const MESSAGES: [u16; 4] = [URGENT_TO_BOARD, URGENT_TO_HOST, WORK_TO_BOARD, WORK_TO_HOST];
+
+/// How often a direction does what, per million frames.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct CanRates {
+    pub(crate) lost_frames: f64,
+    /// This one and up to 31 behind it.
+    pub(crate) lost_bursts: f64,
+    /// One bit is another one; only in frames of messages.
+    pub(crate) flipped_frames: f64,
+    pub(crate) doubled_frames: f64,
+    pub(crate) overtaken_frames: f64,
+    pub(crate) delayed_frames: f64,
+    pub(crate) delay_ms: f64,
+    /// Frames before which nothing goes on for a while, as `delayed_frames`, with a time of its own.
+    pub(crate) stalled_frames: f64,
+    pub(crate) stall_ms: f64,
+    /// Frames before which there is one that nobody sent.
+    pub(crate) babbled_frames: f64,
+}
+
+/// Faults of both directions.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct CanWireFaults {
+    pub(crate) to_host: CanRates,
+    pub(crate) to_board: CanRates,
+}
+
+/// One direction with faults.
+#[derive(Debug)]
+pub(crate) struct FaultyBus {
+    rates: CanRates,
+    dice: Dice,
+    /// Frames and when they go on, in their order.
+    queue: VecDeque<(Duration, CanFrame)>,
+    /// A frame that others overtake: how many still, and how long at most.
+    overtaken: Option<(u32, Duration, CanFrame)>,
+    burst: usize,
+    harmed: bool,
+}
+
+impl FaultyBus {
+    pub(crate) fn new(rates: CanRates, dice: Dice) -> Self {
+        Self { rates, dice, queue: VecDeque::new(), overtaken: None, burst: 0, harmed: false }
+    }
+
+    /// A frame meets its fate.
+    pub(crate) fn push(&mut self, frame: CanFrame, now: Duration) {
+        let rates = self.rates;
+        let passed = self.overtaken.as_mut().is_some_and(|(left, _, _)| {
+            *left -= 1;
+            *left == 0
+        });
+        if self.happens(rates.babbled_frames)
+            && let Some(garbage) = self.garbage()
+        {
+            self.enqueue(garbage, now);
+        }
+        if self.burst == 0 && self.happens(rates.lost_bursts) {
+            self.burst = 1 + self.below(BURST);
+        }
+        let in_burst = self.burst > 0;
+        self.burst = self.burst.saturating_sub(1);
+        if in_burst || self.happens(rates.lost_frames) {
+            self.harmed = true;
+        } else {
+            let frame = if self.happens(rates.flipped_frames) { self.flip(frame) } else { frame };
+            if self.happens(rates.doubled_frames) {
+                self.enqueue(frame, now);
+            }
+            if self.overtaken.is_none() && self.happens(rates.overtaken_frames) {
+                let by = 1 + self.below(OVERTAKEN_BY) as u32;
+                self.overtaken = Some((by, now + OVERTAKEN_FOR, frame));
+            } else {
+                self.enqueue(frame, now);
+            }
+        }
+        if passed && let Some((_, _, frame)) = self.overtaken.take() {
+            self.enqueue(frame, now);
+        }
+    }
+
+    /// The next frame that has gone on by `now`.
+    pub(crate) fn pop(&mut self, now: Duration) -> Option<CanFrame> {
+        if let Some((_, _, frame)) = self.overtaken.take_if(|(_, until, _)| *until <= now) {
+            self.enqueue(frame, now);
+        }
+        self.queue.front().filter(|(due, _)| *due <= now)?;
+        self.queue.pop_front().map(|(_, frame)| frame)
+    }
+
+    /// When more goes on.
+    pub(crate) fn next_due(&self) -> Option<Duration> {
+        let front = self.queue.front().map(|(due, _)| *due);
+        let overtaken = self.overtaken.as_ref().map(|(_, until, _)| *until);
+        [front, overtaken].into_iter().flatten().min()
+    }
+
+    /// Frames on their way.
+    pub(crate) fn len(&self) -> usize {
+        self.queue.len() + usize::from(self.overtaken.is_some())
+    }
+
+    /// Whether something was lost or damaged since this was asked last.
+    pub(crate) fn take_harmed(&mut self) -> bool {
+        std::mem::take(&mut self.harmed)
+    }
+
+    /// Behind all that is on its way: only what is overtaken lets others pass.
+    fn enqueue(&mut self, frame: CanFrame, now: Duration) {
+        let ms = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
+        let mut due = self.queue.back().map_or(Duration::ZERO, |(due, _)| *due).max(now);
+        if self.happens(self.rates.delayed_frames) {
+            due = due.max(now + ms(self.rates.delay_ms));
+        }
+        if self.happens(self.rates.stalled_frames) {
+            due += ms(self.rates.stall_ms);
+        }
+        self.queue.push_back((due, frame));
+    }
+
+    fn flip(&mut self, frame: CanFrame) -> CanFrame {
+        let is_message = matches!(frame.id(), CanId::Standard(id) if MESSAGES.contains(&id));
+        if !is_message || frame.data().is_empty() {
+            return frame;
+        }
+        self.harmed = true;
+        let mut data = frame.data().to_vec();
+        let bit = self.below(data.len() as f64 * 8.0);
+        data[bit / 8] ^= 1 << (bit % 8);
+        CanFrame::new(frame.id(), &data).unwrap_or(frame)
+    }
+
+    /// Half of it under the ids of messages; `None` where the id belongs to raw frames.
+    fn garbage(&mut self) -> Option<CanFrame> {
+        let id = match self.below(4.0) {
+            0 => CanId::Extended(self.below(f64::from(CanId::MAX_EXTENDED)) as u32),
+            1 => CanId::Standard(self.below(f64::from(CanId::MAX_STANDARD)) as u16),
+            _ => CanId::Standard(MESSAGES[self.below(MESSAGES.len() as f64)]),
+        };
+        let is_raw =
+            matches!(id, CanId::Standard(BOARD_EVENTS | IMU_GYRO..=PPS)) || is_echo(id) || echo_of(id).is_some();
+        let length = self.below(9.0);
+        let data: Vec<u8> = (0..length).map(|_| self.dice.between(0.0, 256.0) as u8).collect();
+        CanFrame::new(id, &data).filter(|_| !is_raw)
+    }
+
+    /// Without a rate no dice are thrown.
+    fn happens(&mut self, per_million: f64) -> bool {
+        per_million > 0.0 && self.dice.between(0.0, 1e6) < per_million
+    }
+
+    fn below(&mut self, bound: f64) -> usize {
+        self.dice.between(0.0, bound.max(1.0)) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::Source;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    /// What two hundred numbered frames of messages become, all sent at once, and when the last has gone on.
+    fn through(rates: CanRates) -> (Vec<CanFrame>, Duration) {
+        let mut bus = FaultyBus::new(rates, Dice::new(7, Source::CanToHost));
+        (0..200).for_each(|number| bus.push(numbered(number), SECOND));
+        let (mut frames, mut now) = (Vec::new(), SECOND);
+        while let Some(due) = bus.next_due() {
+            now = now.max(due);
+            frames.extend(std::iter::from_fn(|| bus.pop(now)));
+        }
+        assert_eq!(bus.len(), 0);
+        (frames, now)
+    }
+
+    fn numbered(number: u8) -> CanFrame {
+        CanFrame::new(CanId::Standard(WORK_TO_HOST), &[number, 1, 2, 3]).unwrap()
+    }
+
+    fn numbers(frames: &[CanFrame]) -> Vec<u8> {
+        frames.iter().map(|frame| frame.data()[0]).collect()
+    }
+
+    #[test]
+    fn a_clean_bus_changes_nothing() {
+        let (frames, end) = through(CanRates::default());
+        assert_eq!((frames, end), ((0..200).map(numbered).collect(), SECOND));
+    }
+
+    #[test]
+    fn the_same_seed_does_the_same() {
+        let rates = CanRates { lost_bursts: 1e4, flipped_frames: 1e5, babbled_frames: 1e5, ..CanRates::default() };
+        assert_eq!(through(rates), through(rates));
+    }
+
+    #[test]
+    fn each_fault_does_what_its_name_says() {
+        let share = 3e5;
+        let (frames, _) = through(CanRates { lost_frames: share, ..CanRates::default() });
+        assert!((110..170).contains(&frames.len()) && numbers(&frames).is_sorted(), "{}", frames.len());
+
+        let (frames, _) = through(CanRates { lost_bursts: 2e4, ..CanRates::default() });
+        let longest = numbers(&frames).windows(2).map(|pair| pair[1] - pair[0]).max();
+        assert!(frames.len() < 200 && longest > Some(3), "{} {longest:?}", frames.len());
+
+        let (frames, _) = through(CanRates { flipped_frames: share, ..CanRates::default() });
+        let altered = frames.iter().zip(0..).filter(|(frame, number)| **frame != numbered(*number)).count();
+        assert!(frames.len() == 200 && (30..90).contains(&altered), "{altered}");
+
+        let (frames, _) = through(CanRates { doubled_frames: share, ..CanRates::default() });
+        assert!((230..290).contains(&frames.len()) && numbers(&frames).is_sorted(), "{}", frames.len());
+
+        let (frames, _) = through(CanRates { overtaken_frames: share, ..CanRates::default() });
+        let mut left = numbers(&frames);
+        assert!(left.len() == 200 && !left.is_sorted());
+        left.sort_unstable();
+        assert_eq!(left, (0..200).collect::<Vec<u8>>());
+
+        let (frames, end) = through(CanRates { delayed_frames: share, delay_ms: 80.0, ..CanRates::default() });
+        assert!(numbers(&frames).is_sorted() && end == SECOND + Duration::from_millis(80), "{end:?}");
+
+        let (frames, end) = through(CanRates { stalled_frames: 1e6, stall_ms: 5.0, ..CanRates::default() });
+        assert!(numbers(&frames).is_sorted() && end == SECOND * 2, "two hundred stalls, one after the other: {end:?}");
+
+        let (frames, _) = through(CanRates { babbled_frames: share, ..CanRates::default() });
+        let own = frames.iter().filter(|frame| frame.data().get(1..) == Some(&[1, 2, 3])).count();
+        assert!(own == 200 && frames.len() > 230, "{own} {}", frames.len());
+        assert!(frames.iter().all(|frame| !is_echo(frame.id()) && echo_of(frame.id()).is_none()));
+    }
+
+    /// Raw frames carry no checksum: nothing but messages is altered.
+    #[test]
+    fn raw_frames_are_never_altered() {
+        let rates = CanRates { flipped_frames: 1e6, ..CanRates::default() };
+        let mut bus = FaultyBus::new(rates, Dice::new(7, Source::CanToHost));
+        for id in [CanId::Standard(IMU_GYRO), CanId::Standard(0x715), CanId::Extended(0x1abd_0000)] {
+            let frame = CanFrame::new(id, &[1, 2, 3]).unwrap();
+            bus.push(frame, SECOND);
+            assert_eq!(bus.pop(SECOND), Some(frame));
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Calibration of accelerometers and gyroscopes, and its way into the module.
+
+use super::shared::{
+    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U, POSITIONS, RAMP,
+    RATE, REST, SETTLE, SPAN, TURN_RATE, WARM, degc, dph, mg, ppm,
+};
+use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
+use crate::quantity::{Dimension, Unit};
+
+const ACCEL_BIAS: &str = "Is this accelerometer in its range in every position? If it is, suspect the sensor.";
+const SCALE: &str =
+    "Check gravity and the angle of the turns in plan and bench file; if they are right, suspect the sensor.";
+const COUPLING: &str = "A socket that is turned by 3.4 arc minutes gives 0.1 %: check the seat; the angles between the axes of the module (nonorthogonality) do not depend on it.";
+const ANGLES: &str = "The axes of the sensors are not square to each other: the module's own, whatever its seat.";
+const RESIDUAL: &str =
+    "The positions do not fit one model: look for a position that was not quite still or not quite where it should be.";
+
+/// Accelerometers from still positions.
+pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
+    title: "Accelerometer calibration, positions",
+    params: &[POSITIONS, DWELL, RATE, SETTLE, COVERAGE, POSE_U, GRAVITY_U],
+    measurements: &[
+        mg("bias_x", ACCEL_BIAS),
+        mg("bias_y", ACCEL_BIAS),
+        mg("bias_z", ACCEL_BIAS),
+        ppm("scale_error_x", SCALE),
+        ppm("scale_error_y", SCALE),
+        ppm("scale_error_z", SCALE),
+        ppm("coupling_xy", COUPLING),
+        ppm("coupling_xz", COUPLING),
+        ppm("coupling_yx", COUPLING),
+        ppm("coupling_yz", COUPLING),
+        ppm("coupling_zx", COUPLING),
+        ppm("coupling_zy", COUPLING),
+        ppm("nonorthogonality_xy", ANGLES),
+        ppm("nonorthogonality_xz", ANGLES),
+        ppm("nonorthogonality_yz", ANGLES),
+        mg("residual_rms", RESIDUAL),
+        degc("temperature", WARM),
+        degc("temperature_drift", WARM),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link],
+    timeout_s: 14_400.0,
+};
+
+const GYRO_BIAS: &str = "Is this gyroscope alive and the module still? If it is, suspect the sensor.";
+const PER_G: &str = "This gyroscope answers to gravity more than it should: suspect the sensor or its mounting.";
+
+const fn per_g(name: &'static str) -> MeasurementSpec {
+    number(name, Unit::DegreePerHourPerGravity, Dimension::GSensitivity, PER_G)
+}
+
+const fn dps(name: &'static str) -> MeasurementSpec {
+    number(name, Unit::DegreePerSecond, Dimension::AngularRate, GYRO_BIAS)
+}
+
+/// Gyroscopes from still positions: bias and g-sensitivity.
+pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
+    title: "Gyroscope calibration, stillness",
+    params: &[
+        ParamSpec {
+            name: "of",
+            about: "the item whose positions are used",
+            kind: ParamKind::Source { of: &[ItemId::SixPosition] },
+        },
+        POSITIONS,
+        DWELL,
+        RATE,
+        SETTLE,
+        COVERAGE,
+        HEADING,
+        HEADING_U,
+    ],
+    measurements: &[
+        dps("bias_x"),
+        dps("bias_y"),
+        dps("bias_z"),
+        per_g("g_sensitivity_xx"),
+        per_g("g_sensitivity_xy"),
+        per_g("g_sensitivity_xz"),
+        per_g("g_sensitivity_yx"),
+        per_g("g_sensitivity_yy"),
+        per_g("g_sensitivity_yz"),
+        per_g("g_sensitivity_zx"),
+        per_g("g_sensitivity_zy"),
+        per_g("g_sensitivity_zz"),
+        dph("residual_rms", RESIDUAL),
+        degc("temperature", WARM),
+        degc("temperature_drift", WARM),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link],
+    timeout_s: 14_400.0,
+};
+
+const AT_ATTITUDE: &str =
+    "A bias at the attitude of the turns, with g-sensitivity in it: compare with the bias from the still positions.";
+const MISMATCH: &str = "Both senses did not turn by the same angle: check the table.";
+
+/// Gyroscopes from turns by a known angle.
+pub(super) static ROTATION: ItemSpec = ItemSpec {
+    title: "Gyroscope calibration, rotation",
+    params: &[ANGLE, SPAN, RAMP, REST, TURN_RATE, SETTLE, GEOMETRY, BAND, COVERAGE, ANGLE_U, CLOCK_U, POSE_U],
+    measurements: &[
+        ppm("scale_error_x", SCALE),
+        ppm("scale_error_y", SCALE),
+        ppm("scale_error_z", SCALE),
+        ppm("coupling_xy", COUPLING),
+        ppm("coupling_xz", COUPLING),
+        ppm("coupling_yx", COUPLING),
+        ppm("coupling_yz", COUPLING),
+        ppm("coupling_zx", COUPLING),
+        ppm("coupling_zy", COUPLING),
+        ppm("nonorthogonality_xy", ANGLES),
+        ppm("nonorthogonality_xz", ANGLES),
+        ppm("nonorthogonality_yz", ANGLES),
+        dph("bias_at_attitude_x", AT_ATTITUDE),
+        dph("bias_at_attitude_y", AT_ATTITUDE),
+        dph("bias_at_attitude_z", AT_ATTITUDE),
+        ppm("mismatch_x", MISMATCH),
+        ppm("mismatch_y", MISMATCH),
+        ppm("mismatch_z", MISMATCH),
+        degc("temperature", WARM),
+        degc("temperature_drift", WARM),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link],
+    timeout_s: 3600.0,
+};
+
+/// The coefficients go to the module.
+pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
+    title: "Calibration stored in the module",
+    params: &[],
+    measurements: &[
+        count("coefficients", "The module takes accelerometer, gyroscope and magnetometer coefficients."),
+        count("coefficients_altered", "What was read back is not what was written: suspect the module's flash."),
+        text("checksum", "The checksum beside the stored coefficients is not theirs: suspect the module's flash."),
+        number(
+            "write_time",
+            Unit::Millisecond,
+            Dimension::Time,
+            "Storing takes long: suspect the module's flash, or its supply.",
+        ),
+    ],
+    devices: &[Device::Slave],
+    resources: &[Resource::Flash, Resource::Link],
+    timeout_s: 60.0,
+};
+
+const CHECK_ACCEL: &str = "The stored calibration does not give gravity: was the module moved in its socket since, or another one stored? If not, calibrate again.";
+const CHECK_GYRO: &str =
+    "The stored calibration does not give the angle turned: check the table, then calibrate again.";
+
+/// One position and one rotation with what the module itself compensates.
+pub(super) static CHECK: ItemSpec = ItemSpec {
+    title: "Check of the stored calibration",
+    params: &[
+        super::shared::quantity("dwell", "time in the position", Unit::Second, (10.0, 3600.0), 60.0),
+        RATE,
+        SETTLE,
+        ParamSpec {
+            name: "axis",
+            about: "axis that points up in the position and about which the module is turned",
+            kind: ParamKind::Choice { of: &["x", "y", "z"], default: "z" },
+        },
+        ANGLE,
+        SPAN,
+        RAMP,
+        REST,
+        TURN_RATE,
+        COVERAGE,
+        HEADING,
+        HEADING_U,
+        POSE_U,
+        GRAVITY_U,
+        ANGLE_U,
+        CLOCK_U,
+    ],
+    measurements: &[
+        mg("force_error_x", CHECK_ACCEL),
+        mg("force_error_y", CHECK_ACCEL),
+        mg("force_error_z", CHECK_ACCEL),
+        dph("rate_error_x", CHECK_GYRO),
+        dph("rate_error_y", CHECK_GYRO),
+        dph("rate_error_z", CHECK_GYRO),
+        ppm("angle_error", CHECK_GYRO),
+        ppm("cross_angle", CHECK_GYRO),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link],
+    timeout_s: 1800.0,
+};

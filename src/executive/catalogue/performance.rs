@@ -1,0 +1,173 @@
+//! What calibration leaves: biases, their stability and repeatability, resolution.
+
+use super::shared::{
+    COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SENSORS, SETTLE, WARM, degc, dph, mg, percent,
+    quantity,
+};
+use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
+use crate::quantity::{Dimension, Unit};
+
+const BIAS: &str = "The calibration does not hold: has the module warmed up, and does it lie as it did when it was calibrated? If so, calibrate again.";
+const STABILITY: &str = "The bias wanders: look for draughts and vibration first, then suspect this sensor.";
+const REPEATABILITY: &str = "The bias differs from power-on to power-on: suspect this sensor or its supply.";
+
+const fn gyro(spec: MeasurementSpec) -> MeasurementSpec {
+    if_text(spec, "sensors", "gyro")
+}
+
+const fn accel(spec: MeasurementSpec) -> MeasurementSpec {
+    if_text(spec, "sensors", "accel")
+}
+
+/// Three minutes of compensated rate, the axis Z up.
+pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
+    title: "Gyroscope bias",
+    params: &[
+        quantity("dwell", "time of stillness", Unit::Second, (10.0, 7200.0), 180.0),
+        RATE,
+        SETTLE,
+        COVERAGE,
+        HEADING,
+        HEADING_U,
+        POSE_U,
+    ],
+    measurements: &[
+        dph("bias_x", BIAS),
+        dph("bias_y", BIAS),
+        dph("bias_z", BIAS),
+        text("label", "What the figures still hold of the earth's rotation."),
+        degc("temperature", WARM),
+    ],
+    devices: &[Device::Slave],
+    resources: &[Resource::Still, Resource::Link],
+    timeout_s: 14_400.0,
+};
+
+const fn if_axis(spec: MeasurementSpec, axis: &'static str) -> MeasurementSpec {
+    if_text(spec, "axes", axis)
+}
+
+/// Turned upside down about the third axis, which cancels the error of level and the coupling to the axis that is up.
+pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
+    title: "Accelerometer bias",
+    params: &[
+        ParamSpec {
+            name: "axes",
+            about: "axes to measure; each needs a position and the same turned upside down about the third axis",
+            kind: ParamKind::Choices { of: &["x", "y", "z"], default: &["x", "y", "z"] },
+        },
+        quantity("dwell", "time in each position", Unit::Second, (10.0, 7200.0), 180.0),
+        RATE,
+        SETTLE,
+        COVERAGE,
+        POSE_U,
+        GRAVITY_U,
+    ],
+    measurements: &[
+        if_axis(mg("bias_x", BIAS), "x"),
+        if_axis(mg("bias_y", BIAS), "y"),
+        if_axis(mg("bias_z", BIAS), "z"),
+        degc("temperature", WARM),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link],
+    timeout_s: 14_400.0,
+};
+
+/// Disjoint means over an hour.
+pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
+    title: "Bias stability",
+    params: &[
+        SENSORS,
+        quantity("duration", "time of stillness", Unit::Second, (60.0, 86_400.0), 3600.0),
+        quantity("block", "time of each mean", Unit::Second, (0.1, 600.0), 10.0),
+        RATE,
+        SETTLE,
+        COVERAGE,
+    ],
+    measurements: &[
+        gyro(dph("bias_stability_gyro_x", STABILITY)),
+        gyro(dph("bias_stability_gyro_y", STABILITY)),
+        gyro(dph("bias_stability_gyro_z", STABILITY)),
+        accel(mg("bias_stability_accel_x", STABILITY)),
+        accel(mg("bias_stability_accel_y", STABILITY)),
+        accel(mg("bias_stability_accel_z", STABILITY)),
+        degc("temperature", WARM),
+        degc("temperature_drift", WARM),
+    ],
+    devices: &[Device::Slave],
+    resources: &[Resource::Still, Resource::Link],
+    timeout_s: 80_000.0,
+};
+
+/// Means after power cycles.
+pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
+    title: "Bias repeatability",
+    params: &[
+        SENSORS,
+        ParamSpec {
+            name: "runs",
+            about: "runs, each after its own power-on",
+            kind: ParamKind::Integer { min: 3, max: 50, default: 6 },
+        },
+        ParamSpec { name: "dwell", about: "time of each run", ..DWELL },
+        quantity("gap", "time between the end of a run and the next power-on", Unit::Second, (0.0, 86_400.0), 600.0),
+        RATE,
+        SETTLE,
+        COVERAGE,
+    ],
+    measurements: &[
+        gyro(dph("bias_repeatability_gyro_x", REPEATABILITY)),
+        gyro(dph("bias_repeatability_gyro_y", REPEATABILITY)),
+        gyro(dph("bias_repeatability_gyro_z", REPEATABILITY)),
+        accel(mg("bias_repeatability_accel_x", REPEATABILITY)),
+        accel(mg("bias_repeatability_accel_y", REPEATABILITY)),
+        accel(mg("bias_repeatability_accel_z", REPEATABILITY)),
+        degc("temperature", WARM),
+        degc("temperature_drift", WARM),
+    ],
+    devices: &[Device::Slave],
+    resources: &[Resource::Still, Resource::Link, Resource::Power],
+    timeout_s: 80_000.0,
+};
+
+const STEP: &str = "The mean does not follow a small step in both senses: check that the fixture made the step, then suspect this sensor or its converter.";
+const RANGE: &str = "From the settings of the part and its codes, not shown by motion.";
+
+/// Small steps in both senses.
+pub(super) static RESOLUTION: ItemSpec = ItemSpec {
+    title: "Resolution",
+    params: &[
+        SENSORS,
+        quantity("gyro_step", "step of the angular rate", Unit::DegreePerSecond, (0.0001, 10.0), 0.005),
+        quantity(
+            "accel_step",
+            "step of the specific force, by tilting from level",
+            Unit::Milligravity,
+            (0.01, 100.0),
+            1.0,
+        ),
+        quantity("dwell", "time on each level", Unit::Second, (1.0, 3600.0), 60.0),
+        RATE,
+        SETTLE,
+        COVERAGE,
+        POSE_U,
+    ],
+    measurements: &[
+        gyro(percent("step_response_gyro_x", STEP)),
+        gyro(percent("step_response_gyro_y", STEP)),
+        gyro(percent("step_response_gyro_z", STEP)),
+        accel(percent("step_response_accel_x", STEP)),
+        accel(percent("step_response_accel_y", STEP)),
+        accel(percent("step_response_accel_z", STEP)),
+        number("range_gyro", Unit::DegreePerSecond, Dimension::AngularRate, RANGE),
+        number("range_accel", Unit::Gravity, Dimension::Acceleration, RANGE),
+        number("range_mag", Unit::Gauss, Dimension::MagneticField, RANGE),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link],
+    timeout_s: 7200.0,
+};
+
+/// Items with an hour of stillness.
+pub(super) const STILL: &[ItemId] = &[ItemId::BiasStability];

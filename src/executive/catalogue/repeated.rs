@@ -1,0 +1,117 @@
+//! Whole calibrations after power cycles: how far their scale factors and couplings agree.
+
+use super::shared::{
+    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, POSE_U, POSITIONS, RAMP, RATE, REST, SENSORS,
+    SETTLE, SPAN, TURN_RATE, WARM, degc, ppm,
+};
+use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text};
+
+const SCALE: &str = "The scale factor differs from power-on to power-on: suspect this sensor or its supply.";
+const COUPLING: &str = "Calibrations disagree about this pair of axes: was the module seated anew between them? If not, suspect the sensors.";
+const ANGLES: &str =
+    "The angles between the sensors' axes change from calibration to calibration: suspect the sensors.";
+
+const fn gyro(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    if_text(ppm(name, look_at), "sensors", "gyro")
+}
+
+const fn accel(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    if_text(ppm(name, look_at), "sensors", "accel")
+}
+
+const CALIBRATIONS: ParamSpec = ParamSpec {
+    name: "calibrations",
+    about: "whole calibrations, each after its own power-on",
+    kind: ParamKind::Integer { min: 2, max: 50, default: 6 },
+};
+
+/// Positions and rotations, again after each power-on.
+pub(super) static SCALE_FACTOR_REPEATABILITY: ItemSpec = ItemSpec {
+    title: "Scale factor repeatability",
+    params: &[
+        SENSORS,
+        CALIBRATIONS,
+        POSITIONS,
+        DWELL,
+        RATE,
+        SETTLE,
+        ANGLE,
+        SPAN,
+        RAMP,
+        REST,
+        TURN_RATE,
+        GEOMETRY,
+        BAND,
+        COVERAGE,
+        POSE_U,
+        GRAVITY_U,
+        ANGLE_U,
+        CLOCK_U,
+    ],
+    measurements: &[
+        gyro("scale_factor_repeatability_gyro_x", SCALE),
+        gyro("scale_factor_repeatability_gyro_y", SCALE),
+        gyro("scale_factor_repeatability_gyro_z", SCALE),
+        accel("scale_factor_repeatability_accel_x", SCALE),
+        accel("scale_factor_repeatability_accel_y", SCALE),
+        accel("scale_factor_repeatability_accel_z", SCALE),
+        degc("temperature", WARM),
+        degc("temperature_drift", WARM),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link, Resource::Power],
+    timeout_s: 80_000.0,
+};
+
+/// Calibration q judged with the coefficients of the first.
+pub(super) static CROSS_COUPLING: ItemSpec = ItemSpec {
+    title: "Cross coupling after compensation",
+    params: &[
+        SENSORS,
+        ParamSpec {
+            name: "of",
+            about: "the item whose calibrations are used",
+            kind: ParamKind::Source { of: &[ItemId::ScaleFactorRepeatability] },
+        },
+        CALIBRATIONS,
+        POSITIONS,
+        DWELL,
+        RATE,
+        SETTLE,
+        ANGLE,
+        SPAN,
+        RAMP,
+        REST,
+        TURN_RATE,
+        GEOMETRY,
+        BAND,
+        COVERAGE,
+        POSE_U,
+        GRAVITY_U,
+        ANGLE_U,
+        CLOCK_U,
+    ],
+    measurements: &[
+        gyro("coupling_gyro_xy", COUPLING),
+        gyro("coupling_gyro_xz", COUPLING),
+        gyro("coupling_gyro_yx", COUPLING),
+        gyro("coupling_gyro_yz", COUPLING),
+        gyro("coupling_gyro_zx", COUPLING),
+        gyro("coupling_gyro_zy", COUPLING),
+        accel("coupling_accel_xy", COUPLING),
+        accel("coupling_accel_xz", COUPLING),
+        accel("coupling_accel_yx", COUPLING),
+        accel("coupling_accel_yz", COUPLING),
+        accel("coupling_accel_zx", COUPLING),
+        accel("coupling_accel_zy", COUPLING),
+        gyro("nonorthogonality_gyro_xy", ANGLES),
+        gyro("nonorthogonality_gyro_xz", ANGLES),
+        gyro("nonorthogonality_gyro_yz", ANGLES),
+        accel("nonorthogonality_accel_xy", ANGLES),
+        accel("nonorthogonality_accel_xz", ANGLES),
+        accel("nonorthogonality_accel_yz", ANGLES),
+    ],
+    devices: &[Device::Slave, Device::Operator],
+    resources: &[Resource::Attitude, Resource::Link, Resource::Power],
+    timeout_s: 80_000.0,
+};

@@ -1,0 +1,127 @@
+//! What the items of calibration and performance share: parameters of captures and of uncertainty, units of figures.
+
+use super::{MeasurementSpec, ParamKind, ParamSpec, number};
+use crate::quantity::{Dimension, Unit};
+
+/// A quantity as a parameter.
+pub(super) const fn quantity(
+    name: &'static str,
+    about: &'static str,
+    unit: Unit,
+    (min, max): (f64, f64),
+    default: f64,
+) -> ParamSpec {
+    ParamSpec { name, about, kind: ParamKind::Quantity { unit, min, max, default } }
+}
+
+/// Samples a second of a still capture.
+pub(super) const RATE: ParamSpec = quantity("rate", "samples per second", Unit::Hertz, (1.0, 1000.0), 200.0);
+
+/// Wait before a capture.
+pub(super) const SETTLE: ParamSpec =
+    quantity("settle", "wait after motion or power-on before samples count", Unit::Second, (0.0, 7200.0), 10.0);
+
+/// Attitudes of a calibration of the accelerometers.
+pub(super) const POSITIONS: ParamSpec = ParamSpec {
+    name: "positions",
+    about: "attitudes: each axis up and down, these at two headings, or at four",
+    kind: ParamKind::Choice { of: &["6", "12", "24"], default: "6" },
+};
+
+/// Time in each position.
+pub(super) const DWELL: ParamSpec = quantity("dwell", "time in each position", Unit::Second, (10.0, 7200.0), 300.0);
+
+/// Probability of every expanded uncertainty.
+pub(super) const COVERAGE: ParamSpec =
+    quantity("coverage", "probability of the expanded uncertainty", Unit::Percent, (68.0, 99.9), 95.0);
+
+/// How well an attitude of the fixture is known.
+pub(super) const POSE_U: ParamSpec =
+    quantity("pose_u", "standard uncertainty of each attitude about each axis", Unit::Degree, (0.0, 1.0), 0.003);
+
+/// How well gravity is known.
+pub(super) const GRAVITY_U: ParamSpec =
+    quantity("gravity_u", "standard uncertainty of local gravity", Unit::PartsPerMillion, (0.0, 3000.0), 30.0);
+
+/// Whether headings are those that the record says.
+pub(super) const HEADING: ParamSpec = ParamSpec {
+    name: "heading",
+    about: "whether the headings of the fixture are true ones: if not, the horizontal earth rate stays in the figure",
+    kind: ParamKind::Choice { of: &["known", "unknown"], default: "known" },
+};
+
+/// How well they are.
+pub(super) const HEADING_U: ParamSpec =
+    quantity("heading_u", "standard uncertainty of a known heading", Unit::Degree, (0.0, 90.0), 0.5);
+
+/// Both triads or one.
+pub(super) const SENSORS: ParamSpec = ParamSpec {
+    name: "sensors",
+    about: "triads to judge",
+    kind: ParamKind::Choices { of: &["gyro", "accel"], default: &["gyro", "accel"] },
+};
+
+/// Rotation: angle of a turn.
+pub(super) const ANGLE: ParamSpec =
+    quantity("angle", "angle of each turn, whole turns", Unit::Degree, (360.0, 36_000.0), 1080.0);
+
+/// Rotation: time of a turn.
+pub(super) const SPAN: ParamSpec = quantity("span", "time of each turn", Unit::Second, (1.0, 600.0), 5.0);
+
+/// Rotation: time of each ramp within the turn.
+pub(super) const RAMP: ParamSpec =
+    quantity("ramp", "time of each of the two ramps within a turn", Unit::Second, (0.05, 60.0), 0.5);
+
+/// Rotation: stillness after it; half a second at least comes before it.
+pub(super) const REST: ParamSpec = quantity("rest", "stillness after each turn", Unit::Second, (1.0, 600.0), 10.0);
+
+/// Rotation: samples a second.
+pub(super) const TURN_RATE: ParamSpec =
+    quantity("turn_rate", "samples per second of a turn", Unit::Hertz, (100.0, 1000.0), 1000.0);
+
+/// Rotation: where the axis of the table points.
+pub(super) const GEOMETRY: ParamSpec = ParamSpec {
+    name: "geometry",
+    about: "where the turning axis points: up, or parallel to the earth's axis",
+    kind: ParamKind::Choice { of: &["vertical", "polar"], default: "vertical" },
+};
+
+/// Rotation: how well the angle is known.
+pub(super) const ANGLE_U: ParamSpec =
+    quantity("angle_u", "standard uncertainty of the angle of a turn", Unit::Degree, (0.0, 10.0), 0.003);
+
+/// Rotation: how well the sample clock is known.
+pub(super) const CLOCK_U: ParamSpec =
+    quantity("clock_u", "standard uncertainty of the sample clock", Unit::PartsPerMillion, (0.0, 1000.0), 12.0);
+
+/// Rotation: what is believed of a scale factor.
+pub(super) const BAND: ParamSpec =
+    quantity("band", "half width of the band around the nominal scale factor", Unit::Percent, (0.1, 50.0), 5.0);
+
+pub(super) const fn mg(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    number(name, Unit::Milligravity, Dimension::Acceleration, look_at)
+}
+
+pub(super) const fn dph(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    number(name, Unit::DegreePerHour, Dimension::AngularRate, look_at)
+}
+
+pub(super) const fn ppm(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    number(name, Unit::PartsPerMillion, Dimension::Ratio, look_at)
+}
+
+pub(super) const fn percent(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    number(name, Unit::Percent, Dimension::Ratio, look_at)
+}
+
+pub(super) const fn gauss(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    number(name, Unit::Gauss, Dimension::MagneticField, look_at)
+}
+
+pub(super) const fn degc(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+    number(name, Unit::DegreeCelsius, Dimension::Temperature, look_at)
+}
+
+/// Why a temperature or its drift may be out of its limit.
+pub(super) const WARM: &str =
+    "The calibration holds for one constant temperature: let the module settle, and keep draughts away.";

@@ -1,0 +1,70 @@
+//! A file in pieces of whole lines.
+
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::{LONGEST_LINE, TableError};
+
+/// Bytes of a piece: enough to be worth handing to a thread, and some of them fit a processor's cache.
+const PIECE: usize = 1 << 20;
+
+/// Reads a source and cuts it after line ends.
+pub(super) struct Pieces {
+    path: PathBuf,
+    source: Box<dyn Read>,
+    /// Beginning of a line whose end is not yet read.
+    carry: Vec<u8>,
+    ended: bool,
+}
+
+impl Pieces {
+    pub(super) fn new(path: &Path, source: Box<dyn Read>) -> Self {
+        Self { path: path.to_owned(), source, carry: Vec::new(), ended: false }
+    }
+
+    /// Whether the last piece was given.
+    pub(super) fn ended(&self) -> bool {
+        self.ended && self.carry.is_empty()
+    }
+
+    /// The next piece, in the given buffer; `None` after the last one.
+    pub(super) fn next(&mut self, mut buffer: Vec<u8>) -> Result<Option<Vec<u8>>, TableError> {
+        buffer.clear();
+        buffer.append(&mut self.carry);
+        loop {
+            let before = buffer.len();
+            if !self.ended {
+                self.fill(&mut buffer)?;
+            }
+            if let Some(end) = memchr::memrchr(b'\n', &buffer[before..]) {
+                self.carry.extend_from_slice(&buffer[before + end + 1..]);
+                buffer.truncate(before + end + 1);
+                return Ok(Some(buffer));
+            }
+            if self.ended {
+                return Ok((!buffer.is_empty()).then_some(buffer));
+            }
+            // The rows of such a line are not counted: it may be no text at all.
+            if buffer.len() > LONGEST_LINE {
+                return Err(TableError::Endless { path: self.path.clone() });
+            }
+        }
+    }
+
+    /// Appends up to a piece.
+    fn fill(&mut self, buffer: &mut Vec<u8>) -> Result<(), TableError> {
+        let before = buffer.len();
+        buffer.resize(before + PIECE, 0);
+        let mut end = before;
+        while end < buffer.len() && !self.ended {
+            match self.source.read(&mut buffer[end..]) {
+                Ok(0) => self.ended = true,
+                Ok(n) => end += n,
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                Err(source) => return Err(TableError::Io { path: self.path.clone(), source }),
+            }
+        }
+        buffer.truncate(end);
+        Ok(())
+    }
+}

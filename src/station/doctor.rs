@@ -1,0 +1,168 @@
+//! `gnc-station doctor`: looks at everything that a bench leans on, and says in one line each what is wrong and the
+//! command that mends it. It changes nothing itself.
+
+mod bus;
+mod place;
+mod port;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use gnc_executive::bench::{BenchFile, Socket};
+use gnc_executive::printable::printable;
+
+use crate::files;
+use crate::link::can::{CanTarget, slcan};
+use crate::setup::{BENCH_FILE, RECORDS};
+
+/// Exit code when something keeps a module from being tested.
+const ILL: u8 = 1;
+
+/// Where the kernel tells of its devices. Tests have a folder of their own.
+#[derive(Debug, Clone)]
+pub(crate) struct Sys(PathBuf);
+
+impl Default for Sys {
+    fn default() -> Self {
+        Self("/sys/class".into())
+    }
+}
+
+impl Sys {
+    /// One line of a file below it.
+    fn line(&self, path: impl AsRef<Path>) -> Option<String> {
+        let text = std::fs::read_to_string(self.0.join(path)).ok()?;
+        Some(text.lines().next().unwrap_or_default().trim().to_owned())
+    }
+
+    fn number(&self, path: impl AsRef<Path>) -> Option<i64> {
+        let line = self.line(path)?;
+        match line.strip_prefix("0x") {
+            Some(digits) => i64::from_str_radix(digits, 16).ok(),
+            None => line.parse().ok(),
+        }
+    }
+}
+
+/// How bad something is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Health {
+    /// As it should be.
+    Good,
+    /// Modules can be tested, and something will trouble sooner or later.
+    Warning,
+    /// No module can be tested like this.
+    Bad,
+}
+
+/// One thing that was looked at.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Finding {
+    pub(crate) health: Health,
+    /// What it is like.
+    pub(crate) what: String,
+    /// The command or step that mends it; empty where nothing is to be done.
+    pub(crate) mend: String,
+}
+
+impl Finding {
+    fn good(what: impl Into<String>) -> Self {
+        Self { health: Health::Good, what: what.into(), mend: String::new() }
+    }
+
+    fn warning(what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self { health: Health::Warning, what: what.into(), mend: mend.into() }
+    }
+
+    fn bad(what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self { health: Health::Bad, what: what.into(), mend: mend.into() }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let word = match self.health {
+            Health::Good => "ok",
+            Health::Warning => "warning",
+            Health::Bad => "BAD",
+        };
+        write!(f, "{word:<8} {}", printable(&self.what))?;
+        if !self.mend.is_empty() {
+            write!(f, "; mend: {}", printable(&self.mend))?;
+        }
+        Ok(())
+    }
+}
+
+/// Looks and tells. `named` is the bench file of the command line.
+pub(crate) fn run(named: Option<&Path>, records: Option<&Path>) -> ExitCode {
+    let findings = look(named, records, &Sys::default());
+    let mut out = std::io::stdout().lock();
+    for finding in &findings {
+        let _ = writeln!(out, "{finding}");
+    }
+    match findings.iter().map(|finding| finding.health).max() {
+        Some(Health::Bad) => ExitCode::from(ILL),
+        _ => ExitCode::SUCCESS,
+    }
+}
+
+pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let path = named.map_or_else(|| PathBuf::from(BENCH_FILE), Path::to_owned);
+    let bench = bench_file(&path, named.is_some(), &mut findings);
+    if let Some(bench) = &bench {
+        socket(bench, sys, &mut findings);
+    }
+    let in_file = bench.as_ref().and_then(|bench| bench.records.as_ref());
+    let in_file = in_file.map(|records| path.parent().unwrap_or_else(|| Path::new("")).join(records));
+    let records = records.map(Path::to_owned).or(in_file).unwrap_or_else(|| RECORDS.into());
+    findings.extend(place::records(&records));
+    findings.extend(place::disk(&records));
+    findings.push(place::clock(&records));
+    findings.push(place::terminal());
+    findings
+}
+
+fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<BenchFile> {
+    if !named && !path.exists() {
+        let what = format!("no bench file: there is no {} here, so nothing but --sim can be tested", path.display());
+        findings.push(Finding::warning(what, "name one with --bench FILE, or write one as the README shows"));
+        return None;
+    }
+    match files::bench(path) {
+        Ok(bench) => {
+            findings.push(Finding::good(format!("bench file {} of station {}", path.display(), bench.station_id)));
+            Some(bench)
+        }
+        Err(refusal) => {
+            let what = refusal.what.lines().collect::<Vec<_>>().join("; ");
+            findings.push(Finding::bad(format!("bench file {}: {what}", path.display()), "edit the file"));
+            None
+        }
+    }
+}
+
+fn socket(bench: &BenchFile, sys: &Sys, findings: &mut Vec<Finding>) {
+    match &bench.socket {
+        Some(Socket::Rs422 { port, rate_bps }) => findings.extend(port::look(Path::new(port), *rate_bps, sys)),
+        Some(Socket::Can) => {}
+        None => findings.push(Finding::bad("the bench file names no port", "add [socket] with port and rate")),
+    }
+    if let Some(can) = &bench.can {
+        match CanTarget::parse(&can.port) {
+            CanTarget::Interface(name) => findings.extend(bus::look(&name, sys)),
+            CanTarget::Slcan(port) => findings.extend(port::look(&port, slcan::RATE_BAUD, sys)),
+        }
+    }
+    if bench.site.as_ref().is_none_or(|site| site.place.is_none()) {
+        findings.push(Finding::warning(
+            "the bench file has no surveyed place, so positions are not judged",
+            "add latitude, longitude and height under [site]",
+        ));
+    }
+}

@@ -1,0 +1,99 @@
+//! Where records go, what time it is, and what the screen is drawn on.
+
+use std::io::IsTerminal as _;
+use std::path::Path;
+
+use chrono::{Local, NaiveDate};
+use nix::sys::statvfs::statvfs;
+use nix::unistd::{AccessFlags, access};
+
+use super::Finding;
+use crate::store::reader;
+
+/// Below this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
+const LITTLE_MB: u64 = 2000;
+/// Below this the next run may already fail.
+const NOTHING_MB: u64 = 300;
+/// No clock that runs is before the year in which this was written.
+const NOT_BEFORE: (i32, u32, u32) = (2026, 1, 1);
+/// The screen is whole from this size on.
+const COLUMNS_AND_ROWS: (u16, u16) = (80, 24);
+
+/// The folder of the records, and runs in it that have no end.
+pub(super) fn records(folder: &Path) -> Vec<Finding> {
+    let shown = folder.display();
+    if !folder.exists() {
+        let there = existing(folder);
+        return vec![match access(there, AccessFlags::W_OK) {
+            Ok(()) => Finding::good(format!("records go to {shown}, which the first run creates")),
+            Err(error) => Finding::bad(
+                format!("records cannot go to {shown}: {} refuses ({})", there.display(), error.desc()),
+                "choose another folder with records = under [station], or make this one writable",
+            ),
+        }];
+    }
+    if let Err(error) = access(folder, AccessFlags::R_OK | AccessFlags::W_OK | AccessFlags::X_OK) {
+        let mend = format!("sudo chown $USER {shown}; or remount it writable");
+        return vec![Finding::bad(format!("records cannot go to {shown}: {}", error.desc()), mend)];
+    }
+    let mut findings = vec![Finding::good(format!("records go to {shown}"))];
+    match reader::list(folder) {
+        Ok(runs) => {
+            let open = runs.iter().filter(|run| !run.sealed).count();
+            if open > 0 {
+                let what = format!("{open} of {} runs in {shown} have no end or were not closed", runs.len());
+                findings.push(Finding::warning(what, format!("gnc-station records list --records {shown}")));
+            }
+        }
+        Err(error) => findings.push(Finding::bad(crate::runner::chain(&error), error.try_this())),
+    }
+    findings
+}
+
+/// Room on the disk of the records.
+pub(super) fn disk(folder: &Path) -> Option<Finding> {
+    let there = existing(folder);
+    let disk = statvfs(there).ok()?;
+    let free_mb = disk.blocks_available().saturating_mul(disk.fragment_size()) / 1_000_000;
+    let what = format!("{free_mb} MB are free where records go");
+    Some(match free_mb {
+        0..NOTHING_MB => Finding::bad(what, "move old days of records elsewhere"),
+        NOTHING_MB..LITTLE_MB => Finding::warning(what, "move old days of records elsewhere"),
+        _ => Finding::good(what),
+    })
+}
+
+/// A clock that was set back gives folders of a day that was already there.
+pub(super) fn clock(folder: &Path) -> Finding {
+    let now = Local::now();
+    let (year, month, day) = NOT_BEFORE;
+    let impossible = NaiveDate::from_ymd_opt(year, month, day).is_some_and(|first| now.date_naive() < first);
+    let days = reader::days(folder).unwrap_or_default();
+    let newest = days.last().and_then(|(day, _)| day.parse::<NaiveDate>().ok());
+    let mend = "sudo timedatectl set-ntp true";
+    match newest {
+        _ if impossible => Finding::bad(format!("the clock says {}", now.format("%F %T")), mend),
+        Some(newest) if newest > now.date_naive() => {
+            Finding::bad(format!("the clock says {}, and there are records of {newest}", now.format("%F %T")), mend)
+        }
+        _ => Finding::good(format!("the clock says {}", now.format("%F %T %:z"))),
+    }
+}
+
+pub(super) fn terminal() -> Finding {
+    if !std::io::stdout().is_terminal() {
+        return Finding::good("no terminal here: the screen is not looked at");
+    }
+    let (columns, rows) = terminal_size::terminal_size().map_or((0, 0), |(width, height)| (width.0, height.0));
+    let what = format!("the terminal has {columns} columns and {rows} rows");
+    if columns < COLUMNS_AND_ROWS.0 || rows < COLUMNS_AND_ROWS.1 {
+        return Finding::warning(what, "make it 80x24 or larger: the screen needs that much");
+    }
+    Finding::good(what)
+}
+
+/// The folder, or the next one above it that is there.
+fn existing(folder: &Path) -> &Path {
+    let above = folder.ancestors().find(|folder| folder.exists() && !folder.as_os_str().is_empty());
+    above.unwrap_or_else(|| Path::new("."))
+}

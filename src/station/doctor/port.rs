@@ -1,0 +1,53 @@
+//! A serial port: there, ours to use, at the rate, and without an adapter that waits.
+
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::path::Path;
+
+use nix::unistd::{AccessFlags, Gid, Group, access};
+
+use super::{Finding, Sys};
+use crate::link::serial::{self, OpenError};
+
+/// FTDI adapters keep a byte for so long to fill a packet; the ICD's waits bear one that waits a little.
+const LATENCY_MS: i64 = 2;
+
+pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
+    let shown = port.display();
+    let Ok(meta) = std::fs::metadata(port) else {
+        let what = format!("port {shown} is not there");
+        return vec![Finding::bad(what, "plug the adapter in; `gnc-station ports` lists what is there")];
+    };
+    if !meta.file_type().is_char_device() {
+        let mend = "correct [socket] port in the bench file; `gnc-station ports` lists what is there";
+        return vec![Finding::bad(format!("{shown} is not a serial port"), mend)];
+    }
+    if access(port, AccessFlags::R_OK | AccessFlags::W_OK).is_err() {
+        let group = Group::from_gid(Gid::from_raw(meta.gid())).ok().flatten();
+        let group = group.map_or_else(|| meta.gid().to_string(), |group| group.name);
+        let what = format!("port {shown} may not be used by this user; it belongs to the group {group}");
+        return vec![Finding::bad(what, format!("sudo usermod -aG {group} $USER, then log in again"))];
+    }
+    let mut findings = vec![opened(port, rate_baud)];
+    findings.extend(latency(port, sys));
+    findings
+}
+
+/// Opens it as the station does and closes it again: another program on it and a rate that the driver refuses show.
+fn opened(port: &Path, rate_baud: u32) -> Finding {
+    match serial::try_open(port, rate_baud) {
+        Ok(()) => Finding::good(format!("port {} at {rate_baud} bit/s", port.display())),
+        Err(error @ OpenError::Busy { .. }) => Finding::warning(error.to_string(), error.try_this()),
+        Err(error) => Finding::bad(crate::runner::chain(&error), error.try_this()),
+    }
+}
+
+fn latency(port: &Path, sys: &Sys) -> Option<Finding> {
+    let name = std::fs::canonicalize(port).ok()?;
+    let name = name.file_name()?.to_str()?.to_owned();
+    let timer = format!("tty/{name}/device/latency_timer");
+    let waits_ms = sys.number(&timer)?;
+    (waits_ms > LATENCY_MS).then(|| {
+        let what = format!("the adapter of {} keeps bytes back for {waits_ms} ms", port.display());
+        Finding::warning(what, format!("echo 1 | sudo tee {}", sys.0.join(&timer).display()))
+    })
+}

@@ -1,0 +1,99 @@
+//! What is said of a bench that is ill, on folders that stand for the kernel's.
+
+use std::fs;
+use std::path::Path;
+
+use super::*;
+
+/// A folder as the kernel shows an interface.
+fn interface(kind: &str, flags: &str, queue: &str) -> (tempfile::TempDir, Sys) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let net = folder.path().join("net/can0");
+    fs::create_dir_all(&net).expect("a folder");
+    for (name, text) in [("type", kind), ("flags", flags), ("tx_queue_len", queue)] {
+        fs::write(net.join(name), format!("{text}\n")).expect("a file");
+    }
+    let sys = Sys(folder.path().to_owned());
+    (folder, sys)
+}
+
+fn health(findings: &[Finding]) -> Vec<Health> {
+    findings.iter().map(|finding| finding.health).collect()
+}
+
+#[test]
+fn an_interface_that_is_up_is_good() {
+    let (_folder, sys) = interface("280", "0x1", "1000");
+    assert_eq!(health(&bus::state("can0", &sys)), [Health::Good]);
+}
+
+#[test]
+fn an_interface_that_is_down_or_has_a_short_queue_has_its_command() {
+    let (_folder, sys) = interface("280", "0x80", "10");
+    let found = bus::state("can0", &sys);
+    assert_eq!(health(&found), [Health::Bad, Health::Warning]);
+    assert_eq!(found[0].mend, "sudo ip link set can0 up type can bitrate 500000");
+    assert_eq!(found[1].mend, "sudo ip link set can0 txqueuelen 1000");
+}
+
+#[test]
+fn what_is_no_can_interface_is_said() {
+    let (_folder, sys) = interface("1", "0x1", "1000");
+    assert_eq!(bus::state("can0", &sys)[0].what, "can0 is no CAN interface");
+    assert_eq!(bus::state("can9", &sys)[0].what, "there is no interface can9");
+    assert_eq!(health(&bus::state("../../etc", &sys)), [Health::Bad]);
+}
+
+#[test]
+fn a_port_that_is_missing_or_a_file_is_said() {
+    let sys = Sys::default();
+    let found = port::look(Path::new("/dev/ttyNOWHERE"), 921_600, &sys);
+    assert_eq!(found[0].what, "port /dev/ttyNOWHERE is not there");
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let found = port::look(file.path(), 921_600, &sys);
+    assert!(found[0].what.ends_with("is not a serial port"), "{}", found[0]);
+}
+
+/// A pseudo-terminal is a port; one that another program has locked is said, with its name.
+#[test]
+fn a_port_that_opens_is_good() {
+    let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");
+    let port = nix::unistd::ttyname(&pty.slave).expect("its name");
+    assert_eq!(health(&port::look(&port, 921_600, &Sys::default())), [Health::Good]);
+}
+
+/// An adapter that keeps bytes back for 16 ms is warned of.
+#[test]
+fn the_latency_timer_is_read() {
+    let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");
+    let port = nix::unistd::ttyname(&pty.slave).expect("its name");
+    let name = port.file_name().expect("a name").to_owned();
+    let folder = tempfile::tempdir().expect("a folder");
+    let device = folder.path().join("tty").join(name).join("device");
+    fs::create_dir_all(&device).expect("a folder");
+    fs::write(device.join("latency_timer"), "16\n").expect("a file");
+    let found = port::look(&port, 921_600, &Sys(folder.path().to_owned()));
+    assert_eq!(health(&found), [Health::Good, Health::Warning]);
+    assert!(found[1].mend.starts_with("echo 1 | sudo tee "), "{}", found[1]);
+}
+
+#[test]
+fn a_clock_before_the_newest_record_is_bad() {
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_eq!(place::clock(folder.path()).health, Health::Good);
+    fs::create_dir_all(folder.path().join("2999-01-01/SN-1")).expect("a folder");
+    let found = place::clock(folder.path());
+    assert_eq!(found.health, Health::Bad);
+    assert!(found.what.ends_with("there are records of 2999-01-01"), "{found}");
+}
+
+#[test]
+fn a_bench_file_with_mistakes_is_bad_and_one_that_is_missing_a_warning() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("bench.toml");
+    fs::write(&file, "[station]\nname = 1\n").expect("a file");
+    let found = look(Some(&file), Some(folder.path()), &Sys::default());
+    assert_eq!(found[0].health, Health::Bad, "{}", found[0]);
+    let found = look(Some(&folder.path().join("none.toml")), Some(folder.path()), &Sys::default());
+    assert_eq!(found[0].health, Health::Bad, "a file that was named must be there: {}", found[0]);
+}

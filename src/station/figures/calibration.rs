@@ -1,0 +1,188 @@
+//! The calibration that items find and later items work with. It serialises exactly: numbers come back with their bits.
+
+use gnc_executive::catalogue::ItemId;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::json::{of_rows, rows};
+use super::{FigureError, Findings};
+
+/// Key in the details of findings.
+pub(super) const KEY: &str = "calibration";
+
+/// What is known of a module so far. Matrices lie row by row: rows are sensors, columns axes. N is the raw output in
+/// counts, f the specific force in m/s^2, w the angular rate in rad/s.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// From `six-position`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accel: Option<Accel>,
+    /// From `gyro-still`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyro_still: Option<GyroStill>,
+    /// From `rotation`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyro_scale: Option<GyroScale>,
+    /// From `magnetometer-ellipse`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mag: Option<Mag>,
+}
+
+/// Accelerometers: `f = Ka N + nabla`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accel {
+    /// Ka, m/s^2 per count.
+    pub matrix: [[f64; 3]; 3],
+    /// nabla, m/s^2.
+    pub offset: [f64; 3],
+}
+
+/// Gyroscopes at rest: b and G of `N = S w + b + G f`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GyroStill {
+    /// b, counts.
+    pub bias: [f64; 3],
+    /// G, counts per m/s^2.
+    pub per_force: [[f64; 3]; 3],
+}
+
+/// Gyroscopes turned: S of `N = S w + b + G f`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GyroScale {
+    /// S, counts per rad/s.
+    pub response: [[f64; 3]; 3],
+    /// Kg, its inverse, rad/s per count.
+    pub matrix: [[f64; 3]; 3],
+}
+
+/// Magnetometer in its plane of rotation: `y' = ky (y - dy)`, `x' = ((x - dx) - y' sin_alpha) / cos(alpha)`, in gauss at
+/// nominal scale.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mag {
+    /// Zero of x, gauss.
+    pub dx: f64,
+    /// Zero of y, gauss.
+    pub dy: f64,
+    /// Factor on y.
+    pub ky: f64,
+    /// Sine of the departure from a right angle.
+    pub sin_alpha: f64,
+}
+
+impl Calibration {
+    /// What all items so far found; of each part the newest counts.
+    ///
+    /// # Errors
+    /// [`FigureError::BadCalibration`] for details that are no calibration.
+    pub fn of(earlier: &[(String, Findings)]) -> Result<Self, FigureError> {
+        let mut all = Self::default();
+        for (name, findings) in earlier {
+            let Some(found) = findings.details.get(KEY) else { continue };
+            let found: Self = serde_json::from_value(found.clone())
+                .map_err(|error| FigureError::BadCalibration { item: name.clone(), why: error.to_string() })?;
+            all.accel = found.accel.or(all.accel);
+            all.gyro_still = found.gyro_still.or(all.gyro_still);
+            all.gyro_scale = found.gyro_scale.or(all.gyro_scale);
+            all.mag = found.mag.or(all.mag);
+        }
+        Ok(all)
+    }
+
+    /// Compensation of the accelerometers.
+    ///
+    /// # Errors
+    /// [`FigureError::NotCalibrated`] names the item to run first.
+    pub(super) fn force(&self) -> Result<Force, FigureError> {
+        let accel = self.accel.ok_or(FigureError::NotCalibrated { item: ItemId::SixPosition })?;
+        Ok(Force { matrix: of_rows(&accel.matrix), offset: Vector3::from(accel.offset) })
+    }
+
+    /// Compensation of the gyroscopes.
+    ///
+    /// # Errors
+    /// [`FigureError::NotCalibrated`] names the item to run first.
+    pub(super) fn rate(&self) -> Result<Rate, FigureError> {
+        let still = self.gyro_still.ok_or(FigureError::NotCalibrated { item: ItemId::GyroStill })?;
+        let scale = self.gyro_scale.ok_or(FigureError::NotCalibrated { item: ItemId::Rotation })?;
+        let matrix = of_rows(&scale.matrix);
+        let (epsilon, gamma) = (matrix * Vector3::from(still.bias), matrix * of_rows(&still.per_force));
+        Ok(Rate { force: self.force()?, matrix, epsilon, gamma })
+    }
+}
+
+/// `f = Ka N + nabla`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Force {
+    pub(super) matrix: Matrix3<f64>,
+    offset: Vector3<f64>,
+}
+
+impl Force {
+    /// Specific force, m/s^2, of a raw output; also of a mean of outputs, since it is linear.
+    pub(super) fn of(&self, accel: &Vector3<f64>) -> Vector3<f64> {
+        self.matrix * accel + self.offset
+    }
+}
+
+/// `w = Kg N - epsilon - Gamma f`, with `epsilon = Kg b`, `Gamma = Kg G`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rate {
+    force: Force,
+    pub(super) matrix: Matrix3<f64>,
+    pub(super) epsilon: Vector3<f64>,
+    pub(super) gamma: Matrix3<f64>,
+}
+
+impl Rate {
+    /// Angular rate, rad/s, of raw outputs of the same instant or their means.
+    pub(super) fn of(&self, gyro: &Vector3<f64>, accel: &Vector3<f64>) -> Vector3<f64> {
+        self.matrix * gyro - self.epsilon - self.gamma * self.force.of(accel)
+    }
+}
+
+/// What a module keeps, in the order of its message.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coefficients {
+    /// Ka of `f = Ka N + nabla`, m/s^2 per count.
+    pub accel_matrix: [[f64; 3]; 3],
+    /// nabla, m/s^2.
+    pub accel_offset: [f64; 3],
+    /// Kg of `w = Kg N - epsilon - Gamma f`, rad/s per count.
+    pub gyro_matrix: [[f64; 3]; 3],
+    /// epsilon, rad/s.
+    pub gyro_offset: [f64; 3],
+    /// Gamma, rad/s per m/s^2.
+    pub gyro_per_force: [[f64; 3]; 3],
+    /// Of the magnetometer; a perfect one where it was not calibrated.
+    pub mag: Mag,
+}
+
+impl Coefficients {
+    /// From a calibration of accelerometers and gyroscopes at least.
+    ///
+    /// # Errors
+    /// [`FigureError::NotCalibrated`] names the item to run first.
+    pub fn of(calibration: &Calibration) -> Result<Self, FigureError> {
+        let (force, rate) = (calibration.force()?, calibration.rate()?);
+        Ok(Self {
+            accel_matrix: rows(&force.matrix),
+            accel_offset: force.offset.into(),
+            gyro_matrix: rows(&rate.matrix),
+            gyro_offset: rate.epsilon.into(),
+            gyro_per_force: rows(&rate.gamma),
+            mag: calibration.mag.unwrap_or(Mag { dx: 0.0, dy: 0.0, ky: 1.0, sin_alpha: 0.0 }),
+        })
+    }
+
+    /// How many numbers they are.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        3 * 9 + 2 * 3 + 4
+    }
+}

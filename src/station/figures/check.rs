@@ -1,0 +1,163 @@
+//! A position and a rotation with the calibration that was found: gravity and the angle turned must come out.
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::quantity::Unit;
+use gnc_metrology::{earth, stats};
+use nalgebra::Vector3;
+use serde_json::json;
+
+use super::budget::Budget;
+use super::calibration::{Calibration, Rate};
+use super::captures::{self, AXES, Triad};
+use super::json::vector;
+use super::mean::{self, BLOCKS};
+use super::place;
+use super::{FigureError, Findings, Question};
+use crate::capture::{Capture, Pose};
+
+const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;
+
+pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let probability = question.probability()?;
+    if !question.earlier.iter().any(|(_, findings)| findings.details.get("coefficients").is_some()) {
+        return Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload });
+    }
+    let rate = Calibration::of(question.earlier)?.rate()?;
+    captures::sound(question.captures, &[Triad::Gyro, Triad::Accel])?;
+    let mut findings = Findings::new(json!({
+        "equation": "f - g up and w - w_earth of the position; integral of w about the axis over the turn, less the angle",
+        "label": "raw output with the coefficients that were stored and read back",
+    }));
+    position(question, &rate, &mut findings, probability)?;
+    turn(question, &rate, &mut findings, probability)?;
+    Ok(findings)
+}
+
+fn position(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
+    let missing = || FigureError::Missing { what: "a position".into() };
+    let (capture, up, heading_deg) = captures::lying(question.captures).next().ok_or_else(missing)?;
+    question.long_enough(capture, "dwell")?;
+    for triad in [Triad::Gyro, Triad::Accel] {
+        captures::still(capture, triad)?;
+    }
+    let gravity = place::gravity(question.site)?.mps2;
+    let (vertical, level) = place::earth_rate(question.site)?;
+    let (north, east) = place::north_east(&up, heading_deg);
+    let known = question.params.choice("heading")? == "known";
+    let earth_rps = up * vertical + if known { north * level } else { Vector3::zeros() };
+    let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
+    let gravity_ppm = question.params.quantity("gravity_u", Unit::PartsPerMillion)?;
+    let heading_u = if known { question.params.quantity("heading_u", Unit::Radian)? } else { 0.0 };
+    let force = Calibration::of(question.earlier)?.force()?;
+    let samples = capture.samples.len() / BLOCKS;
+    let (gyro, accel) =
+        (captures::block_means(capture, Triad::Gyro, samples), captures::block_means(capture, Triad::Accel, samples));
+    let forces: Vec<Vector3<f64>> = accel.iter().map(|mean| force.of(mean)).collect();
+    let rates: Vec<Vector3<f64>> = gyro.iter().zip(&accel).map(|(gyro, accel)| rate.of(gyro, accel)).collect();
+    let noise = |values: &[Vector3<f64>], i: usize| mean::variance(&[values.iter().map(|value| value[i]).collect()]);
+    let means = [Triad::Gyro, Triad::Accel].map(|triad| captures::mean(capture, triad));
+    let force_error = (force.of(&means[1]) - up * gravity) * MG;
+    for (i, axis) in AXES.iter().enumerate() {
+        let noise = noise(&forces, i);
+        let level = (1.0 - up[i] * up[i]).max(0.0).sqrt();
+        // Both the calibration's positions and this one may be off.
+        let budget = Budget::new(Unit::Milligravity)
+            .a("noise of the mean", noise.sd() * MG, noise.dof)
+            .b("attitudes", pose_rad, "rad", 2.0_f64.sqrt() * level * gravity * MG)
+            .b("gravity", gravity_ppm, "ppm", up[i] * gravity * MG * 1e-6);
+        findings.figure(format!("force_error_{axis}"), force_error[i], &budget, p);
+    }
+    let dph = 3600.0 * 1.0_f64.to_degrees();
+    let rate_error = (rate.of(&means[0], &means[1]) - earth_rps) * dph;
+    for (i, axis) in AXES.iter().enumerate() {
+        let noise = noise(&rates, i);
+        let left = if known { 0.0 } else { level * (1.0 - up[i] * up[i]).max(0.0).sqrt() };
+        let budget = Budget::new(Unit::DegreePerHour)
+            .a("noise of the mean", noise.sd() * dph, noise.dof)
+            .b("heading", heading_u, "rad", east[i] * level * dph)
+            .bound("heading unknown: horizontal earth rate", left * dph, "deg/h", 1.0);
+        findings.figure(format!("rate_error_{axis}"), rate_error[i], &budget, p);
+    }
+    findings.detail("position", json!({ "up": vector(&up), "heading_deg": heading_deg, "gravity_mps2": gravity }));
+    Ok(())
+}
+
+fn turn(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
+    let turning = question.captures.iter().find_map(|capture| match capture.about.pose {
+        Pose::Rotating { axis, angle_deg, .. } if axis < 3 => Some((capture, usize::from(axis), angle_deg)),
+        _ => None,
+    });
+    let (capture, axis, angle_deg) = turning.ok_or_else(|| FigureError::Missing { what: "a turn".into() })?;
+    let turned = integrate(capture, axis, rate)?;
+    let told_rad = angle_deg.to_radians();
+    let ppm = |rad: f64| rad / told_rad.abs() * 1e6;
+    let angle_u = question.params.quantity("angle_u", Unit::Radian)?;
+    let clock_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
+    let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
+    // The calibration and this turn each have their own error of angle and attitude.
+    let twice = 2.0_f64.sqrt();
+    let budget = Budget::new(Unit::PartsPerMillion)
+        .a("noise at rest", ppm(turned.noise_rad[axis]), turned.dof)
+        .b("angle of the table, twice", angle_u, "rad", twice * 1e6 / told_rad.abs())
+        .b("sample clock", clock_ppm, "ppm", 1.0);
+    findings.figure("angle_error", (turned.angle_rad[axis] / told_rad - 1.0) * 1e6, &budget, p);
+    let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+    let across = turned.angle_rad[i].hypot(turned.angle_rad[j]);
+    let earth_rad = earth::EARTH_RATE_RPS * turned.span_s;
+    let budget = Budget::new(Unit::PartsPerMillion)
+        .a("noise at rest", ppm(turned.noise_rad[i].hypot(turned.noise_rad[j])), turned.dof)
+        .b("attitudes of the axis", pose_rad, "rad", twice * 1e6)
+        .bound("rotation of the earth", ppm(earth_rad), "ppm", 1.0);
+    findings.figure("cross_angle", ppm(across), &budget, p);
+    findings.detail("turn", json!({
+        "angle_deg": turned.angle_rad.map(f64::to_degrees).as_slice(), "told_deg": angle_deg,
+        "start_s": turned.start_s, "span_s": turned.span_s,
+    }));
+    Ok(())
+}
+
+/// What a turn came to.
+struct Turned {
+    angle_rad: Vector3<f64>,
+    noise_rad: Vector3<f64>,
+    dof: f64,
+    start_s: f64,
+    span_s: f64,
+}
+
+/// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
+fn integrate(capture: &Capture, axis: usize, rate: &Rate) -> Result<Turned, FigureError> {
+    let rate_hz = f64::from(capture.about.rate_hz);
+    let rates: Vec<Vector3<f64>> = captures::block_means(capture, Triad::Gyro, 1)
+        .iter()
+        .zip(captures::block_means(capture, Triad::Accel, 1))
+        .map(|(gyro, accel)| rate.of(gyro, &accel))
+        .collect();
+    let own: Vec<f64> = rates.iter().map(|rate| rate[axis]).collect();
+    let block = (0.05 * rate_hz).ceil() as usize;
+    let means: Vec<f64> = own.chunks(block.max(1)).map(stats::mean).collect();
+    let level = stats::median(&mut means.clone());
+    let peak = means.iter().map(|mean| (mean - level).abs()).fold(0.0, f64::max);
+    let noise = stats::white_sd(&own) / (block as f64).sqrt();
+    let moving = |mean: &&f64| (**mean - level).abs() > (2e-3 * peak).max(8.0 * noise);
+    let first = means.iter().position(|mean| moving(&mean));
+    let last = means.iter().rposition(|mean| moving(&mean));
+    let unfit = |why: &str| FigureError::Unfit { label: capture.about.label.clone(), why: why.into() };
+    let (Some(first), Some(last)) = (first, last) else { return Err(unfit("no turn is seen in it")) };
+    let margin = (0.25 * rate_hz).ceil() as usize;
+    let (start, end) = ((first * block).saturating_sub(margin), ((last + 1) * block + margin).min(rates.len()));
+    if first * block < 2 * margin || rates.len() < (last + 1) * block + 2 * margin {
+        return Err(unfit("the turn is cut off: it needs half a second of rest before and after it"));
+    }
+    let rest: Vec<&Vector3<f64>> = rates[..start].iter().chain(&rates[end..]).collect();
+    let count = rest.len() as f64;
+    let at_rest = rest.iter().fold(Vector3::zeros(), |sum, rate| sum + **rate) / count;
+    let turned: Vector3<f64> = rates[start..end].iter().fold(Vector3::zeros(), |sum, rate| sum + (rate - at_rest)) / rate_hz;
+    let n = (end - start) as f64;
+    let noise_rad = Vector3::from_fn(|i, _| {
+        let values: Vec<f64> = rest.iter().map(|rate| rate[i]).collect();
+        stats::white_sd(&values) * (n + n * n / count).sqrt() / rate_hz
+    });
+    let span_s = n / rate_hz;
+    Ok(Turned { angle_rad: turned, noise_rad, dof: count * 2.0 / 3.0, start_s: start as f64 / rate_hz, span_s })
+}

@@ -1,0 +1,94 @@
+//! Coupling that calibration leaves: calibration q judged with the coefficients of the first. With its own it would be
+//! zero by construction.
+
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
+use nalgebra::Matrix3;
+use serde_json::json;
+
+use super::budget::Budget;
+use super::captures::AXES;
+use super::json::{matrix, vector};
+use super::repeated::{self, Series};
+use super::{FigureError, Findings, Question, rotation};
+
+pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let probability = question.probability()?;
+    let all = repeated::calibrations(question)?;
+    let mut findings = Findings::new(json!({
+        "equation": "M_q Ka_1 (S_q Kg_1): coupling_ij = element ij over ii; of the calibrations after the first the largest",
+        "label": "coupling relative to the fixture; nonorthogonality free of how the module sits in it",
+    }));
+    let judged = all.iter().map(|series| Judged::of(series)).collect::<Result<Vec<_>, _>>()?;
+    for judged in &judged {
+        let name = judged.series.triad().name();
+        let calibrations: Vec<_> = judged
+            .left
+            .iter()
+            .map(|left| json!({ "after_compensation": matrix(left), "nonorthogonality": vector(&rotation::nonorthogonality_rad(left)) }))
+            .collect();
+        findings.detail(&format!("calibrations_{name}"), calibrations);
+        for i in 0..3 {
+            for j in (0..3).filter(|j| *j != i) {
+                let (q, value) = judged.largest(|left| left[(i, j)] / left[(i, i)]);
+                let figure = format!("coupling_{name}_{}{}", AXES[i], AXES[j]);
+                findings.figure(figure, value * 1e6, &judged.budget(q, i, j), probability);
+            }
+        }
+    }
+    for judged in &judged {
+        let name = judged.series.triad().name();
+        for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+            let (q, value) = judged.largest(|left| rotation::nonorthogonality_rad(left)[k]);
+            let [(one, one_dof), (other, other_dof)] =
+                [judged.budget(q, i, j).combined(), judged.budget(q, j, i).combined()];
+            let budget =
+                Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof);
+            let figure = format!("nonorthogonality_{name}_{}{}", AXES[i], AXES[j]);
+            findings.figure(figure, value * 1e6, &budget, probability);
+        }
+    }
+    sort_by_catalogue(&mut findings.measured);
+    Ok(findings)
+}
+
+/// Couplings of both triads come before their angles, as in the catalogue.
+fn sort_by_catalogue(measured: &mut [(String, Value)]) {
+    let spec = gnc_executive::catalogue::ItemId::CrossCoupling.spec();
+    measured.sort_by_key(|(name, _)| spec.measurements.iter().position(|other| other.name == name));
+}
+
+/// The calibrations after the first, with its coefficients.
+struct Judged<'s> {
+    series: &'s Series,
+    left: Vec<Matrix3<f64>>,
+}
+
+impl<'s> Judged<'s> {
+    fn of(series: &'s Series) -> Result<Self, FigureError> {
+        let responses = series.responses();
+        let inverse = responses.first().and_then(|first| first.try_inverse());
+        let inverse = inverse.ok_or_else(|| FigureError::Missing { what: "a first calibration".into() })?;
+        Ok(Self { series, left: responses[1..].iter().map(|response| response * inverse).collect() })
+    }
+
+    /// The calibration (from 1: that after the first) whose figure is farthest from 0, and the figure.
+    fn largest(&self, figure: impl Fn(&Matrix3<f64>) -> f64) -> (usize, f64) {
+        let figures = self.left.iter().map(figure).enumerate().map(|(q, value)| (q + 1, value));
+        figures.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((1, f64::NAN))
+    }
+
+    /// Both calibrations are uncertain; what they share, as the attitude of a table that is oriented anew, is counted as
+    /// if it were not shared.
+    fn budget(&self, q: usize, i: usize, j: usize) -> Budget {
+        let of = |k: usize| match self.series {
+            Series::Accel(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
+            Series::Gyro(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
+        };
+        let parts = [of(0), of(q)].map(|budget| budget.map_or((f64::NAN, 1.0), |budget| budget.combined()));
+        Budget::new(Unit::PartsPerMillion)
+            .a("first calibration", parts[0].0, parts[0].1)
+            .a("this calibration", parts[1].0, parts[1].1)
+    }
+}
+

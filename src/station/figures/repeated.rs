@@ -1,0 +1,103 @@
+//! Whole calibrations after power cycles: repeatability of the scale factors.
+
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
+use gnc_executive::uncertainty::Uncertainty;
+use gnc_metrology::{stability, stats};
+use nalgebra::Matrix3;
+use serde_json::json;
+
+use super::captures::{AXES, Triad};
+use super::json::matrix;
+use super::six_position::temperatures;
+use super::{FigureError, Findings, Question, rotation, six_position};
+use crate::capture::{Capture, Pose};
+
+/// The calibrations of one triad, oldest first.
+#[derive(Debug)]
+pub(super) enum Series {
+    Accel(Vec<six_position::Solved>),
+    Gyro(Vec<rotation::Solved>),
+}
+
+impl Series {
+    pub(super) fn triad(&self) -> Triad {
+        match self {
+            Series::Accel(_) => Triad::Accel,
+            Series::Gyro(_) => Triad::Gyro,
+        }
+    }
+
+    /// M or S of each calibration.
+    pub(super) fn responses(&self) -> Vec<Matrix3<f64>> {
+        match self {
+            Series::Accel(solved) => solved.iter().map(|solved| solved.found.response).collect(),
+            Series::Gyro(solved) => solved.iter().map(|solved| solved.found.response).collect(),
+        }
+    }
+}
+
+/// Calibrates each series of the captures, for the triads that the plan wants.
+pub(super) fn calibrations(question: &Question<'_>) -> Result<Vec<Series>, FigureError> {
+    let own = !matches!(question.params.source("of"), Ok(Some(_)));
+    let needed = usize::try_from(question.params.integer("calibrations")?).unwrap_or(usize::MAX);
+    let mut numbers: Vec<u32> = question.captures.iter().map(|capture| capture.about.series).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    if numbers.len() < 2 || (own && numbers.len() < needed) {
+        let what = format!("{needed} calibrations, each after its own power-on: {} there", numbers.len());
+        return Err(FigureError::Missing { what });
+    }
+    let expected = if own { question.params.choice("positions")?.parse().ok() } else { None };
+    let sensors = question.params.choices("sensors")?;
+    let mut all = Vec::new();
+    if sensors.contains(&"gyro") {
+        let known = rotation::Known::of(question)?;
+        let solved = numbers.iter().map(|number| rotation::solve(of_series(question.captures, *number), known));
+        all.push(Series::Gyro(solved.collect::<Result<_, _>>()?));
+    }
+    if sensors.contains(&"accel") {
+        let known = six_position::Known::of(question)?;
+        let still = |capture: &&Capture| matches!(capture.about.pose, Pose::Still { .. });
+        if own {
+            for capture in question.captures.iter().filter(still) {
+                question.long_enough(capture, "dwell")?;
+            }
+        }
+        let solved = numbers
+            .iter()
+            .map(|number| six_position::solve(of_series(question.captures, *number).filter(still), expected, known));
+        all.push(Series::Accel(solved.collect::<Result<_, _>>()?));
+    }
+    Ok(all)
+}
+
+fn of_series(captures: &[Capture], number: u32) -> impl Iterator<Item = &Capture> {
+    captures.iter().filter(move |capture| capture.about.series == number)
+}
+
+pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let probability = question.probability()?;
+    let all = calibrations(question)?;
+    let mut findings = Findings::new(json!({
+        "equation": "standard deviation (n - 1) of M_ii (S_ii) over calibrations, power cycled between them, over their mean",
+        "label": "the interval is that of a standard deviation of so few calibrations (chi-square)",
+    }));
+    for series in &all {
+        let responses = series.responses();
+        let name = series.triad().name();
+        findings.detail(&format!("responses_{name}"), responses.iter().map(matrix).collect::<Vec<_>>());
+        for (i, axis) in AXES.iter().enumerate() {
+            let first = responses[0][(i, i)];
+            let figures: Vec<f64> = responses.iter().map(|response| response[(i, i)] / first).collect();
+            let name = format!("scale_factor_repeatability_{name}_{axis}");
+            let found = stability::repeatability(&figures).map_err(FigureError::refused(name.clone()))?;
+            let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
+            let ppm = 1e6 / found.mean;
+            let interval = Uncertainty::interval(low * ppm, high * ppm, probability);
+            findings.put(name, Value::estimate(found.sd * ppm, Unit::PartsPerMillion, interval));
+        }
+    }
+    temperatures(&mut findings, question.captures, all.first().map_or(Triad::Accel, Series::triad));
+    Ok(findings)
+}

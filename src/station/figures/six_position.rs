@@ -1,0 +1,228 @@
+//! Calibration of the accelerometers from still positions.
+
+use gnc_executive::quantity::Unit;
+use gnc_metrology::position::Position;
+use gnc_metrology::{earth, six_position, stats};
+use gnc_protocol::stream::ACCEL_LSB_PER_G;
+use nalgebra::Vector3;
+use serde_json::json;
+
+use super::budget::Budget;
+use super::calibration::{self, Accel, Calibration};
+use super::captures::{self, AXES, Triad};
+use super::json::{matrix, rows, vector};
+use super::mean::MeanVariance;
+use super::place::{self, Gravity};
+use super::still_fit::{Attitude, Design, attitudes, scatter};
+use super::{FigureError, Findings, Question};
+use crate::capture::Capture;
+
+/// Residuals larger than their expectation by what chance gives once in a thousand good calibrations count as such.
+const RARE: f64 = 0.999;
+
+/// What the budgets need from the plan.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    pub(super) gravity: Gravity,
+    pub(super) gravity_ppm: f64,
+    pub(super) pose_rad: f64,
+}
+
+impl Known {
+    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+        Ok(Self {
+            gravity: place::gravity(question.site)?,
+            gravity_ppm: question.params.quantity("gravity_u", Unit::PartsPerMillion)?,
+            pose_rad: question.params.quantity("pose_u", Unit::Radian)?,
+        })
+    }
+}
+
+/// A calibration with what its budgets rest on.
+#[derive(Debug)]
+pub(super) struct Solved {
+    pub(super) found: six_position::Calibration,
+    design: Design,
+    /// Of the mean of a position, square counts.
+    noise: [MeanVariance; 3],
+    known: Known,
+    /// Sum of squared residuals over its expectation.
+    residual_ratio: f64,
+    /// The residuals are larger than noise and attitudes explain, so their own scatter is taken.
+    pub(super) excess: bool,
+}
+
+/// Calibrates from still captures; `expected` as for [`attitudes`].
+pub(super) fn solve<'c>(
+    captures: impl IntoIterator<Item = &'c Capture>,
+    expected: Option<usize>,
+    known: Known,
+) -> Result<Solved, FigureError> {
+    let lying = attitudes(captures, expected, Triad::Accel)?;
+    let positions: Vec<Position> = lying.iter().map(|attitude| position(attitude, Triad::Accel)).collect();
+    let refused = || FigureError::refused("accelerometer calibration");
+    let found = six_position::calibrate(&positions, known.gravity.mps2).map_err(refused())?;
+    let design = Design::new(lying.iter().map(|attitude| attitude.up).collect(), known.gravity.mps2)
+        .ok_or_else(|| FigureError::Missing { what: "attitudes that span space".into() })?;
+    let mut solved =
+        Solved { found, design, noise: scatter(&lying, Triad::Accel), known, residual_ratio: 0.0, excess: false };
+    solved.judge_residuals();
+    Ok(solved)
+}
+
+/// A capture as the method takes it.
+pub(super) fn position(attitude: &Attitude<'_>, triad: Triad) -> Position {
+    Position {
+        label: attitude.capture.about.label.clone(),
+        up: attitude.up,
+        mean: captures::mean(attitude.capture, triad),
+        rows: attitude.capture.samples.len(),
+    }
+}
+
+impl Solved {
+    fn own(&self, i: usize) -> f64 {
+        self.found.response[(i, i)]
+    }
+
+    fn judge_residuals(&mut self) {
+        let c = &self.found;
+        let squares: f64 = c.residuals_mps2.iter().map(Vector3::norm_squared).sum();
+        let expected: f64 = (0..3)
+            .map(|i| {
+                let noise = self.noise[i].variance / self.own(i).powi(2);
+                let pose = self.design.of_pose(i, self.known.gravity.mps2, self.known.pose_rad);
+                self.design.left_over(|p| noise + pose(p))
+            })
+            .sum();
+        self.residual_ratio = squares / expected;
+        let dof = c.dof as f64;
+        self.excess = self.residual_ratio > stats::chi_square_quantile(RARE, dof) / dof;
+        if self.excess {
+            let variance = squares / dof;
+            self.noise = [0, 1, 2].map(|i| MeanVariance { variance: variance * self.own(i).powi(2), dof });
+        }
+    }
+
+    /// Budget of a parameter of sensor `i` over its own response: 0 to 2 a relative response, 3 the offset in m/s^2.
+    /// `factor` turns it into the unit.
+    fn budget(&self, i: usize, parameter: usize, unit: Unit, factor: f64) -> Budget {
+        let cofactor = self.design.cofactor[(parameter, parameter)];
+        let noise = (self.noise[i].variance * cofactor).sqrt() / self.own(i) * factor;
+        let pose = self.design.of_pose(i, self.known.gravity.mps2, self.known.pose_rad);
+        let per_rad = if self.known.pose_rad > 0.0 && !self.excess {
+            self.design.variance(parameter, pose).sqrt() / self.known.pose_rad * factor
+        } else {
+            // The scatter of the residuals already holds the attitudes.
+            0.0
+        };
+        // One count is spread evenly over its step, and the noise spreads the means over many.
+        let quantisation = 1.0 / 12.0_f64.sqrt() / self.own(i) * cofactor.sqrt() * factor / 100.0;
+        Budget::new(unit)
+            .a(if self.excess { "scatter of the residuals" } else { "noise of the positions' means" }, noise, self.noise[i].dof)
+            .b("attitudes", self.known.pose_rad, "rad", per_rad)
+            .b("quantisation", quantisation, unit.symbol(), 1.0)
+    }
+
+    /// Of the bias of axis `i`, in mg.
+    pub(super) fn bias_budget(&self, i: usize) -> Budget {
+        self.budget(i, 3, Unit::Milligravity, 1e3 / earth::STANDARD_GRAVITY_MPS2)
+    }
+
+    /// Of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale factor.
+    pub(super) fn response_budget(&self, i: usize, j: usize) -> Budget {
+        let budget = self.budget(i, j, Unit::PartsPerMillion, 1e6);
+        if i == j { budget.b("gravity", self.known.gravity_ppm, "ppm", 1.0) } else { budget }
+    }
+
+    /// Scale factor over the nominal one, less 1.
+    pub(super) fn scale_error(&self, i: usize) -> f64 {
+        self.own(i) / (ACCEL_LSB_PER_G / earth::STANDARD_GRAVITY_MPS2) - 1.0
+    }
+}
+
+pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let probability = question.probability()?;
+    let known = Known::of(question)?;
+    for capture in question.captures {
+        question.long_enough(capture, "dwell")?;
+    }
+    let expected = question.params.choice("positions")?.parse().ok();
+    let solved = solve(question.captures, expected, known)?;
+    let c = &solved.found;
+    let accel = Accel { matrix: rows(&c.matrix), offset: c.bias_mps2.into() };
+    let mut findings = Findings::new(details(question.captures, &solved));
+    for (i, axis) in AXES.iter().enumerate() {
+        // Measured less true: what nabla takes away.
+        let bias_mg = -c.bias_mps2[i] / earth::STANDARD_GRAVITY_MPS2 * 1e3;
+        findings.figure(format!("bias_{axis}"), bias_mg, &solved.bias_budget(i), probability);
+    }
+    for (i, axis) in AXES.iter().enumerate() {
+        let error_ppm = solved.scale_error(i) * 1e6;
+        findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
+    }
+    couplings(&mut findings, "", &c.coupling(), &c.nonorthogonality_rad(), |i, j| solved.response_budget(i, j), probability);
+    let rms_mg = c.residual_rms_mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
+    findings.number("residual_rms", rms_mg, Unit::Milligravity);
+    temperatures(&mut findings, question.captures, Triad::Accel);
+    findings.detail(calibration::KEY, json!(Calibration { accel: Some(accel), ..Calibration::default() }));
+    Ok(findings)
+}
+
+/// Couplings of every pair of axes, and the angles between the sensors' axes, in ppm.
+pub(super) fn couplings(
+    findings: &mut Findings,
+    prefix: &str,
+    coupling: &nalgebra::Matrix3<f64>,
+    angles_rad: &Vector3<f64>,
+    budget: impl Fn(usize, usize) -> Budget,
+    probability: f64,
+) {
+    for i in 0..3 {
+        for j in (0..3).filter(|j| *j != i) {
+            let name = format!("coupling_{prefix}{}{}", AXES[i], AXES[j]);
+            findings.figure(name, coupling[(i, j)] * 1e6, &budget(i, j), probability);
+        }
+    }
+    for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+        // To first order the angle is the sum of both couplings.
+        let [(one, one_dof), (other, other_dof)] = [budget(i, j).combined(), budget(j, i).combined()];
+        let of_angle = Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof);
+        let name = format!("nonorthogonality_{prefix}{}{}", AXES[i], AXES[j]);
+        findings.figure(name, angles_rad[k] * 1e6, &of_angle, probability);
+    }
+}
+
+/// Mean temperature and its drift.
+pub(super) fn temperatures(findings: &mut Findings, captures: &[Capture], triad: Triad) {
+    let (mean_c, drift_k) = captures::temperature(captures, triad);
+    findings.number("temperature", mean_c, Unit::DegreeCelsius);
+    findings.number("temperature_drift", drift_k, Unit::DegreeCelsius);
+}
+
+fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
+    let c = &solved.found;
+    let residuals: Vec<_> = captures
+        .iter()
+        .zip(&c.residuals_mps2)
+        .map(|(capture, residual)| json!({ "position": capture.about.label, "residual_mps2": vector(residual) }))
+        .collect();
+    json!({
+        "equation": "f = Ka N + nabla, from N = M f + b by least squares; f in m/s^2, +g on the axis that points up; N in counts",
+        "Ka": matrix(&c.matrix), "nabla": vector(&c.bias_mps2),
+        "M": matrix(&c.response), "b": vector(&c.offset_lsb),
+        "Ka_sd": matrix(&c.matrix_sd), "nabla_sd": vector(&c.bias_sd_mps2),
+        "as_printed": { "Ka": matrix(&c.matrix_as_printed), "nabla": vector(&c.bias_as_printed_mps2) },
+        "coupling": matrix(&c.coupling()), "nonorthogonality_rad": vector(&c.nonorthogonality_rad()),
+        "gravity_mps2": c.gravity_mps2, "gravity_from": solved.known.gravity.from,
+        "residuals": residuals, "residual_rms_mps2": c.residual_rms_mps2,
+        "residual_ratio": solved.residual_ratio, "dof": c.dof, "condition": c.condition,
+        "cofactor": (0..4).map(|r| (0..4).map(|k| solved.design.cofactor[(r, k)]).collect::<Vec<_>>()).collect::<Vec<_>>(),
+        "noise_of_means": solved.noise.map(|noise| json!({ "sd_counts": noise.sd(), "dof": noise.dof })),
+        "label": if solved.excess {
+            "residuals larger than noise and attitudes explain: their own scatter is taken for the uncertainty"
+        } else {
+            "relative to the fixture"
+        },
+    })
+}

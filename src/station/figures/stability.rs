@@ -1,0 +1,156 @@
+//! How far biases wander: within an hour, and from power-on to power-on. On compensated data.
+
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
+use gnc_executive::uncertainty::Uncertainty;
+use gnc_metrology::{earth, stability, stats};
+use nalgebra::Vector3;
+use serde_json::json;
+
+use super::calibration::{Calibration, Force, Rate};
+use super::captures::{self, AXES, Triad};
+use super::mean;
+use super::six_position::temperatures;
+use super::{FigureError, Findings, Question};
+use crate::capture::Capture;
+
+/// Compensation of the triads that the plan wants.
+pub(super) struct Compensation {
+    force: Force,
+    rate: Option<Rate>,
+    pub(super) triads: Vec<Triad>,
+}
+
+impl Compensation {
+    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+        let sensors = question.params.choices("sensors")?;
+        let calibration = Calibration::of(question.earlier)?;
+        let gyro = sensors.contains(&"gyro");
+        let mut triads = Vec::new();
+        triads.extend(gyro.then_some(Triad::Gyro));
+        triads.extend(sensors.contains(&"accel").then_some(Triad::Accel));
+        let rate = if gyro { Some(calibration.rate()?) } else { None };
+        Ok(Self { force: calibration.force()?, rate, triads })
+    }
+
+    /// Triads whose samples count: g-sensitivity is taken out with the accelerometers.
+    pub(super) fn used(&self) -> &[Triad] {
+        if self.rate.is_some() { &[Triad::Gyro, Triad::Accel] } else { &[Triad::Accel] }
+    }
+
+    /// Compensated output in the unit of [`unit`], of raw outputs or of their means.
+    pub(super) fn apply(&self, triad: Triad, gyro: &Vector3<f64>, accel: &Vector3<f64>) -> Vector3<f64> {
+        match (triad, &self.rate) {
+            (Triad::Gyro, Some(rate)) => rate.of(gyro, accel) * (3600.0 * 1.0_f64.to_degrees()),
+            _ => self.force.of(accel) * (1e3 / earth::STANDARD_GRAVITY_MPS2),
+        }
+    }
+
+    /// Compensated means of parts of so many samples; the tail is dropped.
+    pub(super) fn blocks(&self, capture: &Capture, triad: Triad, samples: usize) -> Vec<Vector3<f64>> {
+        captures::block_means(capture, Triad::Gyro, samples)
+            .iter()
+            .zip(captures::block_means(capture, Triad::Accel, samples))
+            .map(|(gyro, accel)| self.apply(triad, gyro, &accel))
+            .collect()
+    }
+}
+
+/// Unit of compensated figures.
+pub(super) fn unit(triad: Triad) -> Unit {
+    if triad == Triad::Gyro { Unit::DegreePerHour } else { Unit::Milligravity }
+}
+
+/// Standard deviation (n - 1) of disjoint means, tail dropped, no detrending.
+pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let probability = question.probability()?;
+    let compensation = Compensation::of(question)?;
+    let capture = question.one("duration")?;
+    captures::sound([capture], compensation.used())?;
+    for triad in compensation.used() {
+        captures::still(capture, *triad)?;
+    }
+    let block_s = question.params.quantity("block", Unit::Second)?;
+    let block = block_s * f64::from(capture.about.rate_hz);
+    let samples = block.round() as usize;
+    if samples == 0 || (block - samples as f64).abs() > 1e-6 * block {
+        let why = format!("{block_s} s are no whole number of samples");
+        return Err(FigureError::Unfit { label: capture.about.label.clone(), why });
+    }
+    let mut findings = Findings::new(json!({
+        "equation": "standard deviation (n - 1) of disjoint means of compensated output; tail dropped, no detrending",
+        "block_s": block_s, "blocks": capture.samples.len() / samples, "tail_samples": capture.samples.len() % samples,
+        "label": "compensated; with whatever constant the earth's rotation and level add, which the deviation does not see",
+    }));
+    let mut series = serde_json::Map::new();
+    for triad in &compensation.triads {
+        let blocks = compensation.blocks(capture, *triad, samples);
+        for (i, axis) in AXES.iter().enumerate() {
+            let means: Vec<f64> = blocks.iter().map(|block| block[i]).collect();
+            let name = format!("bias_stability_{}_{axis}", triad.name());
+            let found = stability::stability(&means, 1.0, 1.0).map_err(FigureError::refused(name.clone()))?;
+            // Neighbouring means of a wandering bias are not independent.
+            let dof = mean::dof_of_sd(&means);
+            let (low, high) = stats::sd_interval(found.sd, dof, probability);
+            series.insert(
+                format!("{}_{axis}", triad.name()),
+                json!({ "unit": unit(*triad).symbol(), "mean": found.mean, "sd": found.sd, "dof": dof, "means": means }),
+            );
+            findings.put(name, Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)));
+        }
+    }
+    findings.detail("series", series);
+    temperatures(&mut findings, question.captures, *compensation.used().first().unwrap_or(&Triad::Accel));
+    Ok(findings)
+}
+
+/// Standard deviation (n - 1) of the means of runs, each after its own power-on.
+pub(super) fn repeatability(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let probability = question.probability()?;
+    let compensation = Compensation::of(question)?;
+    let runs = usize::try_from(question.params.integer("runs")?).unwrap_or(usize::MAX);
+    let mut series: Vec<u32> = question.captures.iter().map(|capture| capture.about.series).collect();
+    series.sort_unstable();
+    series.dedup();
+    if series.len() != question.captures.len() || series.len() < runs {
+        let what = format!("{runs} runs, each after its own power-on: {} there", series.len());
+        return Err(FigureError::Missing { what });
+    }
+    for capture in question.captures {
+        captures::sound([capture], compensation.used())?;
+        for triad in compensation.used() {
+            captures::still(capture, *triad)?;
+        }
+        question.long_enough(capture, "dwell")?;
+    }
+    let mut findings = Findings::new(json!({
+        "equation": "standard deviation (n - 1) of the means of runs, power cycled between them",
+        "runs": runs, "dof": runs - 1,
+        "label": "the interval is that of a standard deviation of so few runs (chi-square)",
+    }));
+    let mut each = serde_json::Map::new();
+    for triad in &compensation.triads {
+        let means: Vec<Vector3<f64>> = question
+            .captures
+            .iter()
+            .map(|capture| {
+                let [gyro, accel] = [Triad::Gyro, Triad::Accel].map(|triad| captures::mean(capture, triad));
+                compensation.apply(*triad, &gyro, &accel)
+            })
+            .collect();
+        for (i, axis) in AXES.iter().enumerate() {
+            let figures: Vec<f64> = means.iter().map(|mean| mean[i]).collect();
+            let name = format!("bias_repeatability_{}_{axis}", triad.name());
+            let found = stability::repeatability(&figures).map_err(FigureError::refused(name.clone()))?;
+            let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
+            each.insert(
+                format!("{}_{axis}", triad.name()),
+                json!({ "unit": unit(*triad).symbol(), "mean": found.mean, "sd": found.sd, "means": figures }),
+            );
+            findings.put(name, Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)));
+        }
+    }
+    findings.detail("series", each);
+    temperatures(&mut findings, question.captures, *compensation.used().first().unwrap_or(&Triad::Accel));
+    Ok(findings)
+}

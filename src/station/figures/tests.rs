@@ -1,0 +1,94 @@
+//! Figures against the truth of an independent small world.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may end with a panic")]
+
+mod calibrating;
+mod coverage;
+mod magnetometer;
+mod performance;
+mod receiver;
+mod refusals;
+mod world;
+
+use gnc_executive::bench::{Site, SitePlace};
+use gnc_executive::measurement::Value;
+use gnc_executive::plan::{Params, Plan};
+use gnc_executive::quantity::Unit;
+use gnc_executive::uncertainty::Uncertainty;
+
+use super::*;
+
+/// Parameters of an item as a plan gives them. Setup needs no limits, so that the plan is short.
+fn params(item: ItemId, params: &str) -> Params {
+    let mut text = "name = \"t\"\nversion = \"1\"\n".to_owned();
+    for before in [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation, ItemId::BiasStability, ItemId::CalibrationDownload] {
+        if before != item {
+            text += &format!("[[item]]\nid = \"{before}\"\nphase = \"setup\"\n");
+        }
+    }
+    if item == ItemId::GyroStill {
+        text += "[[item]]\nid = \"six-position\"\nname = \"six\"\nphase = \"setup\"\n";
+    }
+    text += &format!("[[item]]\nid = \"{item}\"\nname = \"this\"\nphase = \"setup\"\nparams = {{ {params} }}\n");
+    // What this item needs stands before it, whichever it is.
+    let plan = Plan::read("t.toml", text.into_bytes(), &mut |_| Err("no includes".into()));
+    let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
+    plan.items().iter().find(|other| other.name == "this").unwrap().params.clone()
+}
+
+fn site() -> Site {
+    Site {
+        name: None,
+        place: Some(SitePlace { latitude_deg: world::LATITUDE_DEG, longitude_deg: 108.9, height_m: 412.0 }),
+        gravity_mps2: Some(world::GRAVITY),
+        field_gauss: Some(0.5),
+    }
+}
+
+fn ask(item: ItemId, text: &str, captures: &[Capture], earlier: &[(String, Findings)]) -> Result<Findings, FigureError> {
+    let (params, site) = (params(item, text), site());
+    analyse(item, &Question { params: &params, site: Some(&site), captures, earlier })
+}
+
+/// Value, unit and interval of a figure.
+fn figure(findings: &Findings, name: &str) -> (f64, Unit, Uncertainty) {
+    match findings.value(name) {
+        Some(Value::Estimate(quantity, known)) => (quantity.number, quantity.unit, *known),
+        other => panic!("{name} is {other:?}"),
+    }
+}
+
+/// The figure lies within twice its expanded uncertainty (once in 10,000 it does not), and that is no more than `most`.
+fn close(findings: &Findings, name: &str, truth: f64, most: f64) {
+    let (value, unit, known) = figure(findings, name);
+    let expanded = known.expanded().unwrap();
+    assert!((value - truth).abs() <= 2.0 * expanded, "{name}: {value} {unit}, truth {truth}, U {expanded}");
+    assert!(expanded <= most, "{name}: U {expanded} {unit}, at most {most} expected");
+}
+
+/// Every measurement of the catalogue comes, in its order and of its dimension, and the details survive a file.
+fn complete(item: ItemId, params: &Params, findings: &Findings) {
+    let expected: Vec<&str> = item
+        .spec()
+        .measurements
+        .iter()
+        .filter(|spec| params.switch_on(spec.when))
+        .map(|spec| spec.name)
+        .collect();
+    let names: Vec<&str> = findings.measured.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, expected, "{item}");
+    for (name, value) in &findings.measured {
+        let spec = item.spec().measurement(name).unwrap();
+        match value {
+            Value::Number(quantity) => assert_eq!(quantity.dimension(), spec.unit.dimension(), "{name}"),
+            Value::Estimate(quantity, known) => {
+                assert_eq!(quantity.dimension(), spec.unit.dimension(), "{name}");
+                assert!(quantity.number.is_finite() && known.is_finite(), "{name}: {value:?}");
+            }
+            Value::Text(_) | Value::NotAvailable(_) => {}
+        }
+    }
+    let text = serde_json::to_string(&findings.details).unwrap();
+    let back: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(back, findings.details, "{item}");
+}

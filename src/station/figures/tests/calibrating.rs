@@ -1,0 +1,163 @@
+//! Six positions, still gyroscopes, rotations, and what is stored of them.
+
+use super::world::{GRAVITY, World};
+use super::*;
+
+pub(super) const SIX: &str = "dwell = \"60 s\", rate = \"20 Hz\", pose_u = \"0 deg\", gravity_u = \"0 ppm\"";
+
+/// Six positions, rotations and still gyroscopes of a world, as an acceptance has them.
+pub(super) fn calibrated(world: &mut World) -> Vec<(String, Findings)> {
+    let six = world.six("", 1, 60.0, 20);
+    let turns = world.turns("", 1, 200);
+    let mut earlier = Vec::new();
+    earlier.push(("six-position".to_owned(), ask(ItemId::SixPosition, SIX, &six, &[]).unwrap()));
+    let rotation = ask(ItemId::Rotation, "angle_u = \"0 deg\", clock_u = \"0 ppm\"", &turns, &earlier).unwrap();
+    earlier.push(("rotation".to_owned(), rotation));
+    let still = ask(ItemId::GyroStill, "of = \"six-position\", heading_u = \"0 deg\"", &six, &earlier).unwrap();
+    earlier.push(("gyro-still".to_owned(), still));
+    earlier
+}
+
+#[test]
+fn six_positions_recover_the_truth() {
+    let mut world = World::new(1);
+    let captures = world.six("", 1, 60.0, 20);
+    let findings = ask(ItemId::SixPosition, SIX, &captures, &[]).unwrap();
+    complete(ItemId::SixPosition, &params(ItemId::SixPosition, SIX), &findings);
+    let inverse = world.accel.try_inverse().unwrap();
+    let bias_mg = inverse * world.accel_bias * 1e3;
+    for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+        // White noise of 0.1 mg over 60 s in six positions: 0.0053 mg, and Student's factor.
+        close(&findings, &format!("bias_{axis}"), bias_mg[i], 0.025);
+        close(&findings, &format!("scale_error_{axis}"), (world.accel[(i, i)] - 1.0) * 1e6, 50.0);
+        for (j, other) in ["x", "y", "z"].iter().enumerate().filter(|(j, _)| *j != i) {
+            let truth = world.accel[(i, j)] / world.accel[(i, i)] * 1e6;
+            close(&findings, &format!("coupling_{axis}{other}"), truth, 50.0);
+        }
+    }
+    assert_eq!(figure(&findings, "bias_x").1, Unit::Milligravity);
+    assert_eq!(findings.details["gravity_mps2"], GRAVITY);
+    assert_eq!(findings.details["budget"]["bias_x"]["contributions"][0]["type"], "A");
+    // A socket that is turned changes the couplings to the fixture, and not the angles between the axes.
+    let angle = figure(&findings, "nonorthogonality_xy").0;
+    let (sin, cos) = 0.002_f64.sin_cos();
+    world.accel *= nalgebra::Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+    let turned = ask(ItemId::SixPosition, SIX, &world.six("", 1, 60.0, 20), &[]).unwrap();
+    assert!((figure(&turned, "coupling_xy").0 - figure(&findings, "coupling_xy").0 + 2000.0).abs() < 30.0);
+    assert!((figure(&turned, "nonorthogonality_xy").0 - angle).abs() < 30.0);
+}
+
+/// Attitudes that are worse than the plan says do not hide: the scatter of the residuals is taken, and it is said.
+#[test]
+fn bad_attitudes_widen_the_uncertainty() {
+    let mut world = World { pose_rad: 1e-3, ..World::new(2) };
+    let findings = ask(ItemId::SixPosition, SIX, &world.six("", 1, 60.0, 20), &[]).unwrap();
+    assert!(findings.details["label"].as_str().unwrap().contains("residuals larger"), "{}", findings.details["label"]);
+    assert!(figure(&findings, "bias_x").2.expanded().unwrap() > 0.1);
+    // Told, they are in the budget: a pose error d adds d / sqrt(2) to the cross terms.
+    let told = SIX.replace("pose_u = \"0 deg\"", "pose_u = \"0.0573 deg\"");
+    let findings = ask(ItemId::SixPosition, &told, &world.six("", 1, 60.0, 20), &[]).unwrap();
+    let pose = &findings.details["budget"]["coupling_xy"]["contributions"][1];
+    assert!((pose["u"].as_f64().unwrap() - 1000.0 / 2.0_f64.sqrt()).abs() < 2.0, "{pose}");
+    assert_eq!(findings.details["label"], "relative to the fixture");
+}
+
+#[test]
+fn still_gyroscopes_recover_bias_and_g_sensitivity() {
+    let mut world = World::new(3);
+    let earlier = calibrated(&mut world);
+    let findings = &earlier[2].1;
+    complete(ItemId::GyroStill, &params(ItemId::GyroStill, "of = \"six-position\""), findings);
+    let inverse = world.gyro.try_inverse().unwrap();
+    let (bias, per_g) = (inverse * world.gyro_bias, inverse * world.per_g * 3600.0);
+    for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+        close(findings, &format!("bias_{axis}"), bias[i], 0.0006);
+        for (j, other) in ["x", "y", "z"].iter().enumerate() {
+            close(findings, &format!("g_sensitivity_{axis}{other}"), per_g[(i, j)], 3.6);
+        }
+    }
+    // Unknown headings: the horizontal earth rate of 12.4 deg/h may be in it, and the budget says so.
+    let six = world.six("", 1, 60.0, 20);
+    let unknown = ask(ItemId::GyroStill, "of = \"six-position\", heading = \"unknown\"", &six, &earlier).unwrap();
+    let expanded = |findings: &Findings| figure(findings, "bias_x").2.expanded().unwrap();
+    assert!(expanded(&unknown) > 3.0 / 3600.0 && expanded(&unknown) > 2.0 * expanded(findings), "{}", expanded(&unknown));
+    assert!(unknown.details["label"].as_str().unwrap().contains("headings unknown"));
+}
+
+#[test]
+fn rotations_recover_scale_and_coupling() {
+    let mut world = World::new(4);
+    let text = "angle_u = \"0 deg\", clock_u = \"0 ppm\", pose_u = \"0 deg\"";
+    let findings = ask(ItemId::Rotation, text, &world.turns("", 1, 200), &[]).unwrap();
+    complete(ItemId::Rotation, &params(ItemId::Rotation, text), &findings);
+    for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+        close(&findings, &format!("scale_error_{axis}"), (world.gyro[(i, i)] - 1.0) * 1e6, 20.0);
+        for (j, other) in ["x", "y", "z"].iter().enumerate().filter(|(j, _)| *j != i) {
+            let truth = world.gyro[(i, j)] / world.gyro[(i, i)] * 1e6;
+            close(&findings, &format!("coupling_{axis}{other}"), truth, 20.0);
+        }
+    }
+    // The bias at this attitude holds g-sensitivity: 0.012 deg/s and more on X, far more than its uncertainty.
+    let inverse = world.gyro.try_inverse().unwrap();
+    let at_attitude = inverse * (world.gyro_bias + world.per_g.column(0) * GRAVITY / 9.80665);
+    close(&findings, "bias_at_attitude_x", at_attitude[0] * 3600.0, 15.0);
+    assert!(findings.details["label"].as_str().unwrap().contains("at this attitude"));
+    // An angle that both senses miss by 100 ppm is invisible, and goes into the scale factor one to one.
+    let mut world = World { angle_error: 1e-4, ..World::new(4) };
+    let off = ask(ItemId::Rotation, text, &world.turns("", 1, 200), &[]).unwrap();
+    assert!((figure(&off, "scale_error_x").0 - figure(&findings, "scale_error_x").0 - 100.0).abs() < 1.0);
+    let told = ask(ItemId::Rotation, "angle_u = \"0.108 deg\", clock_u = \"20 ppm\"", &world.turns("", 1, 200), &[]).unwrap();
+    let rows = &told.details["budget"]["scale_error_x"]["contributions"];
+    assert!((rows[1]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[2]["u"] == 20.0, "{rows}");
+}
+
+#[test]
+fn calibrations_come_back_with_their_bits() {
+    let earlier = calibrated(&mut World::new(5));
+    let calibration = Calibration::of(&earlier).unwrap();
+    assert!(calibration.accel.is_some() && calibration.gyro_scale.is_some() && calibration.gyro_still.is_some());
+    let files: Vec<(String, Findings)> = earlier
+        .iter()
+        .map(|(name, findings)| {
+            let text = serde_json::to_string(&findings.details).unwrap();
+            (name.clone(), Findings::new(serde_json::from_str(&text).unwrap()))
+        })
+        .collect();
+    assert_eq!(Calibration::of(&files).unwrap(), calibration);
+    // The newest of a part counts.
+    let mut twice = earlier.clone();
+    twice.extend(calibrated(&mut World::new(6)));
+    assert_ne!(Calibration::of(&twice).unwrap(), calibration);
+    let broken = vec![("six".to_owned(), Findings::new(serde_json::json!({ "calibration": { "accel": 3 } })))];
+    assert!(matches!(Calibration::of(&broken), Err(FigureError::BadCalibration { .. })));
+}
+
+#[test]
+fn download_and_check_agree_with_the_module() {
+    let mut world = World::new(7);
+    let mut earlier = calibrated(&mut world);
+    let download = ask(ItemId::CalibrationDownload, "", &[], &earlier).unwrap();
+    assert_eq!(download.value("coefficients"), Some(&Value::count(37)));
+    assert_eq!(download.details["coefficients"]["mag"]["ky"], 1.0);
+    let text = "dwell = \"60 s\", rate = \"20 Hz\", turn_rate = \"200 Hz\"";
+    let captures = [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)];
+    let missing = ask(ItemId::CalibrationCheck, text, &captures, &earlier);
+    assert_eq!(missing, Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload }));
+    earlier.push(("download".into(), download));
+    let check = ask(ItemId::CalibrationCheck, text, &captures, &earlier).unwrap();
+    complete(ItemId::CalibrationCheck, &params(ItemId::CalibrationCheck, text), &check);
+    for name in ["force_error_x", "force_error_y", "force_error_z"] {
+        assert!(figure(&check, name).0.abs() < 0.1, "{name} {:?}", figure(&check, name));
+    }
+    for name in ["rate_error_x", "rate_error_y", "rate_error_z"] {
+        assert!(figure(&check, name).0.abs() < 5.0, "{name} {:?}", figure(&check, name));
+    }
+    assert!(figure(&check, "angle_error").0.abs() < 40.0 && figure(&check, "cross_angle").0 < 60.0);
+    // Another module's coefficients do not pass.
+    world.gyro[(2, 2)] *= 1.001;
+    world.accel_bias[0] += 0.001;
+    let captures = [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)];
+    let check = ask(ItemId::CalibrationCheck, text, &captures, &earlier).unwrap();
+    assert!((figure(&check, "angle_error").0 - 1000.0).abs() < 50.0);
+    assert!((figure(&check, "force_error_x").0 - 1.0).abs() < 0.1);
+}

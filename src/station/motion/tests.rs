@@ -1,0 +1,197 @@
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::{Params, Plan};
+use gnc_protocol::stream::{ImuSample, SATURATION};
+
+use super::watch::{Spoilt, TurnWatch, Watch, turned_deg};
+use super::*;
+use crate::capture::Along;
+
+fn params(id: &str, params: &str) -> Params {
+    let item = |id: &str, more: &str| format!("[[item]]\nid = \"{id}\"\nphase = \"setup\"\n{more}\n");
+    // What the others work with comes first.
+    let before = ["six-position", "gyro-still", "rotation"].map(|id| item(id, "")).concat();
+    let it = item(id, &format!("name = \"it\"\nparams = {{ {params} }}"));
+    let text = format!("name = \"p\"\nversion = \"1\"\n{before}{it}");
+    let plan = Plan::read("p.toml", text.into_bytes(), &mut |_| Err("no include".into()));
+    plan.unwrap_or_else(|mistakes| panic!("{mistakes}")).items()[3].params.clone()
+}
+
+fn of(id: ItemId, with: &str) -> Program {
+    program(id, &params(id.as_str(), with)).unwrap().unwrap()
+}
+
+fn captures(program: &Program) -> Vec<About> {
+    let about = program.steps.iter().filter_map(|step| match step {
+        Step::Capture { about, .. } | Step::Turn { about, .. } | Step::Receiver { about, .. } => Some(about.clone()),
+        _ => None,
+    });
+    about.collect()
+}
+
+fn labels(program: &Program) -> Vec<String> {
+    captures(program).into_iter().map(|about| about.label).collect()
+}
+
+#[test]
+fn every_position_comes_once_and_is_told_beforehand() {
+    let six = of(ItemId::SixPosition, "");
+    assert_eq!(labels(&six), ["x+", "x-", "y+", "y-", "z+", "z-"]);
+    // Six times 300 s at 200 Hz, and 10 s of settling.
+    assert_eq!(
+        six.to_string(),
+        "takes 31 min 00 s of bench time: 6 captures with 360000 samples, the module is laid down 6 times"
+    );
+    for (count, headings) in [("12", 2), ("24", 4)] {
+        let many = captures(&of(ItemId::SixPosition, &format!("positions = \"{count}\"")));
+        let mut poses: Vec<String> = many.iter().map(|about| format!("{:?}", about.pose)).collect();
+        poses.sort();
+        poses.dedup();
+        assert_eq!((many.len(), poses.len()), (6 * headings, 6 * headings), "each attitude once");
+    }
+}
+
+#[test]
+fn a_turn_is_the_one_of_the_parameters() {
+    let turns = captures(&of(ItemId::Rotation, "angle = \"720 deg\", span = \"4 s\", geometry = \"polar\""));
+    let expected: Vec<Pose> = [(0, 720.0), (0, -720.0), (1, 720.0), (1, -720.0), (2, 720.0), (2, -720.0)]
+        .map(|(axis, angle_deg)| Pose::Rotating { axis, angle_deg, span_s: 4.0, along: Along::Polar })
+        .into();
+    assert_eq!(turns.iter().map(|about| about.pose.clone()).collect::<Vec<_>>(), expected);
+    assert_eq!(turns[5].label, "z- rotation");
+}
+
+/// The module turns about the third axis: that one stays where it is, and the other two change sides.
+#[test]
+fn accelerometers_are_turned_about_the_third_axis() {
+    // Axes in the local frame (north, west, up) for an axis that is up or down and the heading of the next one.
+    let axes = |pose: &Pose| -> [[f64; 3]; 3] {
+        let Pose::Still { up, heading_deg } = pose else { panic!("{pose:?}") };
+        let top = up.iter().position(|part| *part != 0.0).unwrap();
+        let z = [0.0, 0.0, up[top]];
+        // Clockwise from north: 90 degrees are east, which is minus west.
+        let (sin, cos) = heading_deg.to_radians().sin_cos();
+        let next = [cos.round(), -sin.round(), 0.0];
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let mut found = [[0.0; 3]; 3];
+        (found[top], found[(top + 1) % 3], found[(top + 2) % 3]) = (z, next, cross(z, next));
+        found
+    };
+    let pairs = captures(&of(ItemId::AccelBias, ""));
+    assert_eq!(
+        pairs.iter().map(|about| about.label.as_str()).collect::<Vec<_>>(),
+        ["x z+", "x z-", "y z+", "y z-", "z x+", "z x-"]
+    );
+    for (pair, (measured, about)) in pairs.chunks(2).zip([(0, 1), (1, 0), (2, 1)]) {
+        let (before, after) = (axes(&pair[0].pose), axes(&pair[1].pose));
+        assert_eq!(before[about], after[about], "{}: the axis of the turn stays", pair[0].label);
+        assert_eq!(
+            before[measured].map(|part| -part + 0.0),
+            after[measured].map(|part| part + 0.0),
+            "{}",
+            pair[0].label
+        );
+        assert_eq!(before[measured][2], 0.0, "the measured axis is level");
+    }
+}
+
+#[test]
+fn repeated_items_cycle_the_power_before_each_series() {
+    let runs = of(ItemId::BiasRepeatability, "runs = 3, gap = \"600 s\"");
+    assert_eq!(labels(&runs), ["run 1", "run 2", "run 3"]);
+    let mut powered = 0;
+    for step in &runs.steps {
+        match step {
+            Step::PowerCycle { off_s } => {
+                powered += 1;
+                assert_eq!(*off_s, 600.0);
+            }
+            Step::Capture { about, .. } => assert_eq!(about.series, powered),
+            _ => {}
+        }
+    }
+    let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2");
+    let names = labels(&whole);
+    assert_eq!(names.len(), 24);
+    assert_eq!((names[0].as_str(), names[23].as_str()), ("calibration 1 x+", "calibration 2 z- rotation"));
+    let accel = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
+    assert_eq!(labels(&accel).len(), 12);
+}
+
+#[test]
+fn a_step_of_a_milli_g_is_a_tilt_of_that_sine() {
+    let steps = captures(&of(ItemId::Resolution, "sensors = [\"accel\"], accel_step = \"1 mg\""));
+    let ups = steps.iter().map(|about| match about.pose {
+        Pose::Still { up, .. } => up,
+        _ => panic!("{about:?}"),
+    });
+    let ups: Vec<[f64; 3]> = ups.collect();
+    assert_eq!(ups.len(), 9);
+    for (index, up) in ups.iter().enumerate() {
+        assert!((up.iter().map(|part| part * part).sum::<f64>() - 1.0).abs() < 1e-12, "{up:?} is no unit vector");
+        assert_eq!(up[index / 3], [0.0, 0.001, -0.001][index % 3], "{up:?}");
+    }
+}
+
+#[test]
+fn the_magnetometer_spins_in_both_senses_at_two_speeds() {
+    let program = of(ItemId::MagnetometerEllipse, "");
+    let rates: Vec<f64> = program
+        .steps
+        .iter()
+        .filter_map(|step| if let Step::Spin { rate_dps } = step { Some(*rate_dps) } else { None })
+        .collect();
+    assert_eq!(rates, [5400.0, -5400.0, 1800.0, -1800.0]);
+    assert_eq!(program.steps.last(), Some(&Step::Stop), "nothing spins afterwards");
+}
+
+fn still(count: usize) -> Vec<ImuSample> {
+    vec![ImuSample { gyro: [100, -50, 83], accel: [0, 0, 160_000], ..ImuSample::default() }; count]
+}
+
+#[test]
+fn a_module_that_is_moved_is_noticed_within_a_second() {
+    let mut watch = Watch::new(Uses::Inertial, true, 200);
+    assert_eq!(watch.look(&still(2000)), Ok(()));
+    let mut moved = still(400);
+    // Two degrees a second about Y.
+    moved[150..].iter_mut().for_each(|sample| sample.gyro[1] += 40_000);
+    let (index, spoilt) = watch.look(&moved).unwrap_err();
+    assert_eq!(index, 199, "at the end of the first block with the motion");
+    assert_eq!(spoilt, Spoilt::Moved { channel: "gyro_y".into(), by: "+0.500 deg/s".into() });
+}
+
+#[test]
+fn only_what_is_used_may_not_saturate() {
+    let mut sample = still(1);
+    sample[0].gyro[2] = -SATURATION - 1;
+    let look = |uses, samples: &[ImuSample]| Watch::new(uses, false, 1000).look(samples);
+    assert_eq!(look(Uses::Magnetometer, &sample), Ok(()));
+    let saturated = Err((0, Spoilt::Saturated { channel: "gyro_z".into() }));
+    assert_eq!(look(Uses::Gyro, &sample), saturated);
+    sample[0].gyro[2] = 0;
+    sample[0].mag[0] = SATURATION;
+    assert_eq!(look(Uses::Inertial, &sample), Ok(()));
+    assert_eq!(look(Uses::Magnetometer, &sample), Err((0, Spoilt::Saturated { channel: "mag_x".into() })));
+}
+
+#[test]
+fn the_angle_of_a_turn_is_seen_without_the_bias() {
+    // A second of rest, 360 deg/s for a second, a second of rest, at 1 kHz with a bias of 2 deg/s.
+    let mut samples = vec![ImuSample { gyro: [0, 0, 40_000], ..ImuSample::default() }; 3000];
+    samples[1000..2000].iter_mut().for_each(|sample| sample.gyro[2] += 360 * 20_000);
+    let seen_deg = turned_deg(&samples, 2, 1000, 1000);
+    assert!((seen_deg - 360.0).abs() < 1e-9, "{seen_deg}");
+}
+
+/// The turn of the last test, seen in frames of 12 samples: its end is found in the first tenth of a second after it.
+#[test]
+fn the_end_of_a_turn_is_seen_in_the_samples() {
+    let mut samples = vec![ImuSample { gyro: [0, 0, 40_000], ..ImuSample::default() }; 3000];
+    samples[1000..2000].iter_mut().for_each(|sample| sample.gyro[2] += 360 * 20_000);
+    let mut watch = TurnWatch::new(2, 1000, &samples[..600]);
+    let seen = (600..3000).step_by(12).find_map(|length| Some((length, watch.look(&samples[..length])?)));
+    assert_eq!(seen, Some((2100, 2000)));
+    assert_eq!(TurnWatch::new(2, 1000, &samples[..600]).look(&samples[..1500]), None, "it goes on");
+}

@@ -1,0 +1,170 @@
+//! Watches samples as they come, so that a spoilt capture ends at once and says why: no figure may come from it.
+//!
+//! Nominal scale is enough here: what is looked for is a hand on the table, not a bias.
+
+use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION};
+
+use super::Uses;
+
+/// Time of each mean that is compared with the first one.
+const BLOCK_S: f64 = 1.0;
+/// Fewest samples of a mean, so that noise is no motion at low rates either.
+const BLOCK_SAMPLES: f64 = 50.0;
+/// A mean rate that departs by more is motion: a bias wanders by thousandths of it in an hour, a socket that is
+/// touched turns faster.
+const RATE_DPS: f64 = 0.3;
+/// A mean force that departs by more is motion: 10 mg are a tilt of 0.6 degrees.
+const FORCE_G: f64 = 0.01;
+
+/// What is wrong with a capture.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Spoilt {
+    /// The module moved.
+    #[error("the module moved: {channel} departs by {by} from its first second")]
+    Moved {
+        /// The channel that tells.
+        channel: String,
+        /// By how much, with its unit.
+        by: String,
+    },
+    /// A channel that counts is out of its range.
+    #[error("{channel} is saturated")]
+    Saturated {
+        /// The channel.
+        channel: String,
+    },
+}
+
+/// Looks at samples of one capture.
+#[derive(Debug)]
+pub struct Watch {
+    uses: Uses,
+    /// Samples of a block; `None` where the module may move.
+    block: Option<u32>,
+    first: Option<[f64; 6]>,
+    sums: [i64; 6],
+    count: u32,
+}
+
+impl Watch {
+    /// A watch over a capture; `still` if nothing may move.
+    #[must_use]
+    pub fn new(uses: Uses, still: bool, rate_hz: u16) -> Self {
+        let samples = (BLOCK_S * f64::from(rate_hz)).round().max(BLOCK_SAMPLES) as u32;
+        Self { uses, block: still.then_some(samples), first: None, sums: [0; 6], count: 0 }
+    }
+
+    /// Looks at the next samples.
+    ///
+    /// # Errors
+    /// The index of the sample at which it is noticed, and what is wrong.
+    pub fn look(&mut self, samples: &[ImuSample]) -> Result<(), (usize, Spoilt)> {
+        for (index, sample) in samples.iter().enumerate() {
+            self.saturated(sample).map_err(|spoilt| (index, spoilt))?;
+            self.moved(sample).map_err(|spoilt| (index, spoilt))?;
+        }
+        Ok(())
+    }
+
+    fn saturated(&self, sample: &ImuSample) -> Result<(), Spoilt> {
+        let used: &[(&str, &[i32; 3])] = match self.uses {
+            Uses::Inertial => &[("gyro", &sample.gyro), ("accel", &sample.accel)],
+            Uses::Gyro => &[("gyro", &sample.gyro)],
+            Uses::Magnetometer => &[("mag", &sample.mag)],
+        };
+        for (sensor, counts) in used {
+            if let Some(axis) = counts.iter().position(|count| *count >= SATURATION || *count < -SATURATION) {
+                return Err(Spoilt::Saturated { channel: channel(sensor, axis) });
+            }
+        }
+        Ok(())
+    }
+
+    fn moved(&mut self, sample: &ImuSample) -> Result<(), Spoilt> {
+        let Some(block) = self.block else { return Ok(()) };
+        for (sum, count) in self.sums.iter_mut().zip(sample.gyro.iter().chain(&sample.accel)) {
+            *sum += i64::from(*count);
+        }
+        self.count += 1;
+        if self.count < block {
+            return Ok(());
+        }
+        let means = self.sums.map(|sum| sum as f64 / f64::from(block));
+        (self.sums, self.count) = ([0; 6], 0);
+        let first = *self.first.get_or_insert(means);
+        for (index, (mean, first)) in means.iter().zip(first).enumerate() {
+            let (sensor, scale, limit, unit) = match index {
+                0..3 => ("gyro", GYRO_LSB_PER_DPS, RATE_DPS, "deg/s"),
+                _ => ("accel", ACCEL_LSB_PER_G, FORCE_G, "g"),
+            };
+            let by = (mean - first) / scale;
+            if by.abs() > limit {
+                return Err(Spoilt::Moved { channel: channel(sensor, index % 3), by: format!("{by:+.3} {unit}") });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn channel(sensor: &str, axis: usize) -> String {
+    format!("{sensor}_{}", ["x", "y", "z"][axis % 3])
+}
+
+/// Time of each mean rate that tells whether a turn goes on.
+const TURN_BLOCK_S: f64 = 0.1;
+/// A mean rate above this is a turn: far above noise, far below any turn.
+const TURNING_DPS: f64 = 2.0;
+
+/// Finds the end of a turn in the samples.
+#[derive(Debug)]
+pub struct TurnWatch {
+    axis: usize,
+    bias: f64,
+    block: usize,
+    next: usize,
+    turned: bool,
+    still: Option<usize>,
+}
+
+impl TurnWatch {
+    /// A watch over the turn about an axis; `before` are the samples of stillness before it.
+    #[must_use]
+    pub fn new(axis: u8, rate_hz: u16, before: &[ImuSample]) -> Self {
+        let axis = usize::from(axis) % 3;
+        let bias = mean(before, axis);
+        let block = (TURN_BLOCK_S * f64::from(rate_hz)).round().max(1.0) as usize;
+        Self { axis, bias, block, next: before.len(), turned: false, still: None }
+    }
+
+    /// The index of the first sample of stillness after the turn, among all samples so far; `None` if it is not over.
+    pub fn look(&mut self, samples: &[ImuSample]) -> Option<usize> {
+        while self.still.is_none()
+            && let Some(block) = samples.get(self.next..self.next + self.block)
+        {
+            let turns = (mean(block, self.axis) - self.bias).abs() / GYRO_LSB_PER_DPS > TURNING_DPS;
+            if self.turned && !turns {
+                self.still = Some(self.next);
+            }
+            self.turned |= turns;
+            self.next += self.block;
+        }
+        self.still
+    }
+}
+
+fn mean(samples: &[ImuSample], axis: usize) -> f64 {
+    samples.iter().map(|sample| f64::from(sample.gyro[axis])).sum::<f64>() / samples.len().max(1) as f64
+}
+
+/// Largest part of a turn's angle by which a gyroscope at its nominal scale may disagree: sensors keep a few percent.
+pub const TURN_PART: f64 = 0.1;
+
+/// The angle about an axis that its gyroscope saw, degrees, at nominal scale. The rate before the turn is taken for the
+/// bias.
+#[must_use]
+pub fn turned_deg(samples: &[ImuSample], axis: u8, rate_hz: u16, before: usize) -> f64 {
+    let counts = || samples.iter().map(|sample| f64::from(sample.gyro[usize::from(axis) % 3]));
+    let before = before.clamp(1, samples.len().max(1));
+    let bias = counts().take(before).sum::<f64>() / before as f64;
+    counts().map(|count| count - bias).sum::<f64>() / f64::from(rate_hz.max(1)) / GYRO_LSB_PER_DPS
+}

@@ -1,0 +1,53 @@
+//! Items of calibration and performance: they capture, and what the samples say is worked out from the captures alone.
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::Params;
+
+use super::{Bench, Report, Trouble, capturing};
+use crate::capture::Capture;
+use crate::figures::{self, Findings, Question};
+use crate::motion;
+
+pub(super) async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
+    let captures = captures(item, bench, params, report).await?;
+    let findings = analyse(item, bench, params, captures).await?;
+    report.found(findings).await
+}
+
+/// Works out the figures on a thread of its own: the conversation with the board, whose watchdog waits for two seconds
+/// and no longer, goes on meanwhile.
+async fn analyse(
+    item: ItemId,
+    bench: &Bench<'_>,
+    params: &Params,
+    captures: Vec<Capture>,
+) -> Result<Findings, Trouble> {
+    let (params, site, earlier) = (params.clone(), bench.site.cloned(), bench.earlier.clone());
+    let worked_out = tokio::task::spawn_blocking(move || {
+        let question = Question { params: &params, site: site.as_ref(), captures: &captures, earlier: &earlier };
+        figures::analyse(item, &question)
+    });
+    match worked_out.await {
+        Ok(found) => Ok(found?),
+        Err(_) => Err(Trouble::Analysis { why: "the analysis came to grief".into() }),
+    }
+}
+
+/// Its own, or those of the item that its parameters name.
+async fn captures(
+    item: ItemId,
+    bench: &Bench<'_>,
+    params: &Params,
+    report: &Report<'_>,
+) -> Result<Vec<Capture>, Trouble> {
+    match motion::program(item, params)? {
+        Some(program) => {
+            report.note(&program.to_string()).await?;
+            capturing::run(&program, bench, report).await
+        }
+        None => match params.source("of")? {
+            Some(other) => report.captures_of(other).await,
+            None => Err(Trouble::CannotRun { item, why: "it is not on this bench yet" }),
+        },
+    }
+}

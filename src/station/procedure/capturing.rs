@@ -1,0 +1,260 @@
+//! Carries out a motion program: lays the module down, turns it, and files what the sensors say meanwhile.
+
+mod losses;
+mod receiver;
+
+use std::time::Duration;
+
+use gnc_protocol::message::{ModulePower, StreamStart};
+use gnc_protocol::stream::{ImuSample, StreamFrame, StreamId};
+use gnc_protocol::wire::{Reader, Wire as _};
+
+use super::{Bench, Report, Trouble};
+use crate::board::stream::{Closed, Losses, Stream};
+use crate::capture::{About, Capture, Pose, Receiver};
+use crate::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
+use crate::motion::{Program, REST_BEFORE_S, Step, Uses};
+use crate::raw::Piece;
+use crate::store::RawFile;
+use crate::turntable::{self, Turntable};
+
+/// A turn that takes longer than so many times its span, and so many seconds, is not the one that was asked for.
+const LONGEST_TURN: f64 = 2.0;
+const SLACK_S: f64 = 60.0;
+/// Room that is kept ready for the samples of a turn, whose end nobody knows beforehand.
+const TURN_ROOM: usize = 1 << 14;
+
+/// Carries out a program and gives what was captured. The samples are on disk when it comes back.
+///
+/// # Errors
+/// [`Trouble`]; what was captured up to then is on disk.
+pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_>) -> Result<Vec<Capture>, Trouble> {
+    let table = turntable::of(bench.fixture, report);
+    let table = table.as_ref();
+    let mut captor = Captor { bench, report, table, raw: report.raw()?, captures: Vec::new() };
+    let mut progress = Progress { done_s: 0.0, whole_s: program.span_s() };
+    for step in &program.steps {
+        captor.carry_out(step, &progress).await?;
+        progress.done_s += step.span_s();
+    }
+    captor.raw.finish().await?;
+    Ok(captor.captures)
+}
+
+/// How far a program is, for people.
+#[derive(Debug, Clone, Copy)]
+struct Progress {
+    done_s: f64,
+    whole_s: f64,
+}
+
+impl Progress {
+    fn show(&self, bench: &Bench<'_>, step_s: f64) {
+        bench.board.advanced(self.done_s + step_s, self.whole_s);
+    }
+}
+
+struct Captor<'a> {
+    bench: &'a Bench<'a>,
+    report: &'a Report<'a>,
+    table: &'a (dyn Turntable + 'a),
+    raw: RawFile,
+    captures: Vec<Capture>,
+}
+
+impl Captor<'_> {
+    async fn carry_out(&mut self, step: &Step, progress: &Progress) -> Result<(), Trouble> {
+        progress.show(self.bench, 0.0);
+        match step {
+            Step::Lay(lie) => self.table.lay(*lie).await,
+            Step::Settle { span_s } => self.table.pause(Duration::from_secs_f64(*span_s)).await,
+            Step::Spin { rate_dps } => self.table.spin(*rate_dps).await,
+            Step::Stop => self.table.stop().await,
+            Step::Capture { about, span_s, uses } => {
+                let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
+                self.capture(about, *uses, Until::Count(wanted), progress).await
+            }
+            Step::Turn { about, rest_s } => {
+                let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
+                let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
+                self.capture(about, Uses::Gyro, Until::Turned { before, after }, progress).await?;
+                self.turned(before)
+            }
+            Step::PowerCycle { off_s } => self.power_cycle(*off_s).await,
+            Step::Receiver { about, timeout_s, span_s } => {
+                receiver::capture(self, about, *timeout_s, *span_s, progress).await
+            }
+        }
+    }
+
+    async fn capture(&mut self, about: &About, uses: Uses, until: Until, progress: &Progress) -> Result<(), Trouble> {
+        let board = self.bench.board;
+        let mut stream = board.listen(StreamId::Imu).await?;
+        let count = if let Until::Count(count) = until { count } else { 0 };
+        let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: about.rate_hz, count, samples_per_frame: 0 };
+        board.call(&start).await?;
+        let still = matches!(about.pose, Pose::Still { .. });
+        let room = if count > 0 { count as usize } else { TURN_ROOM };
+        let mut taker = Taker {
+            about,
+            watch: Watch::new(uses, still, about.rate_hz),
+            samples: Vec::with_capacity(room),
+            first_us: None,
+        };
+        let taken = self.take(&mut taker, &mut stream, until, progress).await;
+        let end_us = stream.board_time_us();
+        let losses = stream.losses();
+        let closed = match &taken {
+            // The session may be gone; then there is nobody to ask.
+            Err(Trouble::Board(_)) => Ok(Closed { produced: 0, losses }),
+            _ => board.stop_stream(stream).await,
+        };
+        let span_s = taker.samples.len() as f64 / f64::from(about.rate_hz.max(1));
+        board.spent(Duration::from_secs_f64(span_s));
+        let Taker { samples, first_us, .. } = taker;
+        // What came after the last sample is no part of the capture.
+        let losses = if losses.any() { losses } else { Losses { received: samples.len() as u32, ..losses } };
+        if first_us.is_none() {
+            self.raw.write(Piece::Begin { about: about.clone(), board_time_us: end_us }).await?;
+        }
+        if taken.is_ok() || losses.any() {
+            self.raw.write(Piece::End { losses, board_time_us: end_us }).await?;
+        }
+        taken?;
+        closed?;
+        let (about, first_us) = (about.clone(), first_us.unwrap_or(end_us));
+        self.captures.push(Capture { about, first_us, samples, losses, receiver: Receiver::default() });
+        Ok(())
+    }
+
+    /// Takes samples until there are enough, or something is wrong with them.
+    async fn take(
+        &mut self,
+        taker: &mut Taker<'_>,
+        stream: &mut Stream,
+        until: Until,
+        progress: &Progress,
+    ) -> Result<(), Trouble> {
+        let rate_hz = taker.about.rate_hz;
+        let table = self.table;
+        let (before, after) = match until {
+            Until::Count(count) => {
+                while taker.samples.len() < count as usize {
+                    self.frame(taker, stream, count).await?;
+                    progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
+                }
+                return Ok(());
+            }
+            Until::Turned { before, after } => (before, after),
+        };
+        let Pose::Rotating { axis, angle_deg, span_s, .. } = taker.about.pose else { return Ok(()) };
+        while taker.samples.len() < before {
+            self.frame(taker, stream, 0).await?;
+        }
+        let mut rest = TurnWatch::new(axis, rate_hz, &taker.samples);
+        // The samples come later than the motion, so that they say when it is over; but not before the table does.
+        let longest = before + ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
+        let turn = table.rotate(angle_deg, span_s);
+        tokio::pin!(turn);
+        let mut done = false;
+        while !(done && rest.look(&taker.samples).is_some_and(|still| taker.samples.len() >= still + after)) {
+            {
+                // A frame that is being filed is never given up for the word that the turn is over.
+                let frame = self.frame(taker, stream, 0);
+                tokio::pin!(frame);
+                tokio::select! {
+                    biased;
+                    taken = &mut frame => taken?,
+                    turned = &mut turn, if !done => {
+                        turned?;
+                        done = true;
+                        frame.await?;
+                    }
+                }
+            }
+            if done && taker.samples.len() > longest + after {
+                // What was seen instead is told by its angle.
+                return Ok(());
+            }
+        }
+        progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
+        Ok(())
+    }
+
+    /// Takes the next frame: files it, looks at it.
+    async fn frame(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, wanted: u32) -> Result<(), Trouble> {
+        let about = taker.about;
+        let Some(frame) = stream.next().await? else {
+            return Err(losses::silent(about, taker.samples.len(), wanted, stream.losses()));
+        };
+        let mut samples = samples_of(&frame)?;
+        let board_time_us = frame.head.board_time_us;
+        if taker.first_us.is_none() {
+            taker.first_us = Some(board_time_us);
+            self.raw.write(Piece::Begin { about: about.clone(), board_time_us }).await?;
+        }
+        if wanted > 0 {
+            samples.truncate((wanted as usize).saturating_sub(taker.samples.len()));
+        }
+        // What comes behind a gap is evidence of it.
+        let (first, rate_hz) = (frame.head.first, about.rate_hz);
+        self.raw.write(Piece::Imu { first, board_time_us, rate_hz, samples: samples.clone() }).await?;
+        if stream.losses().any() {
+            return Err(losses::gap(about, taker.samples.len(), stream.losses()));
+        }
+        let looked = taker.watch.look(&samples);
+        let had = taker.samples.len();
+        taker.samples.extend(samples);
+        looked.map_err(|(index, spoilt)| {
+            let at_s = (had + index) as f64 / f64::from(rate_hz.max(1));
+            Trouble::Spoilt { label: about.label.clone(), at_s, spoilt }
+        })
+    }
+
+    /// Whether the module turned as it should, by the gyroscope of the axis.
+    fn turned(&self, before: usize) -> Result<(), Trouble> {
+        let Some(capture) = self.captures.last() else { return Ok(()) };
+        let Pose::Rotating { axis, angle_deg, .. } = capture.about.pose else { return Ok(()) };
+        let seen_deg = turned_deg(&capture.samples, axis, capture.about.rate_hz, before);
+        if (seen_deg - angle_deg).abs() <= TURN_PART * angle_deg.abs() {
+            return Ok(());
+        }
+        Err(Trouble::NotTurned { label: capture.about.label.clone(), wanted_deg: angle_deg, seen_deg })
+    }
+
+    async fn power_cycle(&mut self, off_s: f64) -> Result<(), Trouble> {
+        let board = self.bench.board;
+        board.call(&ModulePower { on: 0 }).await?;
+        self.report.powered(false, None).await?;
+        let waited = self.table.pause(Duration::from_secs_f64(off_s)).await;
+        // On again whatever comes: other items expect it.
+        let supply = board.call(&ModulePower { on: 1 }).await?;
+        self.report.powered(true, Some((supply.supply_uv, supply.supply_ua))).await?;
+        waited
+    }
+}
+
+/// When a capture has enough.
+#[derive(Debug, Clone, Copy)]
+enum Until {
+    /// So many samples.
+    Count(u32),
+    /// So many samples of stillness, a turn, and so many again.
+    Turned { before: usize, after: usize },
+}
+
+/// What was taken of the capture that goes on.
+struct Taker<'a> {
+    about: &'a About,
+    watch: Watch,
+    samples: Vec<ImuSample>,
+    first_us: Option<u64>,
+}
+
+fn samples_of(frame: &StreamFrame) -> Result<Vec<ImuSample>, Trouble> {
+    let mut reader = Reader::new(&frame.samples);
+    (0..frame.head.count)
+        .map(|_| ImuSample::get(&mut reader))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| Trouble::Nonsense { what: "the IMU stream", why: error.to_string() })
+}

@@ -1,0 +1,57 @@
+//! Raw captures as MCAP: what the sensors said, readable for decades without this program.
+//!
+//! A file holds one attempt of an item. Messages are protobuf, each schema with its `FileDescriptorSet`
+//! (`docs/raw.proto` says the same for people); times are the board's own clock in nanoseconds.
+//!
+//! | topic | message | one for each |
+//! | --- | --- | --- |
+//! | `/capture` | `gnc.CaptureMark` | begin and end of a capture: what it is of, and at its end what was lost where |
+//! | `/imu` | `gnc.ImuSample` | sample: number in the capture, board time, counts as they came |
+//! | `/gnss` | `gnc.GnssBytes` | piece of the receiver's bytes |
+//! | `/pps` | `gnc.PpsEdge` | edge of the 1PPS |
+//!
+//! Reading a file back gives the captures bit for bit.
+
+mod mark;
+mod proto;
+mod reader;
+mod sample;
+mod schema;
+mod writer;
+
+pub use reader::{RawError, RawRecord, Unfinished, read};
+pub use writer::{Piece, RawWriter};
+
+/// Numbers of the four channels, which are those of their schemas as well.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Topic {
+    Capture = 1,
+    Imu = 2,
+    Gnss = 3,
+    Pps = 4,
+}
+
+impl Topic {
+    const ALL: [Topic; 4] = [Topic::Capture, Topic::Imu, Topic::Gnss, Topic::Pps];
+
+    fn name(self) -> &'static str {
+        match self {
+            Topic::Capture => "/capture",
+            Topic::Imu => "/imu",
+            Topic::Gnss => "/gnss",
+            Topic::Pps => "/pps",
+        }
+    }
+
+    fn message(self) -> &'static str {
+        match self {
+            Topic::Capture => "gnc.CaptureMark",
+            Topic::Imu => "gnc.ImuSample",
+            Topic::Gnss => "gnc.GnssBytes",
+            Topic::Pps => "gnc.PpsEdge",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

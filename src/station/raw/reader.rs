@@ -1,0 +1,283 @@
+//! Reads captures back, bit for bit. A file is hostile: nothing in it is believed before it was checked.
+
+use std::io::{self, Read};
+
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::Topic;
+use super::mark::Mark;
+use super::sample::{Numbered, get_bytes, get_edge};
+use crate::board::stream::Losses;
+use crate::capture::{About, Capture, Receiver, Said};
+
+/// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
+const LONGEST_RECORD: usize = 64 << 20;
+/// Samples of one file: a day at 200 Hz has 17 million. More would only take memory.
+const MOST_SAMPLES: usize = 32_000_000;
+/// Captures of one file: a table of 10,000 attitudes is more than anybody lays a module in.
+const MOST_CAPTURES: usize = 10_000;
+/// Bytes of the receiver: a day of 1 kB a second.
+const MOST_BYTES: usize = 100_000_000;
+
+/// What a file holds.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RawRecord {
+    /// The captures that were begun and ended, in order.
+    pub captures: Vec<Capture>,
+    /// The one without an end: the station was killed, the capture given up, or the module moved.
+    pub unfinished: Option<Unfinished>,
+    /// The file has no end: the station was killed or lost its power. What stands before is good.
+    pub cut_off: bool,
+}
+
+/// A capture without an end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unfinished {
+    /// What it is of.
+    pub about: About,
+    /// Samples that were filed.
+    pub samples: usize,
+}
+
+/// Why a file is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum RawError {
+    /// It cannot be read at all.
+    #[error("it cannot be read")]
+    Io(#[from] io::Error),
+    /// It is no MCAP file, or a damaged one.
+    #[error("it is damaged {place}")]
+    Damaged {
+        /// Where, in words.
+        place: String,
+        /// What is wrong.
+        source: McapError,
+    },
+    /// A whole message, and not what it should be.
+    #[error("it is no record of this station: {what} {place}")]
+    Foreign {
+        /// What is wrong.
+        what: String,
+        /// Where, in words.
+        place: String,
+    },
+    /// Longer than any.
+    #[error("it holds more than {most} {what}")]
+    TooMuch {
+        /// The bound.
+        most: usize,
+        /// Of what.
+        what: &'static str,
+    },
+}
+
+impl RawError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Io(_) => "check the path and who may read it",
+            Self::Damaged { .. } => {
+                "restore the file from a backup; `gnc-station records verify` says what was changed"
+            }
+            Self::Foreign { .. } => "give a file that this station wrote: RECORDS/.../attempt-1.mcap",
+            Self::TooMuch { .. } => "give a shorter record",
+        }
+    }
+}
+
+/// Reads all captures of a file.
+///
+/// # Errors
+/// [`RawError`]. That a file has no end is no error.
+pub fn read(mut source: impl Read) -> Result<RawRecord, RawError> {
+    let options =
+        LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LONGEST_RECORD);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut found = Found::default();
+    let mut bytes = 0u64;
+    loop {
+        match reader.next_event() {
+            None => return found.close(false),
+            Some(Ok(LinearReadEvent::ReadRequest(need))) => {
+                let got = fill(&mut source, reader.insert(need))?;
+                bytes += got as u64;
+                reader.notify_read(got);
+            }
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                let record = mcap::parse_record(opcode, data).map_err(|source| found.damaged(source))?;
+                found.take(record)?;
+            }
+            // Less than the eight bytes by which a file is known is no file of ours.
+            Some(Err(McapError::UnexpectedEof)) if bytes >= mcap::MAGIC.len() as u64 => return found.close(true),
+            Some(Err(source)) => return Err(found.damaged(source)),
+        }
+    }
+}
+
+fn fill(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match source.read(buffer) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            done => return done,
+        }
+    }
+}
+
+/// What was found so far.
+#[derive(Debug, Default)]
+struct Found {
+    captures: Vec<Capture>,
+    /// The capture that has begun.
+    open: Option<Capture>,
+    /// Topics by the numbers that this file gives them.
+    channels: Vec<(u16, Topic)>,
+    samples: usize,
+    bytes: usize,
+    /// What follows repeats what stands before.
+    past_data: bool,
+}
+
+impl Found {
+    fn take(&mut self, record: Record<'_>) -> Result<(), RawError> {
+        match record {
+            Record::DataEnd(_) => self.past_data = true,
+            _ if self.past_data => {}
+            Record::Channel(channel) => {
+                let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
+                match topic {
+                    Some(topic) if channel.message_encoding == "protobuf" => self.channels.push((channel.id, topic)),
+                    Some(_) => return Err(self.foreign(format!("{} is no protobuf", channel.topic))),
+                    // Later versions may have more to say.
+                    None => {}
+                }
+            }
+            Record::Message { header, data } => {
+                let Some((_, topic)) = self.channels.iter().find(|(id, _)| *id == header.channel_id) else {
+                    return Ok(());
+                };
+                let topic = *topic;
+                self.message(topic, header.log_time, &data)?;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn message(&mut self, topic: Topic, time_ns: u64, data: &[u8]) -> Result<(), RawError> {
+        let name = topic.message();
+        match topic {
+            Topic::Capture => match Mark::get(data) {
+                Some(Mark::Begin(about)) => self.begin(about, time_ns),
+                Some(Mark::End(losses)) => self.end(losses),
+                None => Err(self.foreign(format!("{name} cannot be read"))),
+            },
+            Topic::Imu => {
+                let Some(numbered) = Numbered::get(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.sample(numbered)
+            }
+            Topic::Gnss => {
+                let Some((board_time_us, bytes)) = get_bytes(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.bytes += bytes.len();
+                if self.bytes > MOST_BYTES {
+                    return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver" });
+                }
+                let bytes = bytes.to_vec();
+                self.open(name)?.receiver.said.push(Said { board_time_us, bytes });
+                Ok(())
+            }
+            Topic::Pps => {
+                let Some(board_time_ns) = get_edge(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.bytes += size_of::<u64>();
+                if self.bytes > MOST_BYTES {
+                    return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver" });
+                }
+                self.open(name)?.receiver.pulses_ns.push(board_time_ns);
+                Ok(())
+            }
+        }
+    }
+
+    fn begin(&mut self, about: About, time_ns: u64) -> Result<(), RawError> {
+        if let Some(open) = &self.open {
+            let what = format!("a capture begins in the middle of `{}`", open.about.label);
+            return Err(self.foreign(what));
+        }
+        if self.captures.iter().any(|capture| capture.about.label == about.label) {
+            return Err(self.foreign(format!("`{}` comes twice", about.label)));
+        }
+        if self.captures.len() >= MOST_CAPTURES {
+            return Err(RawError::TooMuch { most: MOST_CAPTURES, what: "captures" });
+        }
+        let (losses, receiver) = (Losses::default(), Receiver::default());
+        self.open = Some(Capture { about, first_us: time_ns / 1000, samples: Vec::new(), losses, receiver });
+        Ok(())
+    }
+
+    fn end(&mut self, losses: Losses) -> Result<(), RawError> {
+        let Some(mut capture) = self.open.take() else {
+            return Err(self.foreign("a capture ends that has not begun".into()));
+        };
+        capture.losses = losses;
+        capture.samples.shrink_to_fit();
+        self.captures.push(capture);
+        Ok(())
+    }
+
+    fn sample(&mut self, numbered: Numbered) -> Result<(), RawError> {
+        self.samples += 1;
+        if self.samples > MOST_SAMPLES {
+            return Err(RawError::TooMuch { most: MOST_SAMPLES, what: "samples" });
+        }
+        let capture = self.open("gnc.ImuSample")?;
+        capture.samples.push(numbered.sample);
+        Ok(())
+    }
+
+    fn open(&mut self, name: &str) -> Result<&mut Capture, RawError> {
+        match &mut self.open {
+            Some(open) => Ok(open),
+            None => {
+                let place = place(&self.captures, None);
+                Err(RawError::Foreign { what: format!("{name} outside of any capture"), place })
+            }
+        }
+    }
+
+    fn close(self, cut_off: bool) -> Result<RawRecord, RawError> {
+        if self.channels.is_empty() {
+            return Err(self.foreign("it has none of our topics".into()));
+        }
+        let unfinished = self.open.map(|open| Unfinished { samples: open.samples.len(), about: open.about });
+        Ok(RawRecord { captures: self.captures, unfinished, cut_off })
+    }
+
+    fn foreign(&self, what: String) -> RawError {
+        RawError::Foreign { what, place: self.place() }
+    }
+
+    fn damaged(&self, source: McapError) -> RawError {
+        RawError::Damaged { place: self.place(), source }
+    }
+
+    fn place(&self) -> String {
+        place(&self.captures, self.open.as_ref())
+    }
+}
+
+/// Where in the file, as people can find it again.
+fn place(captures: &[Capture], open: Option<&Capture>) -> String {
+    match (open, captures.last()) {
+        (Some(open), _) => format!("after {} samples of capture `{}`", open.samples.len(), open.about.label),
+        (None, Some(last)) => format!("after capture `{}`", last.about.label),
+        (None, None) => "before the first capture".into(),
+    }
+}

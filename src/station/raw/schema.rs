@@ -1,0 +1,88 @@
+//! The descriptors of the four messages, as protobuf describes itself (google/protobuf/descriptor.proto).
+
+use super::Topic;
+use super::proto::Fields;
+
+/// Types of fields: numbers of `FieldDescriptorProto.Type`.
+#[derive(Clone, Copy)]
+enum Type {
+    Double = 1,
+    Uint64 = 4,
+    String = 9,
+    Bytes = 12,
+    Uint32 = 13,
+    Sint32 = 17,
+}
+
+/// `LABEL_OPTIONAL`, which every field of proto3 has.
+const OPTIONAL: u64 = 1;
+
+/// Fields in the order of their numbers, from 1, as `docs/raw.proto` has them.
+fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
+    use Type::{Bytes, Double, Sint32, String, Uint32, Uint64};
+    match topic {
+        Topic::Capture => &[
+            ("edge", Uint32),
+            ("label", String),
+            ("series", Uint32),
+            ("rate_hz", Uint32),
+            ("pose", String),
+            ("up_x", Double),
+            ("up_y", Double),
+            ("up_z", Double),
+            ("heading_deg", Double),
+            ("axis", Uint32),
+            ("angle_deg", Double),
+            ("span_s", Double),
+            ("rate_dps", Double),
+            ("along", String),
+            ("received", Uint32),
+            ("lost_on_board", Uint32),
+            ("lost_on_line", Uint32),
+        ],
+        Topic::Imu => &[
+            ("number", Uint32),
+            ("board_time_us", Uint64),
+            ("gyro_x", Sint32),
+            ("gyro_y", Sint32),
+            ("gyro_z", Sint32),
+            ("accel_x", Sint32),
+            ("accel_y", Sint32),
+            ("accel_z", Sint32),
+            ("mag_x", Sint32),
+            ("mag_y", Sint32),
+            ("mag_z", Sint32),
+            ("gyro_temperature", Sint32),
+            ("accel_temperature", Sint32),
+        ],
+        Topic::Gnss => &[("board_time_us", Uint64), ("data", Bytes)],
+        Topic::Pps => &[("board_time_ns", Uint64)],
+    }
+}
+
+/// A `FileDescriptorSet` with the one file that declares the topic's message.
+pub(super) fn descriptor_set(topic: Topic) -> Vec<u8> {
+    let name = topic.message().trim_start_matches("gnc.");
+    let message = build(|message| {
+        message.bytes(1, name.as_bytes());
+        for (number, (field, kind)) in (1..).zip(fields(topic)) {
+            let field = build(|out| {
+                out.bytes(1, field.as_bytes()).unsigned(3, number).unsigned(4, OPTIONAL).unsigned(5, *kind as u64);
+            });
+            message.bytes(2, &field);
+        }
+    });
+    let file = build(|file| {
+        file.bytes(1, format!("gnc/{name}.proto").as_bytes()).bytes(2, b"gnc").bytes(4, &message);
+        file.bytes(12, b"proto3");
+    });
+    build(|set| {
+        set.bytes(1, &file);
+    })
+}
+
+fn build(put: impl FnOnce(&mut Fields<'_>)) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    put(&mut Fields(&mut bytes));
+    bytes
+}

@@ -1,0 +1,151 @@
+//! Writes captures, piece by piece as they come.
+
+use std::io::{Seek, Write};
+
+use gnc_protocol::stream::ImuSample;
+use mcap::records::MessageHeader;
+use mcap::{McapResult, WriteOptions};
+
+use super::Topic;
+use super::mark::Mark;
+use super::sample::{Numbered, put_bytes, put_edge};
+use super::schema::descriptor_set;
+use crate::board::stream::Losses;
+use crate::capture::About;
+
+/// What comes of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Piece {
+    /// It begins.
+    Begin {
+        /// What it is of.
+        about: About,
+        /// Board time of its first sample.
+        board_time_us: u64,
+    },
+    /// Samples of the IMU without a gap between them.
+    Imu {
+        /// Number of the first one in the capture.
+        first: u32,
+        /// Board time of the first one.
+        board_time_us: u64,
+        /// Samples a second.
+        rate_hz: u16,
+        /// The samples.
+        samples: Vec<ImuSample>,
+    },
+    /// Bytes of the satellite receiver.
+    Gnss {
+        /// Board time of the first one.
+        board_time_us: u64,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// Edges of the 1PPS, board time in nanoseconds.
+    Pps(Vec<u64>),
+    /// It ends.
+    End {
+        /// What is missing.
+        losses: Losses,
+        /// Board time of its end.
+        board_time_us: u64,
+    },
+}
+
+/// A file that is being written. What was flushed can be read, also if nothing more follows.
+pub struct RawWriter<W: Write + Seek> {
+    out: mcap::Writer<W>,
+    message: Vec<u8>,
+    sequence: [u32; Topic::ALL.len()],
+}
+
+impl<W: Write + Seek> std::fmt::Debug for RawWriter<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RawWriter").field("sequence", &self.sequence).finish_non_exhaustive()
+    }
+}
+
+impl<W: Write + Seek> RawWriter<W> {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn new(out: W) -> McapResult<Self> {
+        let program = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
+        // Append only, so that what was written stays good whatever comes; no threads beside the one that writes.
+        let options = WriteOptions::new().library(program).disable_seeking(true).compression_threads(0);
+        let mut out = options.create(out)?;
+        for topic in Topic::ALL {
+            out.add_schema_with_id(topic as u16, topic.message(), "protobuf", &descriptor_set(topic))?;
+            out.add_channel_with_id(topic as u16, topic as u16, topic.name(), "protobuf", &Default::default())?;
+        }
+        Ok(Self { out, message: Vec::new(), sequence: [0; Topic::ALL.len()] })
+    }
+
+    /// Writes a piece.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&mut self, piece: Piece) -> McapResult<()> {
+        match piece {
+            Piece::Begin { about, board_time_us } => {
+                Mark::Begin(about).put(&mut self.message);
+                self.message(Topic::Capture, nanoseconds(board_time_us))
+            }
+            Piece::End { losses, board_time_us } => {
+                Mark::End(losses).put(&mut self.message);
+                self.message(Topic::Capture, nanoseconds(board_time_us))
+            }
+            Piece::Imu { first, board_time_us, rate_hz, samples } => {
+                for (index, sample) in (0u32..).zip(samples) {
+                    let board_time_us =
+                        board_time_us.saturating_add(u64::from(index) * 1_000_000 / u64::from(rate_hz.max(1)));
+                    let number = first.saturating_add(index);
+                    Numbered { number, board_time_us, sample }.put(&mut self.message);
+                    self.message(Topic::Imu, nanoseconds(board_time_us))?;
+                }
+                Ok(())
+            }
+            Piece::Gnss { board_time_us, bytes } => {
+                put_bytes(&mut self.message, board_time_us, &bytes);
+                self.message(Topic::Gnss, nanoseconds(board_time_us))
+            }
+            Piece::Pps(edges_ns) => edges_ns.into_iter().try_for_each(|board_time_ns| {
+                put_edge(&mut self.message, board_time_ns);
+                self.message(Topic::Pps, board_time_ns)
+            }),
+        }
+    }
+
+    /// Hands everything on to what lies below.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn flush(&mut self) -> McapResult<()> {
+        self.out.flush()
+    }
+
+    /// Writes the summary and the end, and gives back what lies below.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn finish(mut self) -> McapResult<W> {
+        self.out.finish()?;
+        Ok(self.out.into_inner())
+    }
+
+    fn message(&mut self, topic: Topic, time_ns: u64) -> McapResult<()> {
+        let sequence = &mut self.sequence[topic as usize - 1];
+        let header =
+            MessageHeader { channel_id: topic as u16, sequence: *sequence, log_time: time_ns, publish_time: time_ns };
+        *sequence = sequence.wrapping_add(1);
+        let written = self.out.write_to_known_channel(&header, &self.message);
+        self.message.clear();
+        written
+    }
+}
+
+/// Good for 584 years of board time.
+fn nanoseconds(us: u64) -> u64 {
+    us.saturating_mul(1000)
+}

@@ -1,0 +1,124 @@
+//! `gnc-station recompute RUN`: all figures and verdicts of a run once more, from its raw record and its plan alone.
+
+mod again;
+mod differences;
+mod source;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use gnc_executive::event::{Event, PlanInfo, Recomputed};
+use gnc_executive::plan::Plan;
+use gnc_executive::printable::printable;
+use gnc_executive::state::RunState;
+
+use crate::cli::{complain, refuse};
+use crate::files;
+use crate::records::{no_such, resolve};
+use crate::runner::chain;
+use crate::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
+use again::Again;
+use source::{Run, RunError};
+
+/// Exit code where something is not as it was.
+const DIFFERS: u8 = 1;
+
+/// What `--help` says of exit codes.
+pub(crate) const EXIT_CODES: &str = "\
+Exit codes without --plan:
+  0  everything came out as it was, bit for bit
+  1  something differs, or the record is not as it was written
+  2  the run cannot be recomputed
+Exit codes with --plan: those of a run, by the verdict under the other plan.";
+
+/// Judges a run again; with another plan into a new folder beside it.
+pub(crate) fn run(run: &Path, records: &Path, plan: Option<&Path>) -> ExitCode {
+    let folder = match resolve(records, run) {
+        Ok(mut folders) => match folders.pop() {
+            Some(newest) => newest,
+            None => return no_such(run),
+        },
+        Err(error) => return refuse(chain(&error), error.try_this()),
+    };
+    let done = match plan {
+        None => same(&folder),
+        Some(plan) => other(&folder, plan),
+    };
+    done.unwrap_or_else(|error| refuse(chain(&error), error.try_this()))
+}
+
+fn same(folder: &Path) -> Result<ExitCode, RunError> {
+    // A sample that was changed is told by the digests, also where no figure depends on it.
+    let problems = reader::verify(folder);
+    let run = Run::read(folder)?;
+    let plan = run.recorded_plan()?;
+    let again = again::judge(&run, &plan, None)?;
+    let mut out = std::io::stdout().lock();
+    for line in problems.iter().map(|problem| format!("record: {problem}")).chain(again.differences.iter().cloned()) {
+        let _ = writeln!(out, "{}", printable(&line));
+    }
+    let _ = writeln!(out, "{}: {}", folder.display(), again.summary());
+    if problems.is_empty() && again.differences.is_empty() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let try_this = match problems.is_empty() {
+        true => "compare the program's version with that of the record; report this if it is the same",
+        false => "restore what was changed from a backup",
+    };
+    complain("the run does not come out as it was", try_this);
+    Ok(ExitCode::from(DIFFERS))
+}
+
+fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
+    let plan = files::plan(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
+    let run = Run::read(folder)?;
+    let of = Recomputed {
+        run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        journal_sha256: digest::of_file(&folder.join(JOURNAL))?,
+    };
+    let again = again::judge(&run, &plan, Some(of))?;
+    let path = file(folder, &plan, &again)?;
+    let mut out = std::io::stdout().lock();
+    for line in &again.differences {
+        let _ = writeln!(out, "{}", printable(line));
+    }
+    let _ = writeln!(out, "{}, judged by {} {}: {}", folder.display(), plan.name, plan.version, again.outcome);
+    let _ = writeln!(out, "record: {}", path.display());
+    Ok(ExitCode::from(again.outcome.exit_code()))
+}
+
+/// Files the new judgement beside the run.
+fn file(folder: &Path, plan: &Plan, again: &Again) -> Result<PathBuf, RunError> {
+    let beside = RunFolder::beside(folder, "recomputed")?;
+    let path = beside.path().to_owned();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime =
+        runtime.map_err(|source| StoreError::File { what: "start a thread for", path: path.clone(), source })?;
+    runtime.block_on(write(Scribe::start(beside, plan, Vec::new())?, &again.events))?;
+    Ok(path)
+}
+
+async fn write(scribe: Scribe, events: &[Event]) -> Result<(), StoreError> {
+    let state = scribe.state();
+    for event in events {
+        let place = scribe.place().await?;
+        state.lock().unwrap_or_else(std::sync::PoisonError::into_inner).apply(event).map_err(StoreError::OutOfOrder)?;
+        place.write(event.clone(), false).synced().await?;
+    }
+    scribe.close().await
+}
+
+/// A plan as a record names it.
+fn info(plan: &Plan) -> PlanInfo {
+    PlanInfo { name: plan.name.clone(), version: plan.version.clone(), sha256: digest::of_plan(plan.files()) }
+}
+
+/// The fold over some events, for its outcome.
+fn fold(events: &[Event]) -> Result<RunState, RunError> {
+    let mut state = RunState::new();
+    for event in events {
+        state.apply(event).map_err(|source| RunError::OutOfOrder { source })?;
+    }
+    Ok(state)
+}

@@ -1,0 +1,361 @@
+//! The events of a run once more: what was captured stays, what was worked out and judged is worked out and judged anew.
+
+use std::collections::BTreeMap;
+
+use gnc_executive::event::{AttemptError, Event, EventKind, Program, Recomputed};
+use gnc_executive::measurement::{Measurement, Reading, Value};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::{Plan, PlanItem};
+use gnc_executive::quantity::Unit;
+
+use super::differences::{of_details, of_measurements};
+use super::source::{Run, RunError};
+use super::{fold, info};
+use crate::capture::Capture;
+use crate::figures::{self, FigureError, Findings, Question};
+use crate::motion::{self, Step};
+use crate::runner::chain;
+use crate::store::captures;
+
+/// A run, judged again.
+pub(super) struct Again {
+    pub(super) events: Vec<Event>,
+    pub(super) outcome: Outcome,
+    /// What is not as it was.
+    pub(super) differences: Vec<String>,
+    measurements: usize,
+    /// Attempts whose figures were worked out from raw samples.
+    captured: usize,
+    /// Attempts whose raw samples are not all there, so that their figures stay as they were.
+    incomplete: usize,
+}
+
+impl Again {
+    pub(super) fn summary(&self) -> String {
+        let Self { measurements, captured, incomplete, .. } = self;
+        let same = match self.differences.is_empty() {
+            true => "the same, bit for bit",
+            false => "not the same",
+        };
+        let left = match incomplete {
+            0 => String::new(),
+            count => format!("; {count} attempts have no whole raw record and stay as they were"),
+        };
+        format!("{same}: {measurements} measurements, {captured} attempts from raw samples{left}")
+    }
+}
+
+/// Judges all events of a run by a plan. `of` names the run where the plan is another one.
+pub(super) fn judge(run: &Run, plan: &Plan, of: Option<Recomputed>) -> Result<Again, RunError> {
+    check_items(run, plan)?;
+    let again = Again {
+        events: Vec::with_capacity(run.events.len()),
+        outcome: Outcome::Errored,
+        differences: Vec::new(),
+        measurements: 0,
+        captured: 0,
+        incomplete: 0,
+    };
+    let mut judge =
+        Judge { run, plan, of, again, findings: BTreeMap::new(), attempts: BTreeMap::new(), over: Vec::new() };
+    for event in &run.events {
+        judge.take(event)?;
+    }
+    judge.again.outcome = fold(&judge.again.events)?.outcome_so_far();
+    if let Some(EventKind::RunEnded { outcome }) = judge.again.events.last().map(|event| &event.kind) {
+        judge.again.outcome = *outcome;
+    }
+    Ok(judge.again)
+}
+
+/// The plan has the items of the run, in its order.
+fn check_items(run: &Run, plan: &Plan) -> Result<(), RunError> {
+    let Some(EventKind::RunStarted { items, .. }) = run.events.first().map(|event| &event.kind) else { return Ok(()) };
+    let same = items.len() == plan.items().len()
+        && items.iter().zip(plan.items()).all(|(was, is)| was.name == is.name && was.id == is.id);
+    if same {
+        return Ok(());
+    }
+    let names = |mut names: Vec<&str>| {
+        names.truncate(20);
+        names.join(", ")
+    };
+    let was = names(items.iter().map(|item| item.name.as_str()).collect());
+    let is = names(plan.items().iter().map(|item| item.name.as_str()).collect());
+    Err(RunError::Unfit { what: format!("the run has {was}; the plan has {is}") })
+}
+
+struct Judge<'a> {
+    run: &'a Run,
+    plan: &'a Plan,
+    of: Option<Recomputed>,
+    again: Again,
+    findings: BTreeMap<usize, Findings>,
+    /// Of each item the attempt that runs or ran last: its number, and what was recorded of it.
+    attempts: BTreeMap<usize, Recorded>,
+    /// Positions of the items that have ended.
+    over: Vec<usize>,
+}
+
+/// What was recorded of an attempt, and what is now in its place.
+#[derive(Default)]
+struct Recorded {
+    attempt: u32,
+    measured: Vec<Measurement>,
+    details: Vec<serde_json::Value>,
+    now: Vec<Measurement>,
+    outcome: Option<Outcome>,
+}
+
+impl Judge<'_> {
+    fn take(&mut self, event: &Event) -> Result<(), RunError> {
+        match &event.kind {
+            EventKind::RunStarted { header, items } => {
+                let mut header = header.clone();
+                if self.of.is_some() {
+                    header.plan = info(self.plan);
+                    header.recomputed.clone_from(&self.of);
+                    let version = env!("CARGO_PKG_VERSION").to_owned();
+                    header.program = Program { name: env!("CARGO_PKG_NAME").to_owned(), version };
+                }
+                self.emit(event, EventKind::RunStarted { header, items: items.clone() });
+            }
+            EventKind::ItemStarted { item, attempt } => {
+                let recorded = Recorded { attempt: *attempt, ..Recorded::default() };
+                self.attempts.insert(self.position(item)?, recorded);
+                self.emit(event, event.kind.clone());
+            }
+            EventKind::Measured { item, measurement, .. } => {
+                let position = self.position(item)?;
+                self.recorded(position).measured.push(measurement.clone());
+            }
+            EventKind::Found { item, details, .. } => {
+                let position = self.position(item)?;
+                self.recorded(position).details.push(details.clone());
+            }
+            EventKind::AttemptEnded { item, attempt, outcome, error } => {
+                let position = self.position(item)?;
+                self.attempt_ended(event, position, *attempt, *outcome, error.as_ref())?;
+            }
+            EventKind::ItemEnded { item, outcome, cause } => {
+                let position = self.position(item)?;
+                self.over.push(position);
+                let outcome = self.attempts.get(&position).and_then(|recorded| recorded.outcome).unwrap_or(*outcome);
+                let (item, cause) = (item.clone(), cause.clone());
+                self.emit(event, EventKind::ItemEnded { item, outcome, cause });
+            }
+            EventKind::RunEnded { outcome } => {
+                // What was held against the run beside its items stays.
+                let before = fold(&self.run.events)?.outcome_so_far();
+                let now = fold(&self.again.events)?.outcome_so_far();
+                let beside = (*outcome != before).then_some(*outcome);
+                let now = Outcome::worst(beside.into_iter().chain([now])).unwrap_or(now);
+                self.differs(now != *outcome, || format!("the run was {outcome}, is {now}"));
+                self.emit(event, EventKind::RunEnded { outcome: now });
+            }
+            other => self.emit(event, other.clone()),
+        }
+        Ok(())
+    }
+
+    fn attempt_ended(
+        &mut self,
+        event: &Event,
+        position: usize,
+        attempt: u32,
+        outcome: Outcome,
+        error: Option<&AttemptError>,
+    ) -> Result<(), RunError> {
+        let item = &self.plan.items()[position];
+        let mut error = error.cloned();
+        match self.work_out(item, position, attempt)? {
+            Figures::Recorded => {
+                let measured = std::mem::take(&mut self.recorded(position).measured);
+                for was in &measured {
+                    self.measured(event, item, position, attempt, &was.name, &value_of(was), was.repeat.unwrap_or(1));
+                }
+                self.recorded(position).measured = measured;
+                for details in self.recorded(position).details.clone() {
+                    self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details });
+                }
+            }
+            Figures::WorkedOut(rounds) => {
+                self.again.captured += 1;
+                let mut details = Vec::new();
+                for (repeat, round) in (1..).zip(rounds) {
+                    match round {
+                        Ok(findings) => {
+                            for (name, value) in &findings.measured {
+                                self.measured(event, item, position, attempt, name, value, repeat);
+                            }
+                            details.push(findings.details.clone());
+                            let (item, found) = (item.name.clone(), findings.details.clone());
+                            self.emit(event, EventKind::Found { item, attempt, details: found });
+                            self.findings.insert(position, findings);
+                        }
+                        Err(refused) => error = Some(self.refused(item, attempt, error.as_ref(), &refused)),
+                    }
+                }
+                let before = std::mem::take(&mut self.recorded(position).details);
+                let found = of_details(&before, &details);
+                self.differ(item, attempt, found);
+            }
+        }
+        let recorded = self.recorded(position);
+        let (before, now) = (std::mem::take(&mut recorded.measured), recorded.now.clone());
+        let found = of_measurements(&before, &now);
+        self.differ(item, attempt, found);
+        self.again.measurements += now.len();
+        let judged = outcome_of(item, &now, outcome, error.as_ref());
+        self.recorded(position).outcome = Some(judged);
+        let name = item.name.clone();
+        self.differs(judged != outcome, || format!("{name}, attempt {attempt} was {outcome}, is {judged}"));
+        self.emit(event, EventKind::AttemptEnded { item: name, attempt, outcome: judged, error });
+        Ok(())
+    }
+
+    /// An analysis that refuses the captures: as it did, or it did not.
+    fn refused(
+        &mut self,
+        item: &PlanItem,
+        attempt: u32,
+        was: Option<&AttemptError>,
+        refused: &FigureError,
+    ) -> AttemptError {
+        let text = chain(refused);
+        let as_before = was.is_some_and(|was| was.text == text);
+        self.differs(!as_before, || format!("{}, attempt {attempt}: {text}", item.name));
+        AttemptError { text, hint: refused.try_this().to_owned(), again: false }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "where the value belongs takes that many words")]
+    fn measured(
+        &mut self,
+        event: &Event,
+        item: &PlanItem,
+        position: usize,
+        attempt: u32,
+        name: &str,
+        value: &Value,
+        repeat: u32,
+    ) {
+        let measurement = item.judge(name, value, repeat, &self.run.header.serial_number);
+        self.recorded(position).now.push(measurement.clone());
+        self.emit(event, EventKind::Measured { item: item.name.clone(), attempt, measurement });
+    }
+
+    /// Figures from the raw samples of an attempt, one for each round.
+    fn work_out(&mut self, item: &PlanItem, position: usize, attempt: u32) -> Result<Figures, RunError> {
+        let program = motion::program(item.id, &item.params)?;
+        let source = item.params.source("of").ok().flatten();
+        let mut rounds = Vec::new();
+        for repeat in 1..=item.repeats {
+            let captures = match (&program, source) {
+                (Some(program), _) => self.captures(position, attempt, repeat, Some(program))?,
+                (None, Some(other)) => {
+                    let other = self.position(other)?;
+                    let attempt = self.attempts.get(&other).map_or(1, |recorded| recorded.attempt);
+                    self.captures(other, attempt, 1, None)?
+                }
+                (None, None) => return Ok(Figures::Recorded),
+            };
+            let Some(captures) = captures else {
+                self.again.incomplete += 1;
+                return Ok(Figures::Recorded);
+            };
+            let earlier = self.earlier();
+            let question = Question {
+                params: &item.params,
+                site: self.run.header.site.as_ref(),
+                captures: &captures,
+                earlier: &earlier,
+            };
+            rounds.push(figures::analyse(item.id, &question));
+        }
+        Ok(Figures::WorkedOut(rounds))
+    }
+
+    /// The captures of a round; `None` if they are not all there, since the attempt came to no end.
+    fn captures(
+        &self,
+        position: usize,
+        attempt: u32,
+        repeat: u32,
+        program: Option<&motion::Program>,
+    ) -> Result<Option<Vec<Capture>>, RunError> {
+        let name = &self.plan.items()[position].name;
+        let path = captures::path(&self.run.folder, position, name, attempt, repeat);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let record = captures::read(&path)?;
+        let is_capture =
+            |step: &&Step| matches!(step, Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. });
+        let planned = program.map(|program| program.steps.iter().filter(is_capture).count());
+        let lost = record.captures.iter().any(|capture| capture.losses.any());
+        let whole = !record.cut_off && record.unfinished.is_none() && !lost;
+        let complete = whole && planned.is_none_or(|planned| planned == record.captures.len());
+        Ok(complete.then_some(record.captures))
+    }
+
+    fn earlier(&self) -> Vec<(String, Findings)> {
+        let ended = self.findings.iter().filter(|(position, _)| self.over.contains(position));
+        ended.map(|(position, found)| (self.plan.items()[*position].name.clone(), found.clone())).collect()
+    }
+
+    fn position(&self, item: &str) -> Result<usize, RunError> {
+        let position = self.plan.items().iter().position(|planned| planned.name == item);
+        position.ok_or_else(|| RunError::Unfit { what: format!("it has no item {item}") })
+    }
+
+    fn recorded(&mut self, position: usize) -> &mut Recorded {
+        self.attempts.entry(position).or_default()
+    }
+
+    fn differs(&mut self, differs: bool, text: impl FnOnce() -> String) {
+        if differs {
+            self.again.differences.push(text());
+        }
+    }
+
+    fn differ(&mut self, item: &PlanItem, attempt: u32, found: Vec<String>) {
+        let lines = found.into_iter().map(|text| format!("{}, attempt {attempt}: {text}", item.name));
+        self.again.differences.extend(lines);
+    }
+
+    fn emit(&mut self, event: &Event, kind: EventKind) {
+        let seq = self.again.events.len() as u64;
+        self.again.events.push(Event { seq, at: event.at, elapsed_us: event.elapsed_us, kind });
+    }
+}
+
+enum Figures {
+    /// Nothing can be worked out: what was measured is judged as it stands.
+    Recorded,
+    /// From raw samples.
+    WorkedOut(Vec<Result<Findings, FigureError>>),
+}
+
+/// The outcome of an attempt: by its measurements, unless something ended it.
+fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Option<&AttemptError>) -> Outcome {
+    let violates = measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed));
+    match was {
+        Outcome::Aborted => Outcome::Aborted,
+        _ if error.is_none() => item.attempt_outcome(measured),
+        _ if violates => Outcome::Failed,
+        other => other,
+    }
+}
+
+/// The value of a measurement as it was measured.
+fn value_of(measurement: &Measurement) -> Value {
+    let unit = measurement.unit.unwrap_or(Unit::Count);
+    match (&measurement.value, measurement.raw.as_deref()) {
+        (Reading::Number(number), _) => Value::number(*number, unit),
+        (Reading::Text(text), _) => Value::text(text.clone()),
+        (Reading::Null, Some("NaN")) => Value::number(f64::NAN, unit),
+        (Reading::Null, Some("inf")) => Value::number(f64::INFINITY, unit),
+        (Reading::Null, Some("-inf")) => Value::number(f64::NEG_INFINITY, unit),
+        (Reading::Null, raw) => Value::NotAvailable(raw.unwrap_or_default().to_owned()),
+    }
+}

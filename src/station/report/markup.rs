@@ -1,0 +1,110 @@
+//! HTML, written so that no text can become markup.
+
+use std::fmt::{self, Write as _};
+
+/// A text from anywhere as the content of an element or an attribute.
+///
+/// The five characters that mean something are escaped, and control characters (a terminal escape of a board, a null)
+/// are shown as the replacement character.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Text<'a>(pub(super) &'a str);
+
+impl fmt::Display for Text<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for character in self.0.chars() {
+            match character {
+                '&' => f.write_str("&amp;")?,
+                '<' => f.write_str("&lt;")?,
+                '>' => f.write_str("&gt;")?,
+                '"' => f.write_str("&quot;")?,
+                '\'' => f.write_str("&#39;")?,
+                '\n' | '\t' => f.write_char(' ')?,
+                // Those that turn the direction of a line, too: a serial number must read as it is.
+                '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => f.write_char('\u{fffd}')?,
+                character if character.is_control() => f.write_char('\u{fffd}')?,
+                character => f.write_char(character)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Nothing is loaded from anywhere, whatever a text would like: the page says so to the browser.
+const HEAD: &str = r#"<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+"#;
+
+const STYLE: &str = include_str!("style.css");
+
+/// A page that grows from top to bottom.
+#[derive(Debug)]
+pub(super) struct Page(String);
+
+impl Page {
+    pub(super) fn new(title: &str) -> Self {
+        Self(format!("{HEAD}<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n", Text(title)))
+    }
+
+    pub(super) fn finish(mut self) -> String {
+        self.0.push_str("</body>\n</html>\n");
+        self.0
+    }
+
+    /// An element with a text. Tags and classes are words of this program.
+    pub(super) fn element(&mut self, tag: &'static str, class: &'static str, text: &str) {
+        self.tag(tag, class);
+        // Writing to a String cannot fail, here and below.
+        let _ = writeln!(self.0, "{}</{tag}>", Text(text));
+    }
+
+    pub(super) fn open(&mut self, tag: &'static str, class: &'static str) {
+        self.tag(tag, class);
+        self.0.push('\n');
+    }
+
+    pub(super) fn close(&mut self, tag: &'static str) {
+        let _ = writeln!(self.0, "</{tag}>");
+    }
+
+    /// A heading that can be jumped to.
+    pub(super) fn heading(&mut self, text: &str, anchor: &str) {
+        let _ = writeln!(self.0, "<h2 id=\"{}\">{}</h2>", Text(anchor), Text(text));
+    }
+
+    /// A cell that leads to a heading.
+    pub(super) fn link(&mut self, text: &str, anchor: &str) {
+        let _ = writeln!(self.0, "<td><a href=\"#{}\">{}</a></td>", Text(anchor), Text(text));
+    }
+
+    /// A row of a table.
+    pub(super) fn row(&mut self, cell: &'static str, texts: &[&str]) {
+        self.open("tr", "");
+        for text in texts {
+            self.element(cell, "", text);
+        }
+        self.close("tr");
+    }
+
+    /// A picture that this program drew.
+    pub(super) fn picture(&mut self, svg: &str) {
+        self.0.push_str("<figure>\n");
+        self.0.push_str(svg);
+        self.0.push_str("</figure>\n");
+    }
+
+    /// A cell with a picture that this program drew.
+    pub(super) fn picture_cell(&mut self, svg: &str) {
+        let _ = writeln!(self.0, "<td>{svg}</td>");
+    }
+
+    fn tag(&mut self, tag: &'static str, class: &'static str) {
+        let _ = match class {
+            "" => write!(self.0, "<{tag}>"),
+            class => write!(self.0, "<{tag} class=\"{class}\">"),
+        };
+    }
+}

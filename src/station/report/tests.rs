@@ -1,0 +1,118 @@
+//! The page as a function of the record: what it must say, and what no text may do to it.
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::event::{Bench, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Program, RunHeader};
+use gnc_executive::limit::{Kind, Limit};
+use gnc_executive::measurement::{Measurement, Value};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::Phase;
+use gnc_executive::quantity::{Dimension, Unit};
+use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
+use serde_json::json;
+
+use super::*;
+
+const HOSTILE: &str = "<script>alert(1)</script>\u{1b}[2J\u{202e}\"'&";
+
+/// A run of one item with one value of 2 deg/s against 0 to 1.
+fn record(serial_number: &str) -> RunRecord {
+    let header = RunHeader {
+        schema: EVENTS_SCHEMA.to_owned(),
+        serial_number: serial_number.to_owned(),
+        operator: Some(HOSTILE.to_owned()),
+        station: "line-2".to_owned(),
+        program: Program { name: "gnc-station".to_owned(), version: "0".to_owned() },
+        bench: Bench::simulated("good", "max", 1),
+        plan: PlanInfo { name: "functional".to_owned(), version: "1.0".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
+        selection: None,
+        looped: None,
+    };
+    let planned = PlannedItem {
+        name: "imu".to_owned(),
+        id: ItemId::Imu,
+        title: "IMU at rest".to_owned(),
+        phase: Phase::Test,
+        optional: false,
+        selected: true,
+    };
+    let limit = Limit::parse("0 .. 1 deg/s", Kind::Number(Dimension::AngularRate)).expect("a limit");
+    let value = Value::number(2.0, Unit::DegreePerSecond);
+    let measurement = Measurement::judge("gyro_x", &value, Unit::DegreePerSecond, Some(&limit), serial_number);
+    let item = || "imu".to_owned();
+    let kinds = [
+        EventKind::RunStarted { header: Box::new(header), items: vec![planned] },
+        EventKind::ItemStarted { item: item(), attempt: 1 },
+        EventKind::Measured { item: item(), attempt: 1, measurement },
+        EventKind::AttemptEnded { item: item(), attempt: 1, outcome: Outcome::Failed, error: None },
+        EventKind::ItemEnded { item: item(), outcome: Outcome::Failed, cause: None },
+        EventKind::RunEnded { outcome: Outcome::Failed },
+    ];
+    let mut state = RunState::new();
+    for (seq, kind) in (0..).zip(kinds) {
+        let at = chrono::DateTime::UNIX_EPOCH.fixed_offset();
+        state.apply(&Event { seq, at, elapsed_us: seq * 1000, kind }).expect("in order");
+    }
+    RunRecord::from_state(&state).expect("a run")
+}
+
+#[test]
+fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
+    let page = html(&record("SN-1"), &[("events.jsonl".to_owned(), "ab".repeat(32))]);
+    for expected in [
+        "FAILED SN-1",
+        "SIMULATED BENCH (good): no evidence about any module",
+        "gyro_x 2 deg/s (0 .. 1 deg/s)",
+        "Is the module at rest?",
+        "events.jsonl",
+    ] {
+        assert!(page.contains(expected), "{expected} is missing");
+    }
+}
+
+/// A serial number with markup, an escape sequence and a turned direction: the page holds its letters and none of them.
+#[test]
+fn no_text_becomes_markup() {
+    let page = html(&record(HOSTILE), &[]);
+    assert!(!page.contains("<script"), "markup got through");
+    assert!(!page.contains(['\u{1b}', '\u{202e}']), "a control character got through");
+    assert!(page.contains("&lt;script&gt;alert(1)&lt;/script&gt;"));
+}
+
+/// Nothing in the page names another place.
+#[test]
+fn the_page_needs_no_network() {
+    let mut record = record("SN-1");
+    record.items[0].attempts[0].details = vec![json!({ "plots": [{ "title": "t", "series": [] }] })];
+    let page = html(&record, &[]).replace("http://www.w3.org/2000/svg", "");
+    for place in ["http:", "https:", "src=", "url(", "@import"] {
+        assert!(!page.contains(place), "{place}");
+    }
+}
+
+#[test]
+fn details_are_tables_matrices_and_pictures() {
+    let mut record = record("SN-1");
+    record.items[0].attempts[0].details = vec![json!({
+        "equation": "f = M N + b",
+        "matrix": [[1.0, 0.25], [0.0, 1.0]],
+        "budget": [{ "source": HOSTILE, "value": 1.5e-7 }, { "source": "angle", "type": "B" }],
+        "plots": [{ "title": HOSTILE, "x": "s", "y": "deg/h", "log": [true, true],
+                    "series": [{ "name": "x", "mark": "bars", "points": [[1.0, 2.0]], "bars": [[1.5, 2.5]] }] }],
+        "nothing": null,
+    })];
+    let page = html(&record, &[]);
+    for expected in ["f = M N + b", ">0.25<", "1.50000e-7", "<svg", "not available", ">type<"] {
+        assert!(page.contains(expected), "{expected} is missing");
+    }
+    assert!(!page.contains("<script"));
+}
+
+#[test]
+fn numbers_keep_their_digits() {
+    for (value, text) in [(0.1, "0.1"), (1234.5678, "1234.57"), (1e-9, "1.00000e-9"), (-0.0, "0"), (2e6, "2000000")] {
+        assert_eq!(number(value), text);
+    }
+}

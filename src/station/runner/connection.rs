@@ -1,0 +1,124 @@
+//! The board's session: found, its module switched on, and made safe at the end.
+
+use std::time::Duration;
+
+use chrono::Utc;
+use gnc_executive::event::{Board as BoardEvent, EventKind, Level, Power};
+use gnc_protocol::PROTOCOL_VERSION;
+use gnc_protocol::message::{MakeSafe, ModulePower};
+use tokio::sync::watch;
+use tokio::time::timeout;
+
+use super::{Run, chain};
+use crate::board::{Board, BoardError, Readings};
+use crate::link::{Link, LinkError, Target};
+use crate::store::StoreError;
+
+/// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
+pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
+
+/// Why there is no board to work with.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    #[error(transparent)]
+    Open(#[from] LinkError),
+    #[error(transparent)]
+    Board(#[from] BoardError),
+}
+
+impl ConnectError {
+    pub(super) fn try_this(&self) -> &'static str {
+        match self {
+            Self::Open(error) => error.try_this(),
+            Self::Board(error) => error.try_this(),
+        }
+    }
+}
+
+pub(super) async fn connect(target: &Target, readings: &watch::Sender<Readings>) -> Result<Board, ConnectError> {
+    let link = Link::open(target)?;
+    Ok(Board::connect(link, nonce(), readings.clone()).await?)
+}
+
+/// Another number each time, so that a board never takes a new session for the old one.
+pub(super) fn nonce() -> u32 {
+    let now = Utc::now();
+    now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
+}
+
+impl Run<'_> {
+    pub(super) async fn found(&self, board: &Board) -> Result<(), StoreError> {
+        let hello = board.hello();
+        let link = self.order.target.to_string();
+        self.journal
+            .emit(EventKind::BoardFound(BoardEvent {
+                board_serial: hello.serial.as_str().to_owned(),
+                firmware: hello.firmware.as_str().to_owned(),
+                protocol: u16::from(PROTOCOL_VERSION),
+                boot_id: format!("{:08x}", hello.boot_id),
+                link,
+            }))
+            .await
+    }
+
+    pub(super) async fn power_on(&self, board: &Board, item: Option<&str>) -> Result<bool, StoreError> {
+        let desk = self.own_desk(board);
+        let switched = tokio::select! {
+            biased;
+            asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
+            switched = desk.call(&ModulePower { on: 1 }) => Ok(switched),
+        };
+        match switched {
+            Err(asked) => {
+                self.stop_in_order(asked).await?;
+                Ok(false)
+            }
+            Ok(Ok(supply)) => {
+                let power = Power {
+                    on: true,
+                    supply: "slave board".into(),
+                    voltage_v: Some(f64::from(supply.supply_uv) * 1e-6),
+                    current_a: Some(f64::from(supply.supply_ua) * 1e-6),
+                };
+                self.journal.emit(EventKind::Power(power)).await?;
+                Ok(true)
+            }
+            Ok(Err(error)) => {
+                let text = format!("the module cannot be switched on: {}; {}", chain(&error), error.try_this());
+                self.note(Level::Error, text, item).await?;
+                Ok(false)
+            }
+        }
+    }
+
+    /// Module off, streams stopped, lines released.
+    pub(super) async fn make_safe(&self, board: Board) -> Result<(), StoreError> {
+        let safe = if self.link_lost.get() {
+            Ok(Err(BoardError::Gone { reason: "the link was lost".into() }))
+        } else {
+            timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
+        };
+        let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
+        match safe {
+            Ok(Ok(())) => {
+                let power = Power { on: false, supply: "slave board".into(), voltage_v: None, current_a: None };
+                self.journal.emit(EventKind::Power(power)).await?;
+            }
+            Ok(Err(_)) | Err(_) => {
+                let text = "the board did not confirm that it is safe; its watchdog makes it so within 2 s";
+                self.note(Level::Warning, text.into(), None).await?;
+            }
+        }
+        let received = report.received;
+        let damaged = received.bad_checksum + received.malformed;
+        if damaged + received.missing + report.resent + report.stale > 0 {
+            let text = format!(
+                "the line was not clean: {} frames received, {damaged} damaged, {} missing, {} late or twice; {} \
+                 requests sent again",
+                received.frames, received.missing, report.stale, report.resent
+            );
+            self.note(Level::Warning, text, None).await?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,33 @@
+//! Captures of a run, read back from its folder.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::{item_folder, raw_file};
+use crate::raw::{self, RawError, RawRecord};
+
+/// Why captures cannot be read back.
+#[derive(Debug, thiserror::Error)]
+#[error("the raw samples in {} cannot be used", path.display())]
+pub struct CapturesError {
+    /// The file.
+    pub path: PathBuf,
+    /// Why.
+    pub source: RawError,
+}
+
+/// Where the raw samples of a round of an attempt are; `position` is that of the item in the plan, from 0.
+#[must_use]
+pub fn path(folder: &Path, position: usize, item: &str, attempt: u32, repeat: u32) -> PathBuf {
+    folder.join(item_folder(position, item)).join(raw_file(attempt, repeat))
+}
+
+/// Reads a raw file.
+///
+/// # Errors
+/// [`CapturesError`].
+pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
+    let in_words = |source| CapturesError { path: path.to_owned(), source };
+    let file = File::open(path).map_err(|error| in_words(error.into()))?;
+    raw::read(file).map_err(in_words)
+}

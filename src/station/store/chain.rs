@@ -1,0 +1,247 @@
+//! The chain of closed runs: a run that was changed, removed or slipped in later breaks it.
+//!
+//! Each day's folder has a file `CHAIN` with a line for each run closed there:
+//!
+//! ```text
+//! NUMBER  LINK-BEFORE  DIGEST  LINK  DATE/SERIAL/TIME-PLAN
+//! ```
+//!
+//! `DIGEST` is the SHA-256 of the run's `SHA256SUMS`, which vouches for all of its files; `LINK` is the SHA-256 of
+//! `NUMBER LINK-BEFORE DIGEST DATE/SERIAL/TIME-PLAN`, so that no line can change without all that follow. Numbers go on
+//! from day to day. `COUNTER` in the records folder holds the last number and link: it finds a tail that was cut off.
+//! Whoever can write all of these files can forge all of them: copy `COUNTER` to a place of your own.
+
+use std::collections::HashSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::fcntl::{Flock, FlockArg};
+use sha2::{Digest as _, Sha256};
+
+use super::folder::sync_dir;
+use super::{DIGESTS, StoreError, digest, on, reader};
+
+/// The chain in a day's folder.
+pub const CHAIN: &str = "CHAIN";
+/// The last number and link, in the records folder.
+pub const COUNTER: &str = "COUNTER";
+/// What stands before the first run.
+const NOTHING: &str = "0000000000000000000000000000000000000000000000000000000000000000";
+/// Longest wait for another station that closes a run: it writes two short files and waits for the disk.
+const LOCKED_FOR: Duration = Duration::from_secs(10);
+/// Days among which the last line is: a run that went on past midnight is closed in the day before.
+const NEWEST_DAYS: usize = 3;
+/// Between two looks at the lock.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+
+/// A closed run in the chain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Link {
+    number: u64,
+    before: String,
+    digest: String,
+    link: String,
+    /// `DATE/SERIAL/TIME-PLAN`.
+    run: String,
+}
+
+impl Link {
+    fn new(number: u64, before: &str, digest: &str, run: &str) -> Self {
+        let link = digest::hexadecimal(&Sha256::digest(format!("{number} {before} {digest} {run}")));
+        Self { number, before: before.to_owned(), digest: digest.to_owned(), link, run: run.to_owned() }
+    }
+
+    fn line(&self) -> String {
+        format!("{} {} {} {} {}\n", self.number, self.before, self.digest, self.link, self.run)
+    }
+
+    /// `None`: it is no line of a chain.
+    fn parse(line: &str) -> Option<Self> {
+        let mut words = line.split(' ');
+        let mut word = || words.next().map(str::to_owned);
+        let (number, before, digest, link, run) = (word()?, word()?, word()?, word()?, word()?);
+        Some(Self { number: number.parse().ok()?, before, digest, link, run })
+    }
+
+    fn is_true(&self) -> bool {
+        Self::new(self.number, &self.before, &self.digest, &self.run).link == self.link
+    }
+}
+
+/// Puts a closed run into the chain: its `SHA256SUMS` is on disk.
+///
+/// # Errors
+/// [`StoreError`]: the disk, or another station that does not let go.
+pub(super) fn append(run: &Path) -> Result<(), StoreError> {
+    let mut above = run.ancestors().skip(2);
+    let (Some(day), Some(records)) = (above.next(), above.next()) else {
+        return on(Err(io::ErrorKind::NotFound.into()), "find the records folder of", run);
+    };
+    let _lock = lock(records)?;
+    let (number, before) = last(records)?;
+    let digest = digest::of_file(&run.join(DIGESTS))?;
+    let name = run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned();
+    let link = Link::new(number + 1, &before, &digest, &name);
+    let path = day.join(CHAIN);
+    let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
+    on(file.write_all(link.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path)?;
+    sync_dir(day)?;
+    count(records, link.number, &link.link)
+}
+
+/// One station at a time, for the whole folder.
+#[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
+fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
+    let began = Instant::now();
+    let mut folder = on(File::open(records), "read", records)?;
+    loop {
+        match Flock::lock(folder, FlockArg::LockExclusiveNonblock) {
+            Ok(lock) => return Ok(lock),
+            Err((back, Errno::EAGAIN)) if began.elapsed() < LOCKED_FOR => folder = back,
+            Err((_, error)) => return on(Err(error.into()), "lock", records),
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+}
+
+fn count(records: &Path, number: u64, link: &str) -> Result<(), StoreError> {
+    let (path, part) = (records.join(COUNTER), records.join(format!("{COUNTER}.part")));
+    let mut file = on(File::create(&part), "write", &part)?;
+    on(writeln!(file, "{number} {link}").and_then(|()| file.sync_all()), "write", &part)?;
+    on(fs::rename(&part, &path), "write", &path)?;
+    sync_dir(records)
+}
+
+/// Number and link of the last run. Where the power went between a line and the counter, the line counts.
+fn last(records: &Path) -> Result<(u64, String), StoreError> {
+    let counted = counter(records)?.unwrap_or_else(|| (0, NOTHING.to_owned()));
+    let newest = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).max_by_key(|link| link.number);
+    Ok(match newest {
+        Some(link) if link.number > counted.0 => (link.number, link.link),
+        _ => counted,
+    })
+}
+
+fn counter(records: &Path) -> Result<Option<(u64, String)>, StoreError> {
+    let path = records.join(COUNTER);
+    let text = match fs::read_to_string(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        read => on(read, "read", &path)?,
+    };
+    let read = text.trim_end().split_once(' ').and_then(|(number, link)| Some((number.parse().ok()?, link.to_owned())));
+    match read {
+        Some(counted) => Ok(Some(counted)),
+        None => on(Err(io::Error::new(io::ErrorKind::InvalidData, "it holds no number and link")), "read", &path),
+    }
+}
+
+/// The chain of a day.
+struct DayChain {
+    path: PathBuf,
+    links: Vec<Link>,
+    /// Lines that are none; the last one may be half a line of a power cut.
+    broken: usize,
+}
+
+/// Those of so many days, newest day first.
+fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
+    let mut chains = Vec::new();
+    for (day, _) in reader::days(records)?.into_iter().rev().take(days) {
+        let path = records.join(day).join(CHAIN);
+        let text = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            read => on(read, "read", &path)?,
+        };
+        let links: Vec<Link> = text.lines().filter_map(Link::parse).collect();
+        let broken = text.lines().count() - links.len();
+        chains.push(DayChain { path, links, broken });
+    }
+    Ok(chains)
+}
+
+/// What a look at the chain found.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// Runs in the chain.
+    pub runs: usize,
+    /// Number of the first one; earlier days were moved elsewhere if it is not 1.
+    pub first: u64,
+    /// What is not as it was written.
+    pub problems: Vec<String>,
+}
+
+/// Goes along the chain from the first run to the last.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn verify(records: &Path) -> Result<Checked, StoreError> {
+    let mut checked = Checked::default();
+    let chains = chains(records, usize::MAX)?;
+    for day in chains.iter().filter(|day| day.broken > 0) {
+        checked.problems.push(format!("{}: {} lines are none of a chain", day.path.display(), day.broken));
+    }
+    let mut links: Vec<Link> = chains.into_iter().flat_map(|day| day.links).collect();
+    links.sort_by_key(|link| link.number);
+    checked.runs = links.len();
+    checked.first = links.first().map_or(0, |link| link.number);
+    for pair in links.windows(2) {
+        if pair[1].number != pair[0].number + 1 || pair[1].before != pair[0].link {
+            let (before, after) = (&pair[0], &pair[1]);
+            checked.problems.push(format!(
+                "the chain is broken between run {} ({}) and run {} ({})",
+                before.number, before.run, after.number, after.run
+            ));
+        }
+    }
+    for link in &links {
+        look_at(records, link, &mut checked.problems);
+    }
+    slipped_in(records, &links, &mut checked.problems)?;
+    match (counter(records)?, links.last()) {
+        (None, Some(_)) => {
+            checked.problems.push(format!("{COUNTER} is missing, so nobody knows how many runs there were"));
+        }
+        (Some((number, _)), last) if last.map_or(0, |last| last.number) < number => {
+            let last = last.map_or(0, |last| last.number);
+            checked
+                .problems
+                .push(format!("{number} runs were closed and the chain ends at run {last}: the newest are gone"));
+        }
+        (Some((number, link)), _) if links.iter().any(|one| one.number == number && one.link != link) => {
+            checked.problems.push(format!("run {number} is another one than {COUNTER} remembers"));
+        }
+        _ => {}
+    }
+    Ok(checked)
+}
+
+fn look_at(records: &Path, link: &Link, problems: &mut Vec<String>) {
+    if !link.is_true() {
+        problems.push(format!("run {} ({}): its line in the chain was changed", link.number, link.run));
+    }
+    let sums = records.join(&link.run).join(DIGESTS);
+    match digest::of_file(&sums) {
+        Ok(digest) if digest == link.digest => {}
+        Ok(_) => problems.push(format!("run {} ({}): {DIGESTS} is another one than was closed", link.number, link.run)),
+        Err(_) => problems.push(format!("run {} ({}) was closed and is gone", link.number, link.run)),
+    }
+}
+
+/// Closed runs of a day with a chain that the chain does not know. Days before there was a chain have none.
+fn slipped_in(records: &Path, links: &[Link], problems: &mut Vec<String>) -> Result<(), StoreError> {
+    let known: HashSet<&str> = links.iter().map(|link| link.run.as_str()).collect();
+    let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return Ok(()) };
+    for found in reader::list(records)?.into_iter().filter(|found| found.sealed) {
+        let name = found.path.strip_prefix(records).unwrap_or(&found.path).to_string_lossy().into_owned();
+        if name.as_str() > first_day && !known.contains(name.as_str()) {
+            problems.push(format!("{name} was not closed by a station: it is not in the chain"));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,144 @@
+//! Everything that can be done to a folder of closed runs, and what is said of it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::*;
+
+/// A folder of records with so many closed runs: alternately on two days.
+fn records(runs: usize) -> (tempfile::TempDir, Vec<PathBuf>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let runs = (0..runs).map(|run| close(folder.path(), run)).collect();
+    (folder, runs)
+}
+
+fn close(records: &Path, run: usize) -> PathBuf {
+    let day = if run.is_multiple_of(2) { "2026-11-21" } else { "2026-11-22" };
+    let path = records.join(format!("{day}/SN-{run}/120000-functional"));
+    fs::create_dir_all(&path).expect("a folder");
+    fs::write(path.join(DIGESTS), format!("{run}  run.json\n")).expect("digests");
+    append(&path).expect("a link");
+    path
+}
+
+fn problems(records: &Path) -> Vec<String> {
+    verify(records).expect("a folder").problems
+}
+
+fn check(problems: &[String], expected: &[&str]) {
+    assert_eq!(problems.len(), expected.len(), "{problems:?}");
+    for (problem, expected) in problems.iter().zip(expected) {
+        assert!(problem.contains(expected), "{problem}");
+    }
+}
+
+#[test]
+fn runs_of_two_days_are_one_chain() {
+    let (folder, _) = records(6);
+    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 6, first: 1, problems: Vec::new() });
+}
+
+/// The links by another program: `printf '1 000.. DIGEST RUN' | sha256sum`.
+#[test]
+fn a_link_is_what_the_document_says() {
+    let digest = "b5bb9d8014a0f9b1d61e21e796d78dccdf1352f23cd32812f4850b878ae4944c";
+    let link = Link::new(1, NOTHING, digest, "2026-11-22/SN-1/120000-functional");
+    assert_eq!(link.link, "98fc0d13d35717ee33a1c597a2a2541a3645d1baeda8e6c44bb46d846abedf50");
+}
+
+#[test]
+fn a_run_that_was_changed_is_found() {
+    let (folder, runs) = records(4);
+    fs::write(runs[2].join(DIGESTS), "forged").expect("digests");
+    check(&problems(folder.path()), &["SHA256SUMS is another one than was closed"]);
+}
+
+#[test]
+fn a_run_that_was_removed_is_found() {
+    let (folder, runs) = records(4);
+    fs::remove_dir_all(&runs[1]).expect("a run");
+    check(&problems(folder.path()), &["run 2 (2026-11-22/SN-1/120000-functional) was closed and is gone"]);
+}
+
+/// With its line as well: the neighbours no longer fit.
+#[test]
+fn a_run_that_was_removed_with_its_line_is_found() {
+    let (folder, runs) = records(4);
+    fs::remove_dir_all(&runs[1]).expect("a run");
+    let chain = folder.path().join("2026-11-22").join(CHAIN);
+    let lines = fs::read_to_string(&chain).expect("a chain");
+    let rest: String = lines.lines().skip(1).map(|line| format!("{line}\n")).collect();
+    fs::write(&chain, rest).expect("a chain");
+    check(&problems(folder.path()), &["the chain is broken between run 1"]);
+}
+
+#[test]
+fn a_run_that_was_slipped_in_is_found() {
+    let (folder, runs) = records(2);
+    let forged = folder.path().join("2026-11-22/SN-9/130000-functional");
+    fs::create_dir_all(&forged).expect("a folder");
+    fs::copy(runs[1].join(DIGESTS), forged.join(DIGESTS)).expect("digests");
+    check(&problems(folder.path()), &["SN-9/130000-functional was not closed by a station"]);
+}
+
+#[test]
+fn a_tail_that_was_cut_off_is_found() {
+    let (folder, runs) = records(4);
+    for run in &runs[2..] {
+        fs::remove_dir_all(run).expect("a run");
+    }
+    for day in ["2026-11-21", "2026-11-22"] {
+        let chain = folder.path().join(day).join(CHAIN);
+        let first = fs::read_to_string(&chain).expect("a chain").lines().next().map(|line| format!("{line}\n"));
+        fs::write(&chain, first.expect("a line")).expect("a chain");
+    }
+    check(&problems(folder.path()), &["4 runs were closed and the chain ends at run 2: the newest are gone"]);
+    // The next run does not heal it.
+    close(folder.path(), 6);
+    assert!(!problems(folder.path()).is_empty());
+}
+
+#[test]
+fn a_line_that_was_changed_is_found() {
+    let (folder, _) = records(3);
+    let chain = folder.path().join("2026-11-22").join(CHAIN);
+    let forged = fs::read_to_string(&chain).expect("a chain").replace("SN-1", "SN-7");
+    fs::write(&chain, forged).expect("a chain");
+    let found = problems(folder.path());
+    assert!(found.iter().any(|problem| problem.contains("its line in the chain was changed")), "{found:?}");
+}
+
+/// The power goes after the line and before the counter: the next run follows the line.
+#[test]
+fn a_power_cut_between_line_and_counter_is_no_forgery() {
+    let (folder, _) = records(2);
+    let counter = fs::read(folder.path().join(COUNTER)).expect("a counter");
+    close(folder.path(), 2);
+    fs::write(folder.path().join(COUNTER), counter).expect("a counter");
+    check(&problems(folder.path()), &[]);
+    close(folder.path(), 3);
+    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 4, first: 1, problems: Vec::new() });
+}
+
+/// Old days are moved elsewhere: the rest still holds together.
+#[test]
+fn a_chain_may_begin_later() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for run in [0, 2, 1, 3] {
+        close(folder.path(), run);
+    }
+    fs::remove_dir_all(folder.path().join("2026-11-21")).expect("a day");
+    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 2, first: 3, problems: Vec::new() });
+}
+
+#[test]
+fn stations_that_close_at_once_take_turns() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::thread::scope(|scope| {
+        for station in 0..4 {
+            let records = folder.path();
+            scope.spawn(move || (0..8).for_each(|run| drop(close(records, station * 100 + run))));
+        }
+    });
+    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 32, first: 1, problems: Vec::new() });
+}

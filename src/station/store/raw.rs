@@ -1,0 +1,110 @@
+//! The thread that writes the raw samples of an attempt, beside the one that writes the journal: a slow disk holds up
+//! the capture, and no sample is dropped for it.
+
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use mcap::McapError;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{MissedTickBehavior, interval};
+
+use super::{RunFolder, StoreError, on};
+use crate::raw::{Piece, RawWriter};
+
+/// Pieces on their way to the disk: six seconds of 1 kHz in frames of 12 samples, far longer than a disk takes to
+/// wake up.
+const ON_THE_WAY: usize = 512;
+/// What was captured so long ago is in the file, whatever happens to this program.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Bytes handed to the system at once.
+const BUFFER: usize = 1 << 18;
+
+/// A raw file that is being written. Dropping it ends the file where it stands.
+#[derive(Debug)]
+pub struct RawFile {
+    pieces: mpsc::Sender<Piece>,
+    ended: oneshot::Receiver<Result<(), StoreError>>,
+}
+
+/// The thread of a raw file; the file is whole when it has ended.
+pub(super) type RawThread = JoinHandle<()>;
+
+impl RawFile {
+    /// Creates the file, below a run's folder, and starts to write.
+    pub(super) fn create(folder: &RunFolder, name: &str) -> Result<(Self, RawThread), StoreError> {
+        let file = folder.create_below(name)?;
+        let path = folder.path().join(name);
+        let (pieces, receiver) = mpsc::channel(ON_THE_WAY);
+        let (done, ended) = oneshot::channel();
+        let named = path.clone();
+        let spawned = std::thread::Builder::new().name("raw samples".into()).spawn(move || {
+            // Whoever waits for it hears of an error; nobody does after a stop.
+            let _ = done.send(write(file, &named, receiver));
+        });
+        Ok((Self { pieces, ended }, on(spawned, "start a thread for", &path)?))
+    }
+
+    /// Hands a piece over; waits while the disk is behind.
+    ///
+    /// # Errors
+    /// Why the file cannot be written.
+    pub async fn write(&mut self, piece: Piece) -> Result<(), StoreError> {
+        match self.pieces.send(piece).await {
+            Ok(()) => Ok(()),
+            Err(_) => match (&mut self.ended).await {
+                Ok(Err(error)) => Err(error),
+                Ok(Ok(())) | Err(_) => Err(closed()),
+            },
+        }
+    }
+
+    /// Ends the file and waits until it is on disk.
+    ///
+    /// # Errors
+    /// Why it is not.
+    pub async fn finish(self) -> Result<(), StoreError> {
+        drop(self.pieces);
+        self.ended.await.map_err(|_| closed())?
+    }
+}
+
+fn closed() -> StoreError {
+    StoreError::Closed { why: "the raw samples could not be written".into() }
+}
+
+fn write(file: File, path: &Path, pieces: mpsc::Receiver<Piece>) -> Result<(), StoreError> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build();
+    let runtime = on(runtime, "start a clock for", path)?;
+    let written = runtime.block_on(all(BufWriter::with_capacity(BUFFER, file), pieces));
+    let file = written.map_err(|error| file_error(error, path))?;
+    on(file.into_inner().map_err(io::IntoInnerError::into_error).and_then(|file| file.sync_all()), "write", path)
+}
+
+async fn all(out: BufWriter<File>, mut pieces: mpsc::Receiver<Piece>) -> Result<BufWriter<File>, McapError> {
+    let mut out = RawWriter::new(out)?;
+    // The head alone is a file already.
+    out.flush()?;
+    let mut flush_due = interval(FLUSH_EVERY);
+    flush_due.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            biased;
+            _ = flush_due.tick() => out.flush()?,
+            piece = pieces.recv() => match piece {
+                Some(piece) => out.write(piece)?,
+                None => return out.finish(),
+            },
+        }
+    }
+}
+
+fn file_error(error: McapError, path: &Path) -> StoreError {
+    let source = match error {
+        McapError::Io(source) => source,
+        other => io::Error::other(other),
+    };
+    StoreError::File { what: "write", path: PathBuf::from(path), source }
+}

@@ -1,0 +1,197 @@
+//! What people ask of a run while it goes on, on the simulated bench: a pause, an item given up, a look without a run.
+
+#![cfg(feature = "sim")]
+#![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
+
+use std::sync::mpsc;
+
+use chrono::Local;
+use gnc_executive::event::{Bench, EVENTS_SCHEMA, Event, EventKind, PlanInfo, Program, RunHeader};
+use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::Plan;
+use gnc_executive::state::RunState;
+use gnc_station::control::Control;
+use gnc_station::fixture::Fixture;
+use gnc_station::link::Target;
+use gnc_station::runner::journal::Journal;
+use gnc_station::runner::{self, Live, Order, looking};
+use gnc_station::store::{RunFolder, Scribe, Watcher};
+use hw_mocks::{Options, RunningBench, Speed};
+
+const PLAN: &str = r#"
+name = "short"
+version = "1"
+[[item]]
+id = "cpu"
+[item.limits]
+core1_register_errors = "<= 0"
+[[item]]
+id = "imu"
+requires = ["cpu"]
+params = { samples = 5000, rate = "50 Hz" }
+timeout = "200 s"
+[item.limits]
+gyro_x = "0 +- 1 deg/s"
+[[item]]
+id = "timers"
+requires = ["cpu"]
+[item.limits]
+"timer1_interrupts_missing" = "<= 0"
+"#;
+
+/// Two streams that a line of 115,200 baud carries one at a time.
+const CROWDED: &str = r#"
+name = "crowded"
+version = "1"
+[[item]]
+id = "gnss"
+params = { start = "hot", window = "3 s" }
+[item.limits]
+fix_type = "== 3D"
+[[item]]
+id = "imu"
+params = { samples = 400, rate = "200 Hz" }
+[item.limits]
+gyro_x = "0 +- 1 deg/s"
+"#;
+
+/// Runs the short plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
+fn run(speed: Speed, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
+    run_plan(PLAN, &Options { speed, ..Options::default() }, watch)
+}
+
+fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    runtime.block_on(async {
+        let bench = RunningBench::start(options).expect("a simulated bench");
+        let records = tempfile::tempdir().expect("a folder");
+        let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
+        let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
+        let abilities = BenchAbilities { rs422: true, can: false, operator: false };
+        let order = Order {
+            job: Job::new(plan.clone(), abilities, None).unwrap_or_else(|mistakes| panic!("{mistakes}")),
+            header: header(),
+            target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
+            can: None,
+            fixture: Fixture::Absent,
+            site: None,
+            one_by_one: false,
+        };
+        let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
+        let (watcher, events) = mpsc::sync_channel(1000);
+        let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
+        let scribe = Scribe::start(folder, &plan, vec![watcher]).expect("a store");
+        let control = Control::default();
+        let asks = control.clone();
+        let observer = std::thread::spawn(move || {
+            let mut state = RunState::new();
+            for event in events {
+                state.apply(&event).expect("in order");
+                watch(&event, &asks);
+            }
+            state
+        });
+        let ending = runner::run(&order, Journal::new(scribe), &control, &Live::default()).await;
+        assert!(ending.store_error.is_none());
+        observer.join().expect("an observer")
+    })
+}
+
+fn header() -> RunHeader {
+    RunHeader {
+        schema: EVENTS_SCHEMA.to_owned(),
+        serial_number: "SN".to_owned(),
+        operator: None,
+        station: "test".to_owned(),
+        program: Program { name: "control".to_owned(), version: "0".to_owned() },
+        bench: Bench::simulated("good", "1", 1),
+        plan: PlanInfo { name: "short".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
+        site: None,
+        recomputed: None,
+        selection: None,
+        looped: None,
+    }
+}
+
+fn outcomes(state: &RunState) -> Vec<Outcome> {
+    state.rows().iter().map(|row| row.outcome).collect()
+}
+
+/// A capture of 100 s at true speed is given up at once; the run goes on with the next item, and is aborted.
+#[test]
+fn an_item_that_is_given_up_ends_and_the_run_goes_on() {
+    let state = run(Speed::Times(1.0), |event, control| {
+        if matches!(&event.kind, EventKind::ItemStarted { item, .. } if item == "imu") {
+            control.give_up("imu");
+        }
+    });
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Aborted, Outcome::Passed]);
+    assert!(state.stop().is_none(), "nobody wanted the run to end");
+}
+
+/// Asked for while the first item runs, let go by the note that says that nothing runs any more.
+#[test]
+fn a_pause_holds_the_next_item_and_is_in_the_log() {
+    let state = run(Speed::Max, |event, control| match &event.kind {
+        EventKind::ItemStarted { item, .. } if item == "cpu" => control.pause(true),
+        EventKind::Note { text, .. } if text.starts_with("paused") => control.pause(false),
+        _ => {}
+    });
+    assert_eq!(outcomes(&state), [Outcome::Passed; 3]);
+    let notes: Vec<&str> = state.notes().iter().map(|note| note.text.as_str()).collect();
+    assert!(notes.iter().any(|note| note.starts_with("paused")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.starts_with("went on after a pause")), "{notes:?}");
+}
+
+#[test]
+fn a_stop_ends_a_pause_and_the_run() {
+    let state = run(Speed::Max, |event, control| match &event.kind {
+        EventKind::ItemStarted { item, .. } if item == "cpu" => control.pause(true),
+        EventKind::Note { text, .. } if text.starts_with("paused") => control.stop("SIGTERM"),
+        _ => {}
+    });
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::NotRun, Outcome::NotRun]);
+    assert_eq!(state.outcome_so_far(), Outcome::Aborted);
+}
+
+/// The second stream is refused while the first one runs; both have their verdict, one after the other.
+#[test]
+fn what_does_not_fit_beside_others_runs_after_them() {
+    let state =
+        run_plan(CROWDED, &Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
+    assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
+    let crowded = |text: &str| text.starts_with("it did not fit on the line beside what else ran");
+    assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
+}
+
+/// Raw values come without a run: a module that lies level shows 1 g on Z, and its AD channels.
+#[test]
+fn raw_values_are_shown_without_a_run() {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let seen = runtime.block_on(async {
+        let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
+        let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
+        let (live, control) = (Live::default(), Control::default());
+        let mut shown = live.readings.subscribe();
+        let look = looking::look(&target, &control, &live.readings);
+        let watch = async {
+            let whole = |seen: &gnc_station::board::Readings| {
+                seen.imu.is_some() && seen.gnss.is_some() && seen.ad_v.iter().all(Option::is_some)
+            };
+            let seen = shown.wait_for(whole).await.expect("somebody shows").clone();
+            control.stop("the operator");
+            seen
+        };
+        tokio::pin!(look);
+        let seen = tokio::select! {
+            ended = &mut look => panic!("ended by itself: {ended:?}"),
+            seen = watch => seen,
+        };
+        look.await.expect("a board");
+        seen
+    });
+    let (_, sample) = seen.imu.expect("a sample");
+    let up_g = f64::from(sample.accel[2]) / gnc_protocol::stream::ACCEL_LSB_PER_G;
+    assert!((up_g - 1.0).abs() < 0.05, "{up_g} g");
+}

@@ -1,0 +1,163 @@
+//! The operator's screen.
+//!
+//! Three threads: this one runs tests on its own runtime, one draws, one reads keys. They talk by channels, so that a
+//! terminal that stands still delays drawing and typing, and never a test.
+
+mod decode;
+mod field;
+mod keymap;
+mod lang;
+mod live;
+mod look;
+mod model;
+mod records;
+mod scene;
+mod session;
+mod setup_form;
+mod show;
+mod terminal;
+mod update;
+mod view;
+
+#[cfg(test)]
+mod tests;
+
+use std::io::{self, IsTerminal as _};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use gnc_executive::outcome::Outcome;
+use tokio::sync::{mpsc, watch};
+
+use crate::auto::Refusal;
+use crate::cli::{OnFailArg, RunArgs, complain, refuse};
+use crate::runner::Live;
+use crate::serial_number;
+use model::{AfterFailure, Loaded, Model, Rounds};
+use session::{Session, Signals};
+use show::{Clock, Inbox};
+use terminal::Guard;
+
+pub use lang::Lang;
+pub use scene::Scene;
+
+/// The plan that is chosen where none is named.
+const PLAN: &str = "test-plans/functional.toml";
+/// Events and answers that may wait for a terminal that does not take them: more than any plan yields in a day.
+const MESSAGES: usize = 1 << 16;
+/// Batches of keys that may wait; then the typist waits.
+const KEYS: usize = 16;
+/// Commands that may wait: as many as somebody can press in a moment.
+const COMMANDS: usize = 64;
+/// Longest wait for the last drawing and for a terminal to be given back; one that stands still never comes.
+const GIVE_BACK_WITHIN: Duration = Duration::from_secs(1);
+
+/// Opens the screen.
+pub(crate) fn run(args: &RunArgs) -> ExitCode {
+    let began = Instant::now();
+    if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
+        return refuse("the screen needs a terminal", "run a plan without one: --auto PLAN --serial-number SN");
+    }
+    match open(args, began) {
+        Ok(outcome) => ExitCode::from(outcome.map_or(0, Outcome::exit_code)),
+        Err(refusal) => refuse(refusal.what, &refusal.try_this),
+    }
+}
+
+fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
+    let cannot = |error: io::Error| Refusal::new(format!("cannot start the screen: {error}"), "");
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
+    let signals = {
+        let _inside = runtime.enter();
+        Signals::new().map_err(cannot)?
+    };
+    let clock = Clock { began };
+    let plan = args.plan.clone().unwrap_or_else(|| PLAN.into());
+    let serial_number = args.serial_number.as_deref().map(serial_number::check).transpose();
+    let serial_number = serial_number.map_err(|error| Refusal::new(error, "scan the module's label again"))?;
+    let model = first_model(args, &plan, serial_number, clock);
+
+    let live = Live::default();
+    let (screen, messages) = mpsc::channel(MESSAGES);
+    let (keys_in, keys) = mpsc::channel(KEYS);
+    let (commands_in, commands) = mpsc::channel(COMMANDS);
+    let (resized_in, resized) = watch::channel(0);
+    let inbox = Inbox { messages, keys, resized, doing: live.doing.subscribe(), readings: live.readings.subscribe() };
+
+    let guard = Guard::new();
+    let (gone_in, gone) = std::sync::mpsc::channel();
+    let drawing = Drawing { guard: guard.clone(), model, inbox, commands: commands_in, clock };
+    spawn("screen", move || {
+        let _ = gone_in.send(drawing.run());
+    })?;
+    spawn("keys", move || terminal::read_keys(&keys_in))?;
+
+    let mut session_args = args.clone();
+    session_args.loops = 1;
+    let session = Session { args: session_args, plan, screen, commands, signals, live };
+    let outcome = runtime.block_on(async {
+        let resizes = tokio::spawn(terminal::watch_size(resized_in));
+        let outcome = session.serve().await;
+        resizes.abort();
+        outcome
+    });
+    // Reading records may go on; nobody waits for it.
+    runtime.shutdown_background();
+    // The session is gone, so the screen ends by itself, unless its terminal stands still.
+    match gone.recv_timeout(GIVE_BACK_WITHIN) {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => complain(format_args!("the screen ended: {error}"), "check the terminal, and open it again"),
+        Err(_) => drop(guard.give_back_modes()),
+    }
+    Ok(outcome)
+}
+
+fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Refusal> {
+    let spawned = std::thread::Builder::new().name(name.into()).spawn(work);
+    spawned.map(drop).map_err(|error| Refusal::new(format!("cannot start the screen: {error}"), ""))
+}
+
+fn first_model(args: &RunArgs, plan: &std::path::Path, serial_number: Option<String>, clock: Clock) -> Model {
+    let (lang, look) = look::choose(&look::Environment::read(), args.lang);
+    let mut model = Model::new(lang, look, clock.now());
+    model.operator = args.operator.clone().unwrap_or_default();
+    model.plan_path = plan.display().to_string();
+    model.plan = Loaded::Loading;
+    if args.loops > 1 {
+        model.rounds = Rounds::Count(args.loops);
+    }
+    if let Some(time) = args.until {
+        let minutes = u32::try_from(time.as_secs().div_ceil(60)).unwrap_or(u32::MAX);
+        model.rounds = Rounds::Minutes(minutes.clamp(1, setup_form::MAX_ROUNDS));
+    }
+    model.after_failure = match args.on_fail {
+        Some(OnFailArg::Stop) => AfterFailure::Stop,
+        Some(OnFailArg::Continue) => AfterFailure::GoOn,
+        None => AfterFailure::AsPlanned,
+    };
+    model.only.clone_from(&args.only);
+    model.scan.current = serial_number;
+    model
+}
+
+/// The thread that draws.
+struct Drawing {
+    guard: Guard,
+    model: Model,
+    inbox: Inbox,
+    commands: mpsc::Sender<update::Command>,
+    clock: Clock,
+}
+
+impl Drawing {
+    /// Ends when somebody leaves or the terminal is gone; then the commands end, and the session hears of it.
+    fn run(mut self) -> io::Result<()> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
+        let shown = self.guard.take().and_then(|mut terminal| {
+            let ours = || self.guard.is_taken();
+            runtime.block_on(show::show(&mut terminal, &mut self.model, self.inbox, &self.commands, self.clock, ours))
+        });
+        self.guard.give_back();
+        shown.map(drop)
+    }
+}

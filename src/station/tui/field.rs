@@ -1,0 +1,66 @@
+//! A line of text that is typed, scanned or pasted; whatever comes, it stays short and printable.
+
+/// What was typed into a line.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Field {
+    text: String,
+    /// Characters beyond the limit.
+    dropped: usize,
+    /// A control character came: this is no text for a person.
+    control: bool,
+}
+
+/// Characters that a field keeps; more are counted.
+pub(crate) const MAX_CHARACTERS: usize = 200;
+
+impl Field {
+    pub(crate) fn new(text: &str) -> Self {
+        let mut field = Self::default();
+        text.chars().for_each(|character| field.push(character));
+        field
+    }
+
+    pub(crate) fn push(&mut self, character: char) {
+        if character.is_control() {
+            self.control = true;
+        } else if self.text.chars().count() < MAX_CHARACTERS {
+            self.text.push(character);
+        } else {
+            self.dropped += 1;
+        }
+    }
+
+    /// A control character that is no key.
+    pub(crate) fn spoil(&mut self) {
+        self.control = true;
+    }
+
+    pub(crate) fn pop(&mut self) {
+        if self.dropped > 0 {
+            self.dropped -= 1;
+        } else {
+            self.text.pop();
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.text.is_empty() && !self.control
+    }
+
+    /// All characters that came, kept or not.
+    pub(crate) fn characters(&self) -> usize {
+        self.text.chars().count() + self.dropped
+    }
+
+    pub(crate) fn has_control(&self) -> bool {
+        self.control
+    }
+}

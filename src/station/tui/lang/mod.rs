@@ -1,0 +1,259 @@
+//! What the screen says, in each language. Every language is one value of [`Texts`], so that the compiler finds a
+//! text that is missing.
+
+mod en;
+mod ru;
+mod ru_look_at;
+mod zh;
+mod zh_look_at;
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::event::Level;
+use gnc_executive::outcome::{Cause, Outcome};
+
+use super::keymap::Action;
+use crate::fixture::Ask;
+
+/// A language of the screen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]
+pub enum Lang {
+    /// English.
+    En,
+    /// Chinese, simplified.
+    Zh,
+    /// Russian.
+    Ru,
+}
+
+impl Lang {
+    /// All languages.
+    pub(crate) const ALL: [Lang; 3] = [Lang::En, Lang::Zh, Lang::Ru];
+
+    /// Its texts.
+    #[must_use]
+    pub(crate) fn texts(self) -> &'static Texts {
+        match self {
+            Lang::En => &en::TEXTS,
+            Lang::Zh => &zh::TEXTS,
+            Lang::Ru => &ru::TEXTS,
+        }
+    }
+
+    /// The language of a locale's name, "zh_CN.UTF-8"; English where there is no better.
+    #[must_use]
+    pub(crate) fn of_locale(locale: &str) -> Lang {
+        match locale.split(['_', '.', '@']).next() {
+            Some("zh") => Lang::Zh,
+            Some("ru") => Lang::Ru,
+            _ => Lang::En,
+        }
+    }
+}
+
+/// What a key is called: a word for the last line, and a sentence for the help.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct KeyText {
+    /// At most two short words.
+    pub short: &'static str,
+    /// A sentence.
+    pub long: &'static str,
+}
+
+/// All texts of one language. `{}` stands for what is filled in.
+#[derive(Debug)]
+pub(crate) struct Texts {
+    /// The language's own name.
+    pub language: &'static str,
+    // Pages and panels.
+    pub tests: &'static str,
+    pub live: &'static str,
+    pub records: &'static str,
+    pub setup: &'static str,
+    pub help: &'static str,
+    pub log: &'static str,
+    pub product: &'static str,
+    pub run: &'static str,
+    pub detail: &'static str,
+    pub mistakes: &'static str,
+    // Above everything.
+    pub station_title: &'static str,
+    pub simulated: &'static str,
+    pub simulated_long: &'static str,
+    pub too_small: &'static str,
+    pub no_glyphs: &'static str,
+    // Product panel.
+    pub serial_number: &'static str,
+    pub next_module: &'static str,
+    pub part: &'static str,
+    pub operator: &'static str,
+    pub station: &'static str,
+    pub plan: &'static str,
+    pub board: &'static str,
+    pub no_board_yet: &'static str,
+    pub module_on: &'static str,
+    pub module_off: &'static str,
+    pub scan_here: &'static str,
+    pub loading: &'static str,
+    pub still_loading: &'static str,
+    // Run panel.
+    pub started: &'static str,
+    pub elapsed: &'static str,
+    pub remaining: &'static str,
+    pub ends_at: &'static str,
+    pub ended_at: &'static str,
+    pub unknown_yet: &'static str,
+    pub longer_than_last: &'static str,
+    pub round: &'static str,
+    pub round_of: &'static str,
+    pub selection: &'static str,
+    pub selection_long: &'static str,
+    pub paused: &'static str,
+    pub pausing: &'static str,
+    pub stopping: &'static str,
+    pub stop_now: &'static str,
+    pub go_on: &'static str,
+    pub stopping_at_once: &'static str,
+    pub running: &'static str,
+    pub ready: &'static str,
+    pub no_verdict_yet: &'static str,
+    pub record_in: &'static str,
+    // Table of items.
+    pub item: &'static str,
+    pub outcome: &'static str,
+    pub time: &'static str,
+    pub decided_by: &'static str,
+    pub attempt: &'static str,
+    pub waiting: &'static str,
+    pub value: &'static str,
+    pub limits: &'static str,
+    pub measurement: &'static str,
+    pub look_at: &'static str,
+    pub try_this: &'static str,
+    pub board_says: &'static str,
+    pub nothing_measured: &'static str,
+    pub more_lines: &'static str,
+    pub optional: &'static str,
+    // Messages.
+    pub scan_first: &'static str,
+    pub scanned: &'static str,
+    pub scanned_next: &'static str,
+    pub scan_empty: &'static str,
+    pub scan_too_long: &'static str,
+    pub scan_control: &'static str,
+    pub nothing_ticked: &'static str,
+    pub nothing_failed: &'static str,
+    pub no_plan: &'static str,
+    pub no_bench: &'static str,
+    pub not_during_run: &'static str,
+    pub not_running_item: &'static str,
+    pub never_tested_today: &'static str,
+    pub tested_today: &'static str,
+    pub events_lost: &'static str,
+    pub store_error: &'static str,
+    pub run_refused: &'static str,
+    pub aborting_item: &'static str,
+    // Questions.
+    pub again_title: &'static str,
+    pub again_question: &'static str,
+    pub leave_title: &'static str,
+    pub leave_question: &'static str,
+    pub leave_stop_first: &'static str,
+    pub prompt_title: &'static str,
+    pub asked_since: &'static str,
+    pub done: &'static str,
+    pub not_possible: &'static str,
+    pub on_no: &'static str,
+    pub on: &'static str,
+    pub off: &'static str,
+    pub switch_all_off: &'static str,
+    pub switch_one_on: &'static str,
+    pub turn_to: &'static str,
+    // Setup.
+    pub setup_plan: &'static str,
+    pub setup_bench: &'static str,
+    pub setup_operator: &'static str,
+    pub setup_rounds: &'static str,
+    pub setup_on_fail: &'static str,
+    pub setup_language: &'static str,
+    pub setup_hint: &'static str,
+    pub rounds_once: &'static str,
+    pub rounds_count: &'static str,
+    pub rounds_time: &'static str,
+    pub on_fail_plan: &'static str,
+    pub on_fail_stop: &'static str,
+    pub on_fail_continue: &'static str,
+    pub not_a_number: &'static str,
+    pub plan_good: &'static str,
+    pub mistakes_found: &'static str,
+    // Live.
+    pub rate: &'static str,
+    pub acceleration: &'static str,
+    pub field: &'static str,
+    pub temperature: &'static str,
+    pub gnss: &'static str,
+    pub satellites: &'static str,
+    pub no_fix: &'static str,
+    pub ad_channels: &'static str,
+    pub streams: &'static str,
+    pub streams_legend: &'static str,
+    pub no_live_yet: &'static str,
+    pub watching: &'static str,
+    pub no_verdict: &'static str,
+    pub pulses: &'static str,
+    pub seconds_ago: &'static str,
+    // Records.
+    pub days: &'static str,
+    pub no_records: &'static str,
+    pub reading_records: &'static str,
+    pub filter_all: &'static str,
+    pub filter: &'static str,
+    pub search: &'static str,
+    pub interrupted: &'static str,
+    pub unsealed: &'static str,
+    pub unreadable: &'static str,
+    pub verifying: &'static str,
+    pub as_written: &'static str,
+    pub not_as_written: &'static str,
+    pub no_run_matches: &'static str,
+    pub start_time: &'static str,
+    pub too_many_runs: &'static str,
+    pub enter_opens: &'static str,
+    // What depends on a value.
+    pub key: fn(Action) -> KeyText,
+    pub outcome_word: fn(Outcome) -> &'static str,
+    /// At most six capital letters, drawn as big as the screen allows; letters of [`super::view::big`] alone.
+    pub verdict: fn(Outcome) -> &'static str,
+    pub item_title: fn(ItemId) -> &'static str,
+    pub level: fn(Level) -> &'static str,
+    pub cause: fn(&Cause) -> String,
+    /// The sentence of the catalogue in this language.
+    pub look_at_sentence: fn(&'static str) -> &'static str,
+}
+
+impl Texts {
+    /// What is to be done.
+    pub(crate) fn ask(&self, ask: &Ask) -> String {
+        match ask {
+            Ask::Switches(None) => self.switch_all_off.to_owned(),
+            Ask::Switches(Some(number)) => fill(self.switch_one_on, &[&number.to_string()]),
+            Ask::Heading { deg } => fill(self.turn_to, &[&format!("{deg:.0}")]),
+            Ask::Words(words) => gnc_executive::printable::printable(words).into_owned(),
+        }
+    }
+}
+
+/// The text with each `{}` replaced by the next part.
+pub(crate) fn fill(text: &str, parts: &[&str]) -> String {
+    let mut out = String::with_capacity(text.len() + parts.iter().map(|part| part.len()).sum::<usize>());
+    let mut parts = parts.iter();
+    for (index, piece) in text.split("{}").enumerate() {
+        if index > 0 {
+            out.push_str(parts.next().unwrap_or(&""));
+        }
+        out.push_str(piece);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,115 @@
+use std::collections::BTreeSet;
+
+use super::*;
+use crate::tui::keymap::{BINDINGS, Place, bindings, name};
+use crate::tui::view::text_width;
+
+/// Everything that a language says, by the English text where one is a translation of it.
+fn all(lang: Lang) -> Vec<String> {
+    let texts = lang.texts();
+    // The texts that are fields, as `Debug` prints them: names of fields with their values.
+    let printed = format!("{texts:#?}");
+    let fields = printed.lines().filter_map(|line| line.trim().split_once(": \""));
+    let fields = fields.map(|(_, value)| value.trim_end_matches(',').trim_end_matches('"').to_owned());
+    let actions = BINDINGS.iter().map(|binding| (texts.key)(binding.action));
+    let keys = actions.flat_map(|key| [key.short.to_owned(), key.long.to_owned()]);
+    let outcomes = Outcome::ALL.into_iter().map(|outcome| (texts.outcome_word)(outcome).to_owned());
+    fields.chain(keys).chain(outcomes).collect()
+}
+
+#[test]
+fn no_text_is_missing() {
+    for lang in Lang::ALL {
+        let texts = all(lang);
+        assert!(texts.len() > 150, "{lang:?} has {} texts", texts.len());
+        assert!(texts.iter().all(|text| !text.trim().is_empty()), "{lang:?} has an empty text");
+    }
+}
+
+/// What is filled in is filled in in every language.
+#[test]
+fn places_to_fill_in_agree() {
+    let holes = |lang| all(lang).iter().map(|text| text.matches("{}").count()).collect::<Vec<_>>();
+    let english = all(Lang::En);
+    for lang in [Lang::Zh, Lang::Ru] {
+        for ((text, wanted), found) in english.iter().zip(holes(Lang::En)).zip(holes(lang)) {
+            assert_eq!(found, wanted, "{lang:?}: {text}");
+        }
+    }
+}
+
+/// A text that was left in English is found by its letters.
+#[test]
+fn nothing_is_left_in_english() {
+    let own = |lang: Lang, text: &str| match lang {
+        Lang::En => true,
+        Lang::Zh => text.chars().any(|c| ('\u{4e00}'..='\u{9fff}').contains(&c)),
+        Lang::Ru => text.chars().any(|c| ('\u{400}'..='\u{4ff}').contains(&c)),
+    };
+    // Names of keys and orders of numbers.
+    let same = ["PgUp", "PgDn", "{} из {}"];
+    for lang in [Lang::Zh, Lang::Ru] {
+        for text in all(lang) {
+            assert!(own(lang, &text) || same.contains(&text.as_str()), "{lang:?}: {text}");
+        }
+        for item in ItemId::ALL {
+            for measurement in item.spec().measurements {
+                let sentence = (lang.texts().look_at_sentence)(measurement.look_at);
+                assert!(own(lang, sentence), "{lang:?} of {item}: {sentence}");
+            }
+        }
+    }
+}
+
+#[test]
+fn items_have_titles_of_their_own() {
+    for lang in Lang::ALL {
+        let titles: BTreeSet<&str> = ItemId::ALL.into_iter().map(lang.texts().item_title).collect();
+        assert_eq!(titles.len(), ItemId::ALL.len(), "{lang:?}");
+    }
+}
+
+/// The last line of the screen has room for the keys of every place.
+#[test]
+fn keys_fit_into_the_last_line() {
+    for lang in Lang::ALL {
+        for place in Place::ALL {
+            let shown = bindings(place).filter(|binding| binding.footer);
+            let width: usize = shown
+                .map(|binding| {
+                    text_width(&name(binding.key)) + text_width((lang.texts().key)(binding.action).short) + 1
+                })
+                .sum();
+            assert!(width <= 80, "{lang:?} {place:?}: {width} cells");
+        }
+    }
+}
+
+/// A verdict is one word of at most six letters, each of which can be drawn, and no two verdicts look alike.
+#[test]
+fn verdicts_can_be_drawn() {
+    for lang in Lang::ALL {
+        let judged = [Outcome::Passed, Outcome::Marginal, Outcome::Failed, Outcome::Errored, Outcome::Aborted];
+        let words: BTreeSet<&str> = judged.into_iter().map(lang.texts().verdict).collect();
+        assert_eq!(words.len(), judged.len(), "{lang:?}");
+        for word in words {
+            assert!(word.chars().count() <= 6 && crate::tui::view::can_draw(word), "{lang:?}: {word}");
+        }
+    }
+}
+
+#[test]
+fn locales_choose_languages() {
+    for (locale, lang) in
+        [("zh_CN.UTF-8", Lang::Zh), ("ru", Lang::Ru), ("de_DE", Lang::En), ("", Lang::En), ("C", Lang::En)]
+    {
+        assert_eq!(Lang::of_locale(locale), lang, "{locale}");
+    }
+}
+
+#[test]
+fn parts_are_filled_in_in_order() {
+    assert_eq!(fill("{} of {}", &["1", "2"]), "1 of 2");
+    assert_eq!(fill("{} and {}", &["1"]), "1 and ");
+    assert_eq!(fill("nothing", &["1"]), "nothing");
+}

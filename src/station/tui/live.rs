@@ -1,0 +1,85 @@
+//! Live readings as the screen keeps them: the newest of each, and a while of those that are drawn over time.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS};
+
+use crate::board::Readings;
+
+/// Points of each curve: a minute at ten a second.
+const POINTS: usize = 600;
+/// Time between two points; what comes faster replaces the newest.
+const EVERY: Duration = Duration::from_millis(100);
+
+/// What is drawn over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Point {
+    /// Time since the start of the program.
+    pub at: Duration,
+    pub imu: Imu,
+}
+
+/// A sample at nominal scale, along the module's axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Imu {
+    pub rate_dps: [f64; 3],
+    pub accel_g: [f64; 3],
+    pub field_gauss: [f64; 3],
+    pub gyro_temperature_c: f64,
+    pub accel_temperature_c: f64,
+}
+
+impl From<&ImuSample> for Imu {
+    fn from(sample: &ImuSample) -> Self {
+        Self {
+            rate_dps: sample.gyro.map(|counts| f64::from(counts) / GYRO_LSB_PER_DPS),
+            accel_g: sample.accel.map(|counts| f64::from(counts) / ACCEL_LSB_PER_G),
+            field_gauss: sample.mag.map(|counts| f64::from(counts) / MAG_LSB_PER_GAUSS),
+            gyro_temperature_c: f64::from(sample.gyro_temperature) / 100.0,
+            accel_temperature_c: f64::from(sample.accel_temperature) / 100.0,
+        }
+    }
+}
+
+/// The newest readings, and a while of curves.
+#[derive(Debug, Default)]
+pub(crate) struct History {
+    pub newest: Readings,
+    /// When the newest came.
+    pub at: Option<Duration>,
+    pub points: VecDeque<Point>,
+}
+
+impl History {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.at.is_none()
+    }
+
+    /// Takes readings; those that were taken already change nothing.
+    pub(crate) fn take(&mut self, readings: Readings, at: Duration) {
+        if readings == self.newest {
+            return;
+        }
+        let fresh = readings.imu.as_ref().filter(|imu| Some(*imu) != self.newest.imu.as_ref());
+        if let Some((_, sample)) = fresh {
+            let imu = Imu::from(sample);
+            match self.points.back_mut() {
+                Some(last) if at.saturating_sub(last.at) < EVERY => last.imu = imu,
+                _ => {
+                    if self.points.len() == POINTS {
+                        self.points.pop_front();
+                    }
+                    self.points.push_back(Point { at, imu });
+                }
+            }
+        }
+        self.newest = readings;
+        self.at = Some(at);
+    }
+
+    /// The newest sample.
+    pub(crate) fn imu(&self) -> Option<Imu> {
+        self.newest.imu.as_ref().map(|(_, sample)| Imu::from(sample))
+    }
+}

@@ -1,0 +1,427 @@
+//! All that the screen knows. Only [`update`](super::update::update) changes it, and drawing only reads it.
+
+use std::cell::Cell;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use chrono::{DateTime, FixedOffset};
+use gnc_executive::event::{BenchKind, PlannedItem};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::Phase;
+use gnc_executive::state::RunState;
+
+use super::field::Field;
+use super::keymap::Place;
+use super::lang::{Lang, Texts};
+use super::records::Records;
+use crate::fixture::Ask;
+
+/// The time, passed in so that every screen can be drawn again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Now {
+    /// Time of day.
+    pub at: DateTime<FixedOffset>,
+    /// Time since the program started, by a clock that never jumps.
+    pub since_start: Duration,
+}
+
+/// What the terminal can show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Look {
+    /// Whether colours are wanted.
+    pub colour: bool,
+    /// Which characters it has.
+    pub glyphs: Glyphs,
+    /// Another language was wanted than the terminal can show.
+    pub poor: bool,
+}
+
+/// The characters of a terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Glyphs {
+    /// All of Unicode, dots for charts included.
+    Unicode,
+    /// Latin letters, lines and blocks: the Linux console.
+    Console,
+    /// ASCII alone.
+    Ascii,
+}
+
+/// A page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Page {
+    Tests,
+    Live,
+    Records,
+}
+
+/// What lies over a page.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Over {
+    /// The keys of the place below.
+    Help { place: Place, scroll: usize },
+    /// The form.
+    Setup(super::setup_form::Form),
+    /// One item of the run shown, by its name.
+    Item { name: String, scroll: usize },
+    /// The log of the run shown.
+    Log { scroll: usize },
+    /// The module was tested today; test it again?
+    Again { at: DateTime<FixedOffset>, outcome: Option<Outcome> },
+    /// A run is on; leave?
+    Leave,
+}
+
+/// The bench as far as the screen shows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct BenchView {
+    /// Which station.
+    pub station: String,
+    /// Real or simulated.
+    pub kind: BenchKind,
+    /// The simulated module, or the bench's file.
+    pub name: String,
+    /// The way to the board.
+    pub link: String,
+    /// Where records go.
+    pub records: PathBuf,
+}
+
+/// Something that is read from a file, which may be refused.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Loaded<T> {
+    /// Being read.
+    Loading,
+    /// As read.
+    Ready(T),
+    /// Why it is refused, mistakes and hints included; lines for people.
+    Refused(String),
+}
+
+impl<T> Loaded<T> {
+    pub(crate) fn ready(&self) -> Option<&T> {
+        match self {
+            Self::Ready(value) => Some(value),
+            Self::Loading | Self::Refused(_) => None,
+        }
+    }
+}
+
+/// The plan as far as the screen shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PlanView {
+    pub name: String,
+    pub version: String,
+    pub items: Vec<PlannedItem>,
+    /// The part that the plan is for, where it says so.
+    pub part: Option<String>,
+    /// Seconds that the last whole run took.
+    pub expected_s: Option<f64>,
+}
+
+/// How often a plan is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rounds {
+    Once,
+    /// So many times.
+    Count(u32),
+    /// For so many minutes; a round under way is finished.
+    Minutes(u32),
+}
+
+/// Whether a bad item ends the run and its rounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AfterFailure {
+    AsPlanned,
+    Stop,
+    GoOn,
+}
+
+/// An item at work.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Progress {
+    pub item: String,
+    /// Share of the present step, 0 to 1000; `None` where its length is not known.
+    pub done_permille: Option<u16>,
+    pub elapsed: Duration,
+}
+
+/// A question of the run.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Prompt {
+    pub item: String,
+    pub ask: Ask,
+    /// When it came, since the start of the program.
+    pub since: Duration,
+}
+
+/// How far a pause is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pause {
+    No,
+    /// What runs is finished first.
+    Asked,
+}
+
+/// The run that is on, or the last one.
+#[derive(Debug)]
+pub(crate) struct RunView {
+    /// The fold of its events.
+    pub state: RunState,
+    /// The module, as scanned.
+    pub serial_number: String,
+    /// Where its record is.
+    pub folder: Option<PathBuf>,
+    /// No event and no round follows.
+    pub over: bool,
+    /// An event is missing; the record has it.
+    pub events_lost: bool,
+    pub progress: Vec<Progress>,
+    pub prompt: Option<Prompt>,
+    pub pause: Pause,
+    /// How often a stop was asked for on the screen.
+    pub stops: u32,
+    /// When the round began, since the start of the program.
+    pub began: Duration,
+    /// Seconds that the round is expected to take.
+    pub expected_s: Option<f64>,
+    /// Outcomes of the rounds so far.
+    pub ends: Vec<Outcome>,
+    pub rounds: Rounds,
+    /// Why the record could not be written.
+    pub store_error: Option<String>,
+}
+
+impl RunView {
+    pub(crate) fn new(serial_number: String, rounds: Rounds, expected_s: Option<f64>, now: &Now) -> Self {
+        Self {
+            state: RunState::new(),
+            serial_number,
+            folder: None,
+            over: false,
+            events_lost: false,
+            progress: Vec::new(),
+            prompt: None,
+            pause: Pause::No,
+            stops: 0,
+            began: now.since_start,
+            expected_s,
+            ends: Vec::new(),
+            rounds,
+            store_error: None,
+        }
+    }
+
+    /// The verdict, once nothing follows. What could not be recorded is no pass.
+    pub(crate) fn verdict(&self) -> Option<Outcome> {
+        if !self.over {
+            return None;
+        }
+        let worst = Outcome::worst(self.ends.iter().copied()).unwrap_or(Outcome::Errored);
+        Some(if self.store_error.is_some() { Outcome::Errored } else { worst })
+    }
+
+    /// Items whose work is worth repeating, and those that were skipped because of them.
+    pub(crate) fn to_repeat(&self) -> Vec<String> {
+        use gnc_executive::outcome::Cause;
+        let rows = self.state.rows().iter().filter(|row| row.planned.phase == Phase::Test && row.planned.selected);
+        rows.filter(|row| match row.outcome {
+            Outcome::Failed | Outcome::Errored | Outcome::Aborted | Outcome::Marginal | Outcome::NotRun => true,
+            Outcome::Skipped => !matches!(row.cause, Some(Cause::DeviceMissing { .. })),
+            Outcome::Passed => false,
+        })
+        .map(|row| row.planned.name.clone())
+        .collect()
+    }
+}
+
+/// The serial number: what is typed, what is scanned, what comes next.
+#[derive(Debug, Default)]
+pub(crate) struct Scan {
+    pub typed: Field,
+    pub current: Option<String>,
+    /// Scanned while a run was on.
+    pub next: Option<String>,
+    /// The newest run of `current` today; `None` as long as nobody looked.
+    pub earlier: Option<Option<Earlier>>,
+}
+
+/// A run of the same module today.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Earlier {
+    pub at: DateTime<FixedOffset>,
+    /// `None`: it has no end.
+    pub outcome: Option<Outcome>,
+}
+
+/// What was asked for and waits for the look at earlier runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Pending {
+    pub selection: Option<Vec<String>>,
+    pub rounds: Rounds,
+}
+
+/// How much a message matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Weight {
+    Info,
+    Warning,
+    Error,
+}
+
+/// All that the screen knows.
+#[derive(Debug)]
+pub(crate) struct Model {
+    pub lang: Lang,
+    pub texts: &'static Texts,
+    pub look: Look,
+    pub now: Now,
+    pub page: Page,
+    pub over: Vec<Over>,
+    pub message: Option<(Weight, String)>,
+    pub bench: Loaded<BenchView>,
+    pub bench_path: String,
+    pub plan: Loaded<PlanView>,
+    pub plan_path: String,
+    pub operator: String,
+    pub rounds: Rounds,
+    pub after_failure: AfterFailure,
+    pub scan: Scan,
+    pub pending: Option<Pending>,
+    /// Items that are to be run, in the order of the plan.
+    pub ticks: Vec<bool>,
+    /// Items that the command line chose.
+    pub only: Option<Vec<String>>,
+    /// The line under the cursor, in the order shown.
+    pub cursor: usize,
+    pub run: Option<RunView>,
+    pub live: super::live::History,
+    /// Raw values are shown without a run.
+    pub watching: bool,
+    pub records: Records,
+    /// Leaves as soon as the run has stopped.
+    pub leaving: bool,
+    /// Every cell is to be drawn again, since something else wrote over them.
+    pub redraw: bool,
+    /// How far the last drawing could scroll.
+    pub scroll_end: Cell<usize>,
+    /// Files to choose from.
+    pub choices: super::setup_form::Choices,
+}
+
+impl Model {
+    pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
+        Self {
+            lang,
+            texts: lang.texts(),
+            look,
+            now,
+            page: Page::Tests,
+            over: Vec::new(),
+            message: look.poor.then(|| (Weight::Warning, lang.texts().no_glyphs.to_owned())),
+            bench: Loaded::Loading,
+            bench_path: String::new(),
+            plan: Loaded::Loading,
+            plan_path: String::new(),
+            operator: String::new(),
+            rounds: Rounds::Once,
+            after_failure: AfterFailure::AsPlanned,
+            scan: Scan::default(),
+            pending: None,
+            ticks: Vec::new(),
+            only: None,
+            cursor: 0,
+            run: None,
+            live: super::live::History::default(),
+            watching: false,
+            records: Records::default(),
+            leaving: false,
+            redraw: false,
+            scroll_end: Cell::new(0),
+            choices: super::setup_form::Choices::default(),
+        }
+    }
+
+    /// Whether a run is on.
+    pub(crate) fn is_running(&self) -> bool {
+        self.run.as_ref().is_some_and(|run| !run.over)
+    }
+
+    /// Where the next key is pressed.
+    pub(crate) fn place(&self) -> Place {
+        match self.over.last() {
+            Some(Over::Again { .. } | Over::Leave) => return Place::Confirm,
+            Some(Over::Help { .. }) => return Place::Help,
+            Some(Over::Setup(_)) => return Place::Setup,
+            _ => {}
+        }
+        if self.run.as_ref().is_some_and(|run| run.prompt.is_some()) {
+            return Place::Prompt;
+        }
+        match (self.over.last(), self.page) {
+            (Some(_), _) => Place::Detail,
+            (None, Page::Live) if self.is_running() => Place::LiveRunning,
+            (None, Page::Live) if self.watching => Place::Watching,
+            (None, Page::Live) => Place::Live,
+            (None, Page::Records) if self.records.open.is_some() => Place::Record,
+            (None, Page::Records) => Place::Records,
+            (None, Page::Tests) if self.is_running() => Place::Running,
+            (None, Page::Tests) => Place::Idle,
+        }
+    }
+
+    /// The run that the page shows, if it shows one.
+    pub(crate) fn shown_state(&self) -> Option<&RunState> {
+        match self.page {
+            Page::Records => self.records.open.as_ref().map(|open| &open.state),
+            Page::Tests | Page::Live => self.run.as_ref().map(|run| &run.state),
+        }
+    }
+
+    /// Positions of the items of the tests page in the order in which they are shown.
+    pub(crate) fn order(&self) -> Vec<usize> {
+        match &self.run {
+            Some(run) if !run.state.rows().is_empty() => order(&run.state),
+            _ => (0..self.plan.ready().map_or(0, |plan| plan.items.len())).collect(),
+        }
+    }
+
+    /// Name of the item under the cursor of the tests page.
+    pub(crate) fn item_under_cursor(&self) -> Option<&str> {
+        let position = *self.order().get(self.cursor)?;
+        match &self.run {
+            Some(run) if !run.state.rows().is_empty() => Some(&run.state.rows()[position].planned.name),
+            _ => Some(&self.plan.ready()?.items.get(position)?.name),
+        }
+    }
+
+    pub(crate) fn say(&mut self, weight: Weight, text: impl Into<String>) {
+        self.message = Some((weight, text.into()));
+    }
+
+    /// Whether time alone changes what is shown within a second.
+    pub(crate) fn moves(&self) -> bool {
+        self.is_running() || self.watching
+    }
+}
+
+/// Rows of a run in the order in which they are shown: as planned while it runs, the bad ones first when it has ended.
+pub(crate) fn order(state: &RunState) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..state.rows().len()).collect();
+    if state.outcome().is_some() {
+        order.sort_by_key(|position| rank(state.rows()[*position].outcome));
+    }
+    order
+}
+
+fn rank(outcome: Outcome) -> u8 {
+    match outcome {
+        Outcome::Failed => 0,
+        Outcome::Errored => 1,
+        Outcome::Aborted => 2,
+        Outcome::Marginal => 3,
+        Outcome::Skipped => 4,
+        Outcome::Passed => 5,
+        Outcome::NotRun => 6,
+    }
+}

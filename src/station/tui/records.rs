@@ -1,0 +1,124 @@
+//! The records page: days, runs, one run.
+
+use std::path::PathBuf;
+
+use chrono::{DateTime, FixedOffset};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::state::RunState;
+
+use super::field::Field;
+
+/// Runs of one day that are shown: more than one socket tests in a day of seconds.
+pub(crate) const MAX_RUNS: usize = 5000;
+
+/// A day with runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Day {
+    /// "2026-11-22".
+    pub name: String,
+    /// Serial numbers that were tested on it.
+    pub serial_numbers: usize,
+}
+
+/// How a run came out, as far as a list shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mark {
+    /// It has this outcome, and its folder was closed.
+    Outcome(Outcome),
+    /// It has no end.
+    Interrupted,
+    /// Its folder was not closed.
+    Unsealed,
+    /// It cannot be read.
+    Unreadable,
+}
+
+/// A run in a list.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct RunLine {
+    pub path: PathBuf,
+    pub at: Option<DateTime<FixedOffset>>,
+    pub serial_number: String,
+    pub plan: String,
+    pub mark: Mark,
+    pub simulated: bool,
+    pub selection: bool,
+    pub elapsed_s: f64,
+}
+
+/// The runs of a day.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Runs {
+    pub day: String,
+    /// By serial number, and by time within one.
+    pub lines: Vec<RunLine>,
+    /// There are more than [`MAX_RUNS`].
+    pub cut: bool,
+}
+
+/// A run that was opened.
+#[derive(Debug)]
+pub(crate) struct OpenRun {
+    pub path: PathBuf,
+    pub state: RunState,
+    pub mark: Mark,
+    pub cursor: usize,
+    pub check: Check,
+}
+
+/// Whether a run is as it was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Check {
+    NotAsked,
+    Running,
+    /// What is wrong; nothing if all is as written.
+    Done(Vec<String>),
+}
+
+/// What the page knows.
+#[derive(Debug, Default)]
+pub(crate) struct Records {
+    /// Newest first; `None` until read.
+    pub days: Option<Vec<Day>>,
+    pub day_cursor: usize,
+    pub runs: Option<Runs>,
+    pub run_cursor: usize,
+    /// Something is being read.
+    pub reading: bool,
+    pub filter: Option<Outcome>,
+    pub search: Field,
+    pub open: Option<OpenRun>,
+    pub error: Option<String>,
+}
+
+impl Records {
+    /// The runs that filter and search let through.
+    pub(crate) fn shown(&self) -> Vec<&RunLine> {
+        let wanted = self.search.text().to_lowercase();
+        let lines = self.runs.iter().flat_map(|runs| &runs.lines);
+        lines
+            .filter(|line| match (self.filter, line.mark) {
+                (None, _) => true,
+                (Some(wanted), Mark::Outcome(outcome)) => wanted == outcome,
+                // A run without an end or a seal is no pass; it is found beside the aborted ones.
+                (Some(wanted), _) => wanted == Outcome::Aborted,
+            })
+            .filter(|line| wanted.is_empty() || line.serial_number.to_lowercase().contains(&wanted))
+            .collect()
+    }
+
+    /// The next filter.
+    pub(crate) fn turn_filter(&mut self) {
+        const TURN: [Option<Outcome>; 6] = [
+            None,
+            Some(Outcome::Failed),
+            Some(Outcome::Errored),
+            Some(Outcome::Aborted),
+            Some(Outcome::Marginal),
+            Some(Outcome::Passed),
+        ];
+        let at = TURN.iter().position(|filter| *filter == self.filter).unwrap_or(0);
+        self.filter = TURN[(at + 1) % TURN.len()];
+        self.run_cursor = 0;
+    }
+}

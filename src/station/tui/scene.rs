@@ -1,0 +1,317 @@
+//! A screen without a terminal, on which a run is played: for snapshots and benchmarks. Time stands still unless it is
+//! moved.
+
+use std::time::Duration;
+
+use chrono::{DateTime, FixedOffset, TimeDelta};
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::event::{
+    Bench, BenchKind, Board, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Power, Program, RunHeader,
+};
+use gnc_executive::measurement::{Measurement, Reading};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::Phase;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS, StreamId};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+
+use super::decode::Key;
+use super::lang::Lang;
+use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
+use super::update::{Command, Msg, update};
+use super::view;
+use crate::board::{GnssReading, Readings, StreamReading};
+
+/// A screen in memory.
+#[derive(Debug)]
+pub struct Scene {
+    pub(crate) model: Model,
+    terminal: Terminal<TestBackend>,
+    now: Now,
+    run_began: Duration,
+    seq: u64,
+}
+
+impl Scene {
+    /// An idle screen of a simulated bench with the table of single-function tests.
+    ///
+    /// # Errors
+    /// Never in memory; the terminal's type has room for it.
+    pub fn new(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
+        let look = Look { colour: true, glyphs: Glyphs::Unicode, poor: false };
+        let now = Now { at: noon(), since_start: Duration::ZERO };
+        let mut model = Model::new(lang, look, now);
+        let bench = BenchView {
+            station: "line-2".into(),
+            kind: BenchKind::Simulated,
+            name: "good".into(),
+            link: String::new(),
+            records: "records".into(),
+        };
+        let plan = PlanView {
+            name: "functional".into(),
+            version: "1.0".into(),
+            items: items(),
+            part: Some("GNC-POP-26".into()),
+            expected_s: Some(4.8),
+        };
+        update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
+        update(&mut model, Msg::Plan { path: "test-plans/functional.toml".into(), plan: Loaded::Ready(plan) });
+        let terminal = Terminal::new(TestBackend::new(width, height)).map_err(std::io::Error::other)?;
+        Ok(Self { model, terminal, now, run_began: Duration::ZERO, seq: 0 })
+    }
+
+    /// The same with a run that stands in its middle: three items at work, curves of a minute on the live page.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn at_work(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
+        let mut scene = Self::new(lang, width, height)?;
+        scene.start("DEMO-1");
+        scene.passes(&["identity", "cpu", "timers", "internal-ram"]);
+        for item in ["imu", "gnss", "sdram"] {
+            scene.event(EventKind::ItemStarted { item: item.into(), attempt: 1 });
+        }
+        scene.pass_time(Duration::from_millis(1300));
+        scene.progress(&[("imu", Some(430)), ("gnss", None), ("sdram", Some(800))]);
+        scene.readings(600);
+        Ok(scene)
+    }
+
+    /// Draws it.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn draw(&mut self) -> std::io::Result<()> {
+        let model = &self.model;
+        self.terminal.draw(|frame| view::draw(model, frame)).map(drop).map_err(std::io::Error::other)
+    }
+
+    /// Another sample of all sensors, a tenth of a second later.
+    pub fn next_sample(&mut self) {
+        self.pass_time(Duration::from_millis(100));
+        self.readings(1);
+    }
+
+    /// Turns to the next page.
+    pub fn next_page(&mut self) {
+        self.key(Key::F(9));
+    }
+
+    pub(crate) fn key(&mut self, key: Key) -> Option<Command> {
+        update(&mut self.model, Msg::Key(key))
+    }
+
+    pub(crate) fn types(&mut self, text: &str) {
+        text.chars().for_each(|character| drop(self.key(Key::Char(character))));
+    }
+
+    pub(crate) fn tell(&mut self, msg: Msg) -> Option<Command> {
+        update(&mut self.model, msg)
+    }
+
+    pub(crate) fn pass_time(&mut self, time: Duration) {
+        self.now.since_start += time;
+        self.now.at += TimeDelta::from_std(time).unwrap_or_default();
+        update(&mut self.model, Msg::Time(self.now));
+    }
+
+    /// Scans a number, starts, and lets the board answer.
+    pub(crate) fn start(&mut self, serial_number: &str) {
+        self.types(serial_number);
+        self.key(Key::Enter);
+        self.key(Key::F(5));
+        self.tell(Msg::Earlier { serial_number: serial_number.into(), run: None });
+        self.run_began = self.now.since_start;
+        self.seq = 0;
+        let header = Box::new(header(serial_number));
+        self.event(EventKind::RunStarted { header, items: items() });
+        self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
+        self.event(EventKind::BoardFound(Board {
+            board_serial: "SIM-BOARD-1".into(),
+            firmware: "sim 1.0.0".into(),
+            protocol: 1,
+            boot_id: "0000002a".into(),
+            link: "/dev/pts/7 at 921600 bit/s".into(),
+        }));
+        let supply = "slave board".to_owned();
+        self.event(EventKind::Power(Power { on: true, supply, voltage_v: Some(5.01), current_a: Some(0.487) }));
+    }
+
+    pub(crate) fn event(&mut self, kind: EventKind) {
+        let elapsed = self.now.since_start.saturating_sub(self.run_began);
+        let elapsed_us = u64::try_from(elapsed.as_micros()).unwrap_or(u64::MAX);
+        let event = Event { seq: self.seq, at: self.now.at, elapsed_us, kind };
+        self.seq += 1;
+        update(&mut self.model, Msg::Event(Box::new(event)));
+    }
+
+    pub(crate) fn passes(&mut self, names: &[&str]) {
+        for name in names {
+            let item = (*name).to_owned();
+            self.event(EventKind::ItemStarted { item: item.clone(), attempt: 1 });
+            self.pass_time(Duration::from_millis(140));
+            let measurement = measured("measured", 1.25, Outcome::Passed);
+            self.event(EventKind::Measured { item: item.clone(), attempt: 1, measurement });
+            self.ends(&item, Outcome::Passed);
+        }
+    }
+
+    pub(crate) fn ends(&mut self, item: &str, outcome: Outcome) {
+        let item = item.to_owned();
+        self.event(EventKind::AttemptEnded { item: item.clone(), attempt: 1, outcome, error: None });
+        self.event(EventKind::ItemEnded { item, outcome, cause: None });
+    }
+
+    #[cfg(test)]
+    pub(crate) fn run_ends(&mut self, outcome: Outcome) {
+        self.event(EventKind::RunEnded { outcome });
+        self.tell(Msg::RunOver { store_error: None, refusal: None });
+    }
+
+    pub(crate) fn progress(&mut self, items: &[(&str, Option<u16>)]) {
+        let each = items.iter().map(|(item, done_permille)| Progress {
+            item: (*item).to_owned(),
+            done_permille: *done_permille,
+            elapsed: Duration::from_millis(1300),
+        });
+        self.tell(Msg::Progress(each.collect()));
+    }
+
+    /// So many tenths of a second of readings.
+    pub(crate) fn readings(&mut self, count: u32) {
+        for index in 0..count {
+            if count > 1 {
+                self.pass_time(Duration::from_millis(100));
+            }
+            let phase = self.now.since_start.as_secs_f64() + f64::from(index % 2) * 0.01;
+            self.tell(Msg::Readings(Box::new(readings(phase))));
+        }
+    }
+
+    /// The screen as lines of text; the second half of a wide character is left out.
+    #[cfg(test)]
+    pub(crate) fn text(&mut self) -> String {
+        self.draw().expect("memory");
+        let buffer = self.terminal.backend().buffer();
+        let mut out = String::new();
+        for row in buffer.content.chunks(usize::from(buffer.area.width)) {
+            let mut hidden = 0;
+            for cell in row {
+                if hidden > 0 {
+                    hidden -= 1;
+                    continue;
+                }
+                out.push_str(cell.symbol());
+                hidden = view::text_width(cell.symbol()).saturating_sub(1);
+            }
+            out.truncate(out.trim_end().len());
+            out.push('\n');
+        }
+        out
+    }
+
+    /// Cells with a colour.
+    #[cfg(test)]
+    pub(crate) fn colours(&mut self) -> usize {
+        use ratatui::style::Color;
+        self.draw().expect("memory");
+        let cells = self.terminal.backend().buffer().content.iter();
+        cells.filter(|cell| cell.fg != Color::Reset || cell.bg != Color::Reset).count()
+    }
+
+    /// An event that the screen never hears of.
+    #[cfg(test)]
+    pub(crate) fn miss_an_event(&mut self) {
+        self.seq += 1;
+    }
+
+    #[cfg(test)]
+    pub(crate) fn resize(&mut self, width: u16, height: u16) {
+        self.terminal.backend_mut().resize(width, height);
+    }
+}
+
+fn noon() -> DateTime<FixedOffset> {
+    let offset = FixedOffset::east_opt(8 * 3600);
+    let at = DateTime::from_timestamp(1_795_329_000, 0).unwrap_or_default();
+    offset.map_or_else(|| at.fixed_offset(), |offset| at.with_timezone(&offset))
+}
+
+fn items() -> Vec<PlannedItem> {
+    let each = ItemId::ALL.into_iter().map(|id| PlannedItem {
+        name: id.as_str().to_owned(),
+        id,
+        title: id.spec().title.to_owned(),
+        phase: Phase::Test,
+        optional: id == ItemId::Can,
+        selected: true,
+    });
+    each.collect()
+}
+
+fn header(serial_number: &str) -> RunHeader {
+    RunHeader {
+        schema: EVENTS_SCHEMA.into(),
+        serial_number: serial_number.into(),
+        operator: Some("Zhang Wei".into()),
+        station: "line-2".into(),
+        program: Program { name: "gnc-station".into(), version: "0.1.0".into() },
+        bench: Bench::simulated("good", "1", 1),
+        site: None,
+        recomputed: None,
+        plan: PlanInfo { name: "functional".into(), version: "1.0".into(), sha256: "00".repeat(32) },
+        selection: None,
+        looped: None,
+    }
+}
+
+/// A value in deg/s with limits of one on both sides.
+pub(crate) fn measured(name: &str, value: f64, outcome: Outcome) -> Measurement {
+    Measurement {
+        name: name.into(),
+        repeat: None,
+        value: Reading::Number(value),
+        raw: None,
+        unit: Some(Unit::DegreePerSecond),
+        low: Some(-1.0),
+        high: Some(if outcome.is_good() { 2.0 } else { 1.0 }),
+        marginal_low: None,
+        marginal_high: None,
+        uncertainty: None,
+        decision: None,
+        expected: None,
+        outcome: Some(outcome),
+    }
+}
+
+/// A module that swings slowly on its table.
+fn readings(phase: f64) -> Readings {
+    let counts = |value: f64, scale: f64| (value * scale).round() as i32;
+    let (sin, cos) = phase.sin_cos();
+    let sample = ImuSample {
+        gyro: [2.0 * sin, -3.0 * cos, 0.1 * sin * cos].map(|rate| counts(rate, GYRO_LSB_PER_DPS)),
+        accel: [0.05 * sin, 0.03 * cos, 1.0].map(|force| counts(force, ACCEL_LSB_PER_G)),
+        mag: [0.3 * cos, 0.3 * sin, -0.42].map(|field| counts(field, MAG_LSB_PER_GAUSS)),
+        gyro_temperature: 2364,
+        accel_temperature: 2344,
+    };
+    let gnss = GnssReading {
+        dimensions: 3,
+        latitude_deg: Some(34.2321),
+        longitude_deg: Some(108.9154),
+        height_m: Some(412.3),
+        ground_speed_mps: Some(0.02),
+        satellites_used: Some(10),
+        hdop: Some(0.9),
+    };
+    let stream = |id, rate_hz, received, on_line| StreamReading { id, rate_hz, received, on_board: 0, on_line };
+    Readings {
+        imu: Some(((phase * 1e6) as u64, sample)),
+        gnss: Some(gnss),
+        pulses: 3,
+        ad_v: [2.51, 2.38, 2.35, 5.0, 3.3, 1.2, 0.0, 0.0].map(Some),
+        streams: vec![stream(StreamId::Imu, 1000.0, 60_000, 0), stream(StreamId::Gnss, 2325.0, 9357, 4)],
+    }
+}

@@ -1,0 +1,232 @@
+//! What stands behind the screen: it carries out its commands, one run at a time, and never waits for it.
+
+mod archive;
+mod files;
+mod rounds;
+
+use std::collections::VecDeque;
+use std::future::pending;
+use std::path::PathBuf;
+
+use futures_util::future::{FutureExt as _, LocalBoxFuture};
+use gnc_executive::outcome::Outcome;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::{mpsc, oneshot};
+
+use super::update::{Command, Msg};
+use crate::cli::RunArgs;
+use crate::control::Control;
+use crate::fixture::Question;
+use crate::runner::Live;
+use rounds::{Finished, Handles};
+
+/// Questions that may wait: one of each item that runs.
+const QUESTIONS: usize = 8;
+
+/// Signals that end the program.
+#[derive(Debug)]
+pub(crate) struct Signals {
+    interrupt: Signal,
+    terminate: Signal,
+    hangup: Signal,
+}
+
+impl Signals {
+    /// Takes them over.
+    pub(crate) fn new() -> std::io::Result<Self> {
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hangup: signal(SignalKind::hangup())?,
+        })
+    }
+
+    async fn next(&mut self) -> &'static str {
+        tokio::select! {
+            _ = self.interrupt.recv() => "SIGINT",
+            _ = self.terminate.recv() => "SIGTERM",
+            _ = self.hangup.recv() => "SIGHUP",
+        }
+    }
+}
+
+/// What the session needs.
+#[derive(Debug)]
+pub(crate) struct Session {
+    pub args: RunArgs,
+    pub plan: PathBuf,
+    pub screen: mpsc::Sender<Msg>,
+    pub commands: mpsc::Receiver<Command>,
+    pub signals: Signals,
+    pub live: Live,
+}
+
+/// What goes on at the board: a run, or a look at raw values.
+struct Running {
+    done: LocalBoxFuture<'static, Finished>,
+    control: Control,
+}
+
+impl Session {
+    /// Serves the screen until somebody leaves. The outcome is that of a run that was ended by the end of the program.
+    pub(crate) async fn serve(mut self) -> Option<Outcome> {
+        let (ask, mut questions) = mpsc::channel::<Question>(QUESTIONS);
+        let mut waiting: VecDeque<Question> = VecDeque::new();
+        let mut running: Option<Running> = None;
+        let mut ending = false;
+        self.choose(None);
+        loop {
+            if ending && running.is_none() {
+                return None;
+            }
+            tokio::select! {
+                biased;
+                by = self.signals.next() => {
+                    ending = true;
+                    let _ = self.screen.try_send(Msg::EndAsked);
+                    stop(running.as_ref(), by);
+                }
+                finished = run_of(&mut running) => {
+                    running = None;
+                    waiting.clear();
+                    if ending {
+                        return finished.outcome();
+                    }
+                    self.tell(finished.into_msg());
+                }
+                Some(question) = questions.recv() => {
+                    waiting.push_back(question);
+                    if waiting.len() == 1 {
+                        self.show_question(&waiting);
+                    }
+                }
+                () = given_up(&mut waiting) => {
+                    waiting.pop_front();
+                    self.tell(Msg::AskedNoMore);
+                    self.show_question(&waiting);
+                }
+                command = self.commands.recv() => match command {
+                    None | Some(Command::Leave) => {
+                        ending = true;
+                        stop(running.as_ref(), "the end of the terminal");
+                    }
+                    Some(Command::Answer(yes)) => {
+                        if let Some(question) = waiting.pop_front() {
+                            let _ = question.answer.send(yes);
+                        }
+                        self.show_question(&waiting);
+                    }
+                    Some(Command::Stop) => stop(running.as_ref(), "the operator"),
+                    Some(Command::Pause(pause)) => {
+                        running.iter().for_each(|running| running.control.pause(pause));
+                    }
+                    Some(Command::AbortItem(item)) => {
+                        running.iter().for_each(|running| running.control.give_up(&item));
+                    }
+                    Some(Command::Start(start)) if running.is_none() => {
+                        let handles = self.handles(&ask);
+                        let control = handles.control.clone();
+                        let done = rounds::run(self.args.clone(), self.plan.clone(), start, handles).boxed_local();
+                        running = Some(Running { done, control });
+                    }
+                    Some(Command::Watch) if running.is_none() => {
+                        let handles = self.handles(&ask);
+                        let control = handles.control.clone();
+                        let done = rounds::watch(self.args.clone(), handles).boxed_local();
+                        running = Some(Running { done, control });
+                    }
+                    Some(command) => self.other(command),
+                },
+            }
+        }
+    }
+
+    fn handles(&self, ask: &mpsc::Sender<Question>) -> Handles {
+        Handles {
+            control: Control::default(),
+            screen: self.screen.clone(),
+            live: self.live.clone(),
+            questions: ask.clone(),
+        }
+    }
+
+    /// What needs no run.
+    fn other(&mut self, command: Command) {
+        match command {
+            Command::LookUp(serial_number) => {
+                let records = self.records();
+                self.aside(move || archive::look_up(&records, serial_number));
+            }
+            Command::Choose { plan, bench } => self.choose(Some((plan, bench))),
+            Command::ListChoices => {
+                let plan = self.plan.clone();
+                self.aside(move || Msg::Choices(files::choices(&plan)));
+            }
+            Command::ListDays => {
+                let records = self.records();
+                self.aside(move || Msg::Days(archive::days(&records)));
+            }
+            Command::ListRuns(day) => {
+                let records = self.records();
+                self.aside(move || Msg::Runs(archive::runs(&records, day)));
+            }
+            Command::OpenRun(path) => self.aside(move || Msg::Opened(archive::open(path))),
+            Command::Verify(path) => self.aside(move || archive::verify(path)),
+            Command::Refold(path) => self.aside(move || archive::refold(&path)),
+            // Belongs to a run, and none is on.
+            _ => {}
+        }
+    }
+
+    fn choose(&mut self, chosen: Option<(String, String)>) {
+        if let Some((plan, bench)) = chosen {
+            self.plan = plan.into();
+            files::set_bench(&mut self.args, &bench);
+        }
+        let (args, plan, screen) = (self.args.clone(), self.plan.clone(), self.screen.clone());
+        tokio::task::spawn_blocking(move || files::look(&args, &plan, &screen));
+    }
+
+    fn records(&self) -> PathBuf {
+        files::records(&self.args)
+    }
+
+    /// Work on files, beside the run.
+    fn aside(&self, work: impl FnOnce() -> Msg + Send + 'static) {
+        let screen = self.screen.clone();
+        tokio::task::spawn_blocking(move || screen.blocking_send(work()));
+    }
+
+    /// Says something to the screen, which may be far behind: nobody waits for it.
+    fn tell(&self, msg: Msg) {
+        let screen = self.screen.clone();
+        tokio::spawn(async move { screen.send(msg).await });
+    }
+
+    fn show_question(&self, waiting: &VecDeque<Question>) {
+        if let Some(question) = waiting.front() {
+            self.tell(Msg::Asked { item: question.item.clone(), ask: question.ask.clone() });
+        }
+    }
+}
+
+fn stop(running: Option<&Running>, by: &'static str) {
+    if let Some(running) = running {
+        running.control.stop(by);
+    }
+}
+
+async fn run_of(running: &mut Option<Running>) -> Finished {
+    match running {
+        Some(running) => (&mut running.done).await,
+        None => pending().await,
+    }
+}
+
+/// Ends when nobody waits for the answer to the first question any more.
+async fn given_up(waiting: &mut VecDeque<Question>) {
+    match waiting.front_mut() {
+        Some(Question { answer, .. }) => oneshot::Sender::closed(answer).await,
+        None => pending().await,
+    }
+}

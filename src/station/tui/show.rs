@@ -1,0 +1,145 @@
+//! The loop of the screen: messages and keys change the model, and it is drawn when something changed, at most thirty
+//! times a second.
+
+use std::time::{Duration, Instant};
+
+use chrono::Local;
+use ratatui::Terminal;
+use ratatui::backend::Backend;
+use ratatui::layout::{Position, Rect};
+use tokio::sync::{mpsc, watch};
+
+use super::decode::Key;
+use super::model::{Model, Now, Progress};
+use super::update::{Command, Msg, update};
+use super::view;
+use crate::board::Readings;
+use crate::runner::Doing;
+
+/// Time between two drawings.
+const FRAME: Duration = Duration::from_millis(33);
+/// How often what moves by itself is drawn: bars, times, curves.
+const TICK: Duration = Duration::from_millis(100);
+/// Messages that are taken before a drawing: a screen far behind catches up in few drawings.
+const BATCH: usize = 4096;
+
+/// What the loop listens to.
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    pub messages: mpsc::Receiver<Msg>,
+    pub keys: mpsc::Receiver<Vec<Key>>,
+    /// The terminal has another size, or has to be drawn anew.
+    pub resized: watch::Receiver<u64>,
+    pub doing: watch::Receiver<Vec<Doing>>,
+    pub readings: watch::Receiver<Readings>,
+}
+
+/// The clock of the screen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Clock {
+    pub began: Instant,
+}
+
+impl Clock {
+    pub(crate) fn now(&self) -> Now {
+        Now { at: Local::now().fixed_offset(), since_start: self.began.elapsed() }
+    }
+}
+
+/// Why the loop ended.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Ended {
+    /// Somebody wanted to leave, or nothing is behind the screen any more.
+    Left,
+    /// Nobody can type any more.
+    TerminalLost,
+}
+
+/// Shows the model until somebody leaves, or the terminal is no longer `ours`.
+pub(crate) async fn show<B: Backend>(
+    terminal: &mut Terminal<B>,
+    model: &mut Model,
+    mut inbox: Inbox,
+    commands: &mpsc::Sender<Command>,
+    clock: Clock,
+    ours: impl Fn() -> bool,
+) -> Result<Ended, B::Error> {
+    let mut drawn = Instant::now();
+    terminal.draw(|frame| view::draw(model, frame))?;
+    let (mut changed, mut anew) = (false, false);
+    loop {
+        let due = if changed { drawn + FRAME } else { drawn + rest(model) };
+        let mut arrived = Vec::new();
+        tokio::select! {
+            biased;
+            count = inbox.messages.recv_many(&mut arrived, BATCH) => {
+                if count == 0 {
+                    return Ok(Ended::Left);
+                }
+            }
+            keys = inbox.keys.recv() => match keys {
+                Some(keys) => arrived.extend(keys.into_iter().map(Msg::Key)),
+                None => return Ok(Ended::TerminalLost),
+            },
+            resized = inbox.resized.changed() => {
+                if resized.is_err() {
+                    return Ok(Ended::Left);
+                }
+                anew = true;
+            }
+            () = tokio::time::sleep_until(due.into()) => {}
+        }
+        // Something on another thread went so wrong that the terminal was given back: its message stands there.
+        if !ours() {
+            return Ok(Ended::Left);
+        }
+        update(model, Msg::Time(clock.now()));
+        if model.is_running() {
+            arrived.push(Msg::Progress(progress(&inbox.doing.borrow())));
+        }
+        if inbox.readings.has_changed().unwrap_or(false) {
+            arrived.push(Msg::Readings(Box::new(inbox.readings.borrow_and_update().clone())));
+        }
+        for msg in arrived {
+            let Some(command) = update(model, msg) else { continue };
+            let leaves = command == Command::Leave;
+            if commands.send(command).await.is_err() || leaves {
+                return Ok(Ended::Left);
+            }
+        }
+        changed = true;
+        if Instant::now() >= drawn + FRAME {
+            drawn = Instant::now();
+            if std::mem::take(&mut anew) || std::mem::take(&mut model.redraw) {
+                // As large as it is now, and every cell again. (`clear` would ask the terminal where its cursor is, and
+                // the answer would come among the keys.)
+                let size = terminal.size()?;
+                terminal.resize(Rect::from((Position::ORIGIN, size)))?;
+            }
+            terminal.draw(|frame| view::draw(model, frame))?;
+            changed = false;
+        }
+    }
+}
+
+/// How long what is drawn stays true if nothing happens.
+fn rest(model: &Model) -> Duration {
+    use chrono::Timelike as _;
+    if model.moves() {
+        return TICK;
+    }
+    // The time of day is shown in minutes.
+    Duration::from_secs(u64::from(60 - model.now.at.second().min(59)))
+}
+
+fn progress(doing: &[Doing]) -> Vec<Progress> {
+    let each = doing.iter().map(|doing| {
+        let advance = *doing.advance.borrow();
+        Progress {
+            item: doing.item.clone(),
+            done_permille: (advance.expected_ms > 0).then(|| advance.done_permille.min(1000)),
+            elapsed: doing.began.elapsed(),
+        }
+    });
+    each.collect()
+}

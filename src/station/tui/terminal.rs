@@ -1,0 +1,157 @@
+//! The terminal: taken, read, and given back whatever happens.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Read as _, Write as _};
+use std::os::fd::AsFd as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use ratatui::Terminal;
+use ratatui::backend::CrosstermBackend;
+use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::{mpsc, watch};
+
+use super::decode::{Decoder, Key};
+
+/// Other screen, no cursor, pasted text marked as such.
+const TAKE: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b[?2004h";
+/// All of it back, and plain colours.
+const GIVE_BACK: &[u8] = b"\x1b[?2004l\x1b[0m\x1b[?25h\x1b[?1049l";
+/// Bytes of one frame that wait to be written together: a whole 200 x 60 screen with its colours.
+const FRAME_BYTES: usize = 64 << 10;
+/// Bytes read at once.
+const READ_BYTES: usize = 1024;
+/// How long the rest of an escape sequence may take on a slow line, before a lone escape is the key.
+const REST_OF_KEY_MS: u16 = 50;
+
+/// The screen's terminal.
+pub(crate) type Screen = Terminal<CrosstermBackend<BufWriter<File>>>;
+
+/// The terminal as long as the screen has it. Dropped, it is given back.
+#[derive(Debug, Clone)]
+pub(crate) struct Guard {
+    taken: Arc<AtomicBool>,
+}
+
+impl Guard {
+    /// Nothing is taken yet. A panic on any thread gives back what is taken, so that its message can be read.
+    pub(crate) fn new() -> Self {
+        let guard = Self { taken: Arc::new(AtomicBool::new(false)) };
+        let (in_panic, before) = (guard.clone(), std::panic::take_hook());
+        std::panic::set_hook(Box::new(move |info| {
+            in_panic.give_back();
+            before(info);
+        }));
+        guard
+    }
+
+    /// Takes the terminal.
+    pub(crate) fn take(&self) -> io::Result<Screen> {
+        let mut out = File::from(io::stdout().as_fd().try_clone_to_owned()?);
+        enable_raw_mode()?;
+        self.taken.store(true, Ordering::SeqCst);
+        out.write_all(TAKE)?;
+        Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(FRAME_BYTES, out)))
+    }
+
+    /// Whether the screen still has it.
+    pub(crate) fn is_taken(&self) -> bool {
+        self.taken.load(Ordering::SeqCst)
+    }
+
+    /// Gives it back, once. The line discipline first: that never blocks, while a stopped terminal takes no text.
+    pub(crate) fn give_back(&self) {
+        if self.give_back_modes()
+            && let Ok(out) = io::stdout().as_fd().try_clone_to_owned()
+        {
+            // A terminal that is gone cannot be helped.
+            let _ = File::from(out).write_all(GIVE_BACK);
+        }
+    }
+
+    /// Gives back the line discipline alone; `false` if that was done before.
+    pub(crate) fn give_back_modes(&self) -> bool {
+        let taken = self.taken.swap(false, Ordering::SeqCst);
+        if taken {
+            let _ = disable_raw_mode();
+        }
+        taken
+    }
+}
+
+/// Reads keys until the terminal is gone or nobody wants them. Runs on a thread of its own.
+pub(crate) fn read_keys(keys: &mpsc::Sender<Vec<Key>>) {
+    let Ok(stdin) = io::stdin().as_fd().try_clone_to_owned() else { return };
+    let mut stdin = File::from(stdin);
+    let (mut decoder, mut bytes) = (Decoder::default(), [0; READ_BYTES]);
+    loop {
+        let wait = if decoder.is_waiting() { PollTimeout::from(REST_OF_KEY_MS) } else { PollTimeout::NONE };
+        let mut polled = [PollFd::new(stdin.as_fd(), PollFlags::POLLIN)];
+        let ready = match poll(&mut polled, wait) {
+            Ok(ready) => ready,
+            Err(nix::errno::Errno::EINTR) => continue,
+            Err(_) => return,
+        };
+        let mut batch = Vec::new();
+        if ready == 0 {
+            decoder.flush(&mut batch);
+        } else if polled[0].revents().is_some_and(|events| events.contains(PollFlags::POLLIN)) {
+            match stdin.read(&mut bytes) {
+                Ok(0) => return,
+                Ok(count) => decoder.feed(&bytes[..count], &mut batch),
+                Err(error) if matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock) => {}
+                Err(_) => return,
+            }
+        } else {
+            return;
+        }
+        if batch.is_empty() {
+            continue;
+        }
+        // A full channel holds the typist up, never the run.
+        if keys.blocking_send(spaces_in_text(batch)).is_err() {
+            return;
+        }
+    }
+}
+
+/// Counts changes of the terminal's size, and times at which it has to be drawn anew after the program was held.
+pub(crate) async fn watch_size(changes: watch::Sender<u64>) {
+    let (Ok(mut size), Ok(mut continued)) =
+        (signal(SignalKind::window_change()), signal(SignalKind::from_raw(nix::libc::SIGCONT)))
+    else {
+        return std::future::pending().await;
+    };
+    loop {
+        tokio::select! {
+            _ = size.recv() => {}
+            _ = continued.recv() => {}
+        }
+        changes.send_modify(|count| *count += 1);
+    }
+}
+
+/// A space that comes together with other characters belongs to a scanned code.
+fn spaces_in_text(mut batch: Vec<Key>) -> Vec<Key> {
+    if batch.iter().any(|key| matches!(key, Key::Char(character) if *character != ' ')) {
+        for key in batch.iter_mut().filter(|key| **key == Key::Char(' ')) {
+            *key = Key::Pasted(' ');
+        }
+    }
+    batch
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_space_amid_text_is_text() {
+        let scanned = spaces_in_text(vec![Key::Char(' '), Key::Char('S'), Key::Char(' '), Key::Char('1'), Key::Enter]);
+        let text = [Key::Pasted(' '), Key::Char('S'), Key::Pasted(' '), Key::Char('1'), Key::Enter];
+        assert_eq!(scanned, text);
+        assert_eq!(spaces_in_text(vec![Key::Char(' '), Key::Down]), [Key::Char(' '), Key::Down]);
+    }
+}

@@ -1,0 +1,450 @@
+//! Every screen in every language at its two sizes, and what keys do. Time stands still in all of them.
+
+use std::time::Duration;
+
+use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, Level};
+use gnc_executive::outcome::{Cause, Outcome};
+
+use super::decode::Key;
+use super::lang::Lang;
+use super::model::{Earlier, Glyphs, Loaded, Rounds};
+use super::records::{Day, Mark, RunLine, Runs};
+use super::scene::{Scene, measured};
+use super::update::{Command, Msg};
+use super::view::text_width;
+use crate::fixture::Ask;
+
+const SIZES: [(u16, u16); 2] = [(80, 24), (160, 50)];
+
+fn scene(lang: Lang) -> Scene {
+    Scene::new(lang, 80, 24).expect("memory")
+}
+
+/// Plays a scene in all languages and sizes, and compares each screen with the one that was looked at.
+fn check(name: &str, play: impl Fn(&mut Scene)) {
+    for lang in Lang::ALL {
+        for (width, height) in SIZES {
+            let mut scene = Scene::new(lang, width, height).expect("memory");
+            play(&mut scene);
+            let text = scene.text();
+            for line in text.lines() {
+                assert!(text_width(line) <= usize::from(width), "{name} {lang:?}: {line}");
+            }
+            insta::assert_snapshot!(format!("{name}-{lang:?}-{width}"), text);
+        }
+    }
+}
+
+fn fail(scene: &mut Scene) {
+    scene.start("DEMO-1");
+    scene.passes(&["identity", "cpu", "timers"]);
+    let item = || "imu".to_owned();
+    scene.event(EventKind::ItemStarted { item: item(), attempt: 1 });
+    scene.pass_time(Duration::from_millis(2020));
+    let good = measured("gyro_y", 0.04, Outcome::Passed);
+    scene.event(EventKind::Measured { item: item(), attempt: 1, measurement: good });
+    let bad = measured("gyro_x", 1.52, Outcome::Failed);
+    scene.event(EventKind::Measured { item: item(), attempt: 1, measurement: bad });
+    scene.ends("imu", Outcome::Failed);
+    let cause = Cause::StoppedAfter { item: item(), outcome: Outcome::Failed };
+    scene.event(EventKind::ItemEnded { item: "ad".into(), outcome: Outcome::Skipped, cause: Some(cause) });
+    scene.run_ends(Outcome::Failed);
+}
+
+fn error(scene: &mut Scene) {
+    scene.start("DEMO-1");
+    scene.passes(&["identity"]);
+    let item = || "sci".to_owned();
+    scene.event(EventKind::ItemStarted { item: item(), attempt: 1 });
+    let record = ErrorRecord {
+        what: "SCI byte differs".into(),
+        location: "byte 17".into(),
+        expected: "0x0000005a".into(),
+        got: "0x0000004a".into(),
+        board_time_us: 1_250_000,
+    };
+    scene.event(EventKind::ErrorRecord { item: item(), attempt: 1, record });
+    let error = AttemptError {
+        text: "no answer to SciEcho after 5 tries over 2.5 s".into(),
+        hint: "is the cable plugged in at both ends?".into(),
+        again: false,
+    };
+    let outcome = Outcome::Errored;
+    scene.event(EventKind::AttemptEnded { item: item(), attempt: 1, outcome, error: Some(error) });
+    scene.event(EventKind::ItemEnded { item: item(), outcome, cause: None });
+    let text = "the link is lost, so the rest of the plan is not run".to_owned();
+    scene.event(EventKind::Note { level: Level::Error, text, item: None });
+    scene.run_ends(Outcome::Errored);
+}
+
+fn line(serial_number: &str, minute: u32, mark: Mark) -> RunLine {
+    let at = chrono::DateTime::parse_from_rfc3339(&format!("2026-11-22T14:{minute:02}:00+08:00")).expect("a time");
+    RunLine {
+        path: format!("records/2026-11-22/{serial_number}/14{minute:02}00-functional").into(),
+        at: Some(at),
+        serial_number: serial_number.into(),
+        plan: "functional".into(),
+        mark,
+        simulated: true,
+        selection: minute == 7,
+        elapsed_s: 4.86,
+    }
+}
+
+fn records(scene: &mut Scene) {
+    scene.key(Key::F(9));
+    scene.key(Key::F(9));
+    let days = vec![
+        Day { name: "2026-11-22".into(), serial_numbers: 3 },
+        Day { name: "2026-11-21".into(), serial_numbers: 41 },
+    ];
+    scene.tell(Msg::Days(Ok(days)));
+}
+
+fn runs(scene: &mut Scene) {
+    records(scene);
+    let lines = vec![
+        line("DEMO-1", 5, Mark::Outcome(Outcome::Failed)),
+        line("DEMO-1", 7, Mark::Outcome(Outcome::Passed)),
+        line("DEMO-2", 9, Mark::Outcome(Outcome::Errored)),
+        line("模块-3", 11, Mark::Interrupted),
+    ];
+    scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
+}
+
+fn record(scene: &mut Scene) {
+    runs(scene);
+    let mut played = Scene::new(scene.model.lang, 80, 24).expect("memory");
+    fail(&mut played);
+    let state = played.model.run.take().expect("a run").state;
+    let path = "records/2026-11-22/DEMO-1/140500-functional".into();
+    scene.tell(Msg::Opened(Ok(Box::new((path, state, Mark::Outcome(Outcome::Failed))))));
+}
+
+#[test]
+fn idle() {
+    check("idle", |_| {});
+    check("scanned", |scene| {
+        scene.types("DEMO-1");
+        scene.key(Key::Enter);
+        let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T09:12:00+08:00").expect("a time");
+        let run = Some(Earlier { at, outcome: Some(Outcome::Failed) });
+        scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run });
+    });
+}
+
+#[test]
+fn running() {
+    for lang in Lang::ALL {
+        for (width, height) in SIZES {
+            let mut scene = Scene::at_work(lang, width, height).expect("memory");
+            insta::assert_snapshot!(format!("running-{lang:?}-{width}"), scene.text());
+            scene.key(Key::F(6));
+            insta::assert_snapshot!(format!("pausing-{lang:?}-{width}"), scene.text());
+        }
+    }
+    check("paused", |scene| {
+        scene.start("DEMO-1");
+        scene.passes(&["identity", "cpu"]);
+        scene.key(Key::F(6));
+    });
+}
+
+#[test]
+fn passed() {
+    check("passed", |scene| {
+        scene.start("DEMO-1");
+        let all: Vec<&str> = gnc_executive::catalogue::ItemId::ALL.iter().map(|item| item.as_str()).collect();
+        scene.passes(&all);
+        scene.run_ends(Outcome::Passed);
+    });
+}
+
+#[test]
+fn failed() {
+    check("failed", fail);
+    check("item", |scene| {
+        fail(scene);
+        scene.key(Key::Enter);
+    });
+}
+
+#[test]
+fn errored() {
+    check("errored", error);
+}
+
+#[test]
+fn prompt() {
+    let ask = |scene: &mut Scene, ask: Ask| {
+        scene.start("DEMO-1");
+        scene.event(EventKind::ItemStarted { item: "ad".into(), attempt: 1 });
+        scene.tell(Msg::Asked { item: "ad".into(), ask });
+        scene.pass_time(Duration::from_secs(12));
+    };
+    check("prompt-switch", |scene| ask(scene, Ask::Switches(Some(3))));
+    check("prompt-turn", |scene| ask(scene, Ask::Heading { deg: 120.0 }));
+    check("prompt-words", |scene| ask(scene, Ask::Words("Close the lid of the shield.".into())));
+}
+
+#[test]
+fn live() {
+    check("live", |scene| {
+        scene.start("DEMO-1");
+        scene.readings(300);
+        scene.key(Key::F(9));
+    });
+    check("live-empty", |scene| drop(scene.key(Key::F(9))));
+}
+
+#[test]
+fn records_page() {
+    check("records-days", records);
+    check("records-runs", runs);
+    check("records-run", record);
+}
+
+#[test]
+fn help_and_setup() {
+    check("help", |scene| drop(scene.key(Key::F(1))));
+    check("setup", |scene| drop(scene.key(Key::F(2))));
+    check("setup-mistakes", |scene| {
+        let why = "test-plans/mine.toml:4:6: no item has the id \"imo\"\n    id = \"imo\"\n         ^^^^^\ndid you mean \"io\"?";
+        let plan = Loaded::Refused(why.into());
+        scene.tell(Msg::Plan { path: "test-plans/mine.toml".into(), plan });
+        scene.key(Key::F(2));
+    });
+    check("leave", |scene| {
+        scene.start("DEMO-1");
+        scene.key(Key::F(10));
+    });
+}
+
+#[test]
+fn too_small() {
+    for lang in Lang::ALL {
+        for (width, height) in [(79, 24), (80, 23), (20, 6)] {
+            let mut scene = scene(lang);
+            fail(&mut scene);
+            scene.resize(width, height);
+            insta::assert_snapshot!(format!("too-small-{lang:?}-{width}x{height}"), scene.text());
+        }
+    }
+}
+
+/// Whatever the size, nothing panics, and what is drawn fits.
+#[test]
+fn any_size_can_be_drawn() {
+    for play in [fail, error, record, |scene: &mut Scene| scene.readings(20)] {
+        let mut scene = scene(Lang::Zh);
+        play(&mut scene);
+        for (width, height) in
+            (0..220).step_by(13).flat_map(|width| (0..70).step_by(7).map(move |height| (width, height)))
+        {
+            scene.resize(width, height);
+            scene.draw().expect("memory");
+        }
+    }
+}
+
+/// On a terminal without the glyphs nothing but ASCII, or lines and blocks, is drawn, whatever texts come.
+#[test]
+fn poor_terminals_get_what_they_can_show() {
+    for play in [fail, record, |scene: &mut Scene| scene.readings(20)] {
+        for glyphs in [Glyphs::Ascii, Glyphs::Console] {
+            let mut scene = Scene::new(Lang::En, 160, 50).expect("memory");
+            scene.model.look.glyphs = glyphs;
+            play(&mut scene);
+            let text = scene.text();
+            let odd: String = text.chars().filter(|c| !c.is_ascii() && !"─│┌┐└┘├┤┬┴┼█▀▄░▒▓°".contains(*c)).collect();
+            assert_eq!(odd, "", "{glyphs:?}: {text}");
+            assert!(glyphs == Glyphs::Console || text.is_ascii(), "{text}");
+        }
+    }
+}
+
+/// Without colours no cell has one.
+#[test]
+fn no_colour_means_none() {
+    let mut scene = scene(Lang::En);
+    scene.model.look.colour = false;
+    fail(&mut scene);
+    let colours = scene.colours();
+    assert_eq!(colours, 0);
+    scene.model.look.colour = true;
+    assert!(scene.colours() > 100, "the screen has colours otherwise");
+}
+
+/// A scan of letters, digits and spaces is never a command, wherever it comes, and is not lost.
+#[test]
+fn a_scanner_types_and_nothing_happens() {
+    let plays: [fn(&mut Scene); 4] = [
+        |_| {},
+        fail,
+        |scene| drop(scene.key(Key::F(9))),
+        |scene| {
+            scene.start("DEMO-1");
+            scene.tell(Msg::Asked { item: "ad".into(), ask: Ask::Switches(None) });
+        },
+    ];
+    for play in plays {
+        let mut scene = scene(Lang::En);
+        play(&mut scene);
+        for character in "SN 12qynYN/é模".chars() {
+            let key = if character == ' ' { Key::Pasted(' ') } else { Key::Char(character) };
+            assert_eq!(scene.key(key), None);
+        }
+        let running = scene.model.is_running();
+        let command = scene.key(Key::Enter);
+        let scanned = if running { &scene.model.scan.next } else { &scene.model.scan.current };
+        assert_eq!(scanned.as_deref(), Some("SN 12qynYN/é模"));
+        let prompt = scene.model.run.as_ref().is_some_and(|run| run.prompt.is_some());
+        assert_eq!(prompt, running, "the line end of a scanner answered a question");
+        assert_eq!(command.is_none(), running, "{command:?}");
+    }
+}
+
+#[test]
+fn hostile_scans_are_refused_in_words() {
+    let check = |keys: &[Key], word: &str| {
+        let mut scene = scene(Lang::En);
+        keys.iter().for_each(|key| drop(scene.key(*key)));
+        assert_eq!(scene.key(Key::Enter), None);
+        assert_eq!(scene.model.scan.current, None);
+        assert!(scene.text().contains(word), "{}", scene.text());
+    };
+    check(&vec![Key::Char('x'); 10_000], "10000 characters");
+    check(&[Key::Char('a'), Key::Control, Key::Char('b')], "control characters");
+    check(&[Key::Pasted(' '), Key::Pasted(' ')], "empty");
+}
+
+/// A module that was tested today is started only after a question; what failed is repeated without one.
+#[test]
+fn a_second_test_is_asked_for() {
+    let mut scene = scene(Lang::En);
+    fail(&mut scene);
+    let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T14:30:00+08:00").expect("a time");
+    let earlier =
+        || Msg::Earlier { serial_number: "DEMO-1".into(), run: Some(Earlier { at, outcome: Some(Outcome::Failed) }) };
+    assert_eq!(scene.key(Key::F(5)), Some(Command::LookUp("DEMO-1".into())));
+    assert_eq!(scene.tell(earlier()), None);
+    assert!(scene.text().contains("Test it again?"), "{}", scene.text());
+    assert_eq!(scene.key(Key::Esc), None);
+    scene.key(Key::F(5));
+    scene.tell(earlier());
+    assert!(matches!(scene.key(Key::Enter), Some(Command::Start(start)) if start.selection.is_none()));
+}
+
+#[test]
+fn what_failed_is_repeated() {
+    let mut scene = scene(Lang::En);
+    fail(&mut scene);
+    assert_eq!(scene.key(Key::F(4)), Some(Command::LookUp("DEMO-1".into())));
+    let command = scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run: None });
+    let Some(Command::Start(start)) = command else { panic!("{command:?}") };
+    let selection = start.selection.expect("a selection");
+    // The failed one, the one that was skipped because of it, and those that were never reached.
+    assert!(selection.contains(&"imu".into()) && selection.contains(&"ad".into()), "{selection:?}");
+    assert!(!selection.contains(&"cpu".into()), "{selection:?}");
+}
+
+#[test]
+fn stop_pause_abort_and_leave() {
+    let mut scene = Scene::at_work(Lang::En, 80, 24).expect("memory");
+    assert_eq!(scene.key(Key::F(6)), Some(Command::Pause(true)));
+    assert_eq!(scene.key(Key::F(6)), Some(Command::Pause(false)));
+    assert_eq!(scene.key(Key::F(7)), None, "identity does not run");
+    let at = scene.model.order().iter().position(|position| *position == 7).expect("imu");
+    (0..at).for_each(|_| drop(scene.key(Key::Down)));
+    assert_eq!(scene.key(Key::F(7)), Some(Command::AbortItem("imu".into())));
+    assert_eq!(scene.key(Key::F(8)), Some(Command::Stop));
+    assert!(scene.text().contains("Stop now"), "{}", scene.text());
+    assert_eq!(scene.key(Key::F(10)), None, "a run is on");
+    assert_eq!(scene.key(Key::Enter), Some(Command::Stop));
+    scene.event(EventKind::RunEnded { outcome: Outcome::Aborted });
+    assert_eq!(scene.tell(Msg::RunOver { store_error: None, refusal: None }), Some(Command::Leave));
+}
+
+#[test]
+fn ticks_make_a_selection() {
+    let mut scene = scene(Lang::En);
+    scene.key(Key::Ctrl('a'));
+    scene.types("DEMO-1");
+    assert_eq!(scene.key(Key::F(5)), None);
+    assert!(scene.text().contains("No item is ticked"), "{}", scene.text());
+    scene.key(Key::Down);
+    scene.key(Key::Char(' '));
+    assert_eq!(scene.key(Key::F(5)), Some(Command::LookUp("DEMO-1".into())));
+    let command = scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run: None });
+    assert!(matches!(command, Some(Command::Start(start)) if start.selection == Some(vec!["cpu".into()])));
+}
+
+#[test]
+fn the_form_sets_rounds_and_language() {
+    let mut scene = scene(Lang::En);
+    assert_eq!(scene.key(Key::F(2)), Some(Command::ListChoices));
+    (0..3).for_each(|_| drop(scene.key(Key::Down)));
+    scene.key(Key::Right);
+    scene.key(Key::Backspace);
+    scene.types("x2");
+    scene.key(Key::Down);
+    scene.key(Key::Down);
+    scene.key(Key::Right);
+    assert_eq!(scene.key(Key::Enter), None, "neither plan nor bench changed");
+    assert_eq!(scene.model.rounds, Rounds::Count(12));
+    assert_eq!(scene.model.lang, Lang::Zh);
+}
+
+/// A number that cannot be is said at once and not taken.
+#[test]
+fn the_form_refuses_no_rounds() {
+    let mut scene = scene(Lang::En);
+    scene.key(Key::F(2));
+    (0..3).for_each(|_| drop(scene.key(Key::Down)));
+    scene.key(Key::Right);
+    (0..9).for_each(|_| drop(scene.key(Key::Backspace)));
+    assert!(scene.text().contains("a number from 1"), "{}", scene.text());
+    scene.key(Key::Enter);
+    assert_eq!(scene.model.rounds, Rounds::Once);
+}
+
+/// A screen that missed events asks for the record, and shows what that says.
+#[test]
+fn missed_events_are_read_from_the_record() {
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.miss_an_event();
+    scene.passes(&["identity"]);
+    let command = scene.tell(Msg::RunOver { store_error: None, refusal: None });
+    assert!(matches!(command, Some(Command::Refold(_))), "{command:?}");
+    let mut played = Scene::new(Lang::En, 80, 24).expect("memory");
+    fail(&mut played);
+    let state = played.model.run.take().expect("a run").state;
+    scene.tell(Msg::Refolded(Ok(Box::new(state))));
+    assert_eq!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Failed));
+}
+
+/// A record that could not be written is no pass, whatever the items said.
+#[test]
+fn a_lost_record_is_no_pass() {
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.passes(&["identity"]);
+    scene.event(EventKind::RunEnded { outcome: Outcome::Passed });
+    scene.tell(Msg::RunOver { store_error: Some("no space left on device".into()), refusal: None });
+    assert_eq!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Errored));
+    assert!(scene.text().contains("no space left"), "{}", scene.text());
+}
+
+/// Outcome and serial number filter the runs of a day.
+#[test]
+fn runs_are_found() {
+    let mut scene = scene(Lang::En);
+    runs(&mut scene);
+    scene.key(Key::F(4));
+    assert_eq!(scene.model.records.shown().len(), 1, "the failed one");
+    (0..5).for_each(|_| drop(scene.key(Key::F(4))));
+    scene.types("demo-2");
+    let shown = scene.model.records.shown();
+    assert_eq!(shown.iter().map(|run| run.serial_number.as_str()).collect::<Vec<_>>(), ["DEMO-2"]);
+}

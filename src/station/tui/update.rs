@@ -1,0 +1,227 @@
+//! What a message changes, and what it asks for.
+
+mod keys;
+mod run;
+
+use std::path::PathBuf;
+
+use gnc_executive::event::Event;
+use gnc_executive::state::RunState;
+
+use super::decode::Key;
+use super::lang::{Lang, fill};
+use super::model::{BenchView, Earlier, Loaded, Model, Now, PlanView, Progress, Rounds, Weight};
+use super::records::{Check, Day, Mark, OpenRun, Runs};
+use super::setup_form::Choices;
+use crate::board::Readings;
+use crate::fixture::Ask;
+
+/// Something that happened.
+#[derive(Debug)]
+pub(crate) enum Msg {
+    /// Time went on.
+    Time(Now),
+    /// A key.
+    Key(Key),
+    /// An event of the run.
+    Event(Box<Event>),
+    /// How far the items at work are.
+    Progress(Vec<Progress>),
+    /// Live readings.
+    Readings(Box<Readings>),
+    /// The run asks for something.
+    Asked { item: String, ask: Ask },
+    /// Nobody waits for an answer any more.
+    AskedNoMore,
+    /// The bench was looked at.
+    Bench { path: String, bench: Loaded<BenchView> },
+    /// The plan was checked.
+    Plan { path: String, plan: Loaded<PlanView> },
+    /// Files to choose from.
+    Choices(Choices),
+    /// The newest run of a module today.
+    Earlier { serial_number: String, run: Option<Earlier> },
+    /// A round begins, with its record there.
+    RoundBegins { folder: PathBuf },
+    /// No round follows: why a record could not be written, why a round was not begun.
+    RunOver { store_error: Option<String>, refusal: Option<String> },
+    /// The record of a run whose events did not all come.
+    Refolded(Result<Box<RunState>, String>),
+    /// Seconds that the last whole run of this plan took.
+    Expected(Option<f64>),
+    /// Days with records.
+    Days(Result<Vec<Day>, String>),
+    /// Runs of a day.
+    Runs(Result<Runs, String>),
+    /// A run was opened.
+    Opened(Result<Box<(PathBuf, RunState, Mark)>, String>),
+    /// A run was compared with its digests.
+    Verified { path: PathBuf, problems: Vec<String> },
+    /// Nothing is watched any more, and why.
+    WatchOver { why: Option<String> },
+    /// Somebody wants the program to end.
+    EndAsked,
+}
+
+/// Something to be done outside of the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Command {
+    /// Look for earlier runs of a module.
+    LookUp(String),
+    Start(Start),
+    /// Show raw values without a run.
+    Watch,
+    /// The first in order, the second at once.
+    Stop,
+    Pause(bool),
+    AbortItem(String),
+    Answer(bool),
+    Choose {
+        plan: String,
+        bench: String,
+    },
+    ListChoices,
+    ListDays,
+    ListRuns(String),
+    OpenRun(PathBuf),
+    Verify(PathBuf),
+    /// Read the run's record, since events were missed.
+    Refold(PathBuf),
+    Leave,
+}
+
+/// A run that is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Start {
+    pub serial_number: String,
+    pub operator: Option<String>,
+    pub selection: Option<Vec<String>>,
+    pub rounds: Rounds,
+    pub after_failure: super::model::AfterFailure,
+}
+
+/// Takes a message.
+pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
+    match msg {
+        Msg::Time(now) => model.now = now,
+        Msg::Key(key) => return keys::key(model, key),
+        Msg::Event(event) => return run::event(model, &event),
+        Msg::Progress(progress) => {
+            if let Some(run) = &mut model.run {
+                run.progress = progress;
+            }
+        }
+        Msg::Readings(readings) => model.live.take(*readings, model.now.since_start),
+        Msg::Asked { item, ask } => run::asked(model, item, ask),
+        Msg::AskedNoMore => {
+            if let Some(run) = &mut model.run {
+                run.prompt = None;
+            }
+        }
+        Msg::Bench { path, bench } => {
+            model.bench_path = path;
+            model.bench = bench;
+        }
+        Msg::Plan { path, plan } => take_plan(model, path, plan),
+        Msg::Choices(choices) => model.choices = choices,
+        Msg::Earlier { serial_number, run } => return run::earlier(model, &serial_number, run),
+        Msg::RoundBegins { folder } => {
+            if let Some(run) = &mut model.run {
+                run.folder = Some(folder);
+            }
+        }
+        Msg::RunOver { store_error, refusal } => return run::over(model, store_error, refusal),
+        Msg::Refolded(Ok(state)) => run::refolded(model, *state),
+        Msg::Refolded(Err(why)) => model.say(Weight::Error, why),
+        Msg::Expected(expected_s) => {
+            if let Loaded::Ready(plan) = &mut model.plan {
+                plan.expected_s = expected_s;
+            }
+        }
+        Msg::WatchOver { why } => {
+            model.watching = false;
+            if let Some(why) = why {
+                model.say(Weight::Error, why);
+            }
+            return match model.leaving {
+                true => Some(Command::Leave),
+                // The records page was turned to while the module was being switched off.
+                false => keys::read_if_due(model),
+            };
+        }
+        Msg::EndAsked => model.leaving = true,
+        Msg::Days(_) | Msg::Runs(_) | Msg::Opened(_) | Msg::Verified { .. } => take_records(model, msg),
+    }
+    None
+}
+
+fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
+    let chosen = |name: &String| model.only.as_ref().is_none_or(|only| only.contains(name));
+    let items = plan.ready().map_or(&[][..], |plan| &plan.items);
+    model.ticks = items.iter().map(|item| chosen(&item.name)).collect();
+    if model.plan_path != path && !model.is_running() {
+        // The verdict on the screen was by another plan.
+        model.run = None;
+    }
+    model.plan_path = path;
+    model.plan = plan;
+    model.cursor = 0;
+}
+
+fn take_records(model: &mut Model, msg: Msg) {
+    let records = &mut model.records;
+    records.reading = false;
+    records.error = None;
+    match msg {
+        Msg::Days(Ok(days)) => {
+            records.day_cursor = records.day_cursor.min(days.len().saturating_sub(1));
+            records.days = Some(days);
+        }
+        Msg::Runs(Ok(runs)) => {
+            let same = records.runs.as_ref().is_some_and(|old| old.day == runs.day);
+            records.runs = Some(runs);
+            let last = records.shown().len().saturating_sub(1);
+            records.run_cursor = if same { records.run_cursor.min(last) } else { 0 };
+        }
+        Msg::Opened(Ok(opened)) => {
+            let (path, state, mark) = *opened;
+            records.open = Some(OpenRun { path, state, mark, cursor: 0, check: Check::NotAsked });
+        }
+        Msg::Verified { path, problems } => {
+            if let Some(open) = records.open.as_mut().filter(|open| open.path == path) {
+                open.check = Check::Done(problems);
+            } else {
+                let text = model.texts;
+                let (weight, what) = match problems.first() {
+                    None => (Weight::Info, text.as_written.to_owned()),
+                    Some(problem) => (Weight::Error, format!("{}: {problem}", text.not_as_written)),
+                };
+                let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                model.say(weight, format!("{name}: {what}"));
+            }
+        }
+        Msg::Days(Err(why)) | Msg::Runs(Err(why)) | Msg::Opened(Err(why)) => records.error = Some(why),
+        _ => {}
+    }
+}
+
+/// "14:30, passed" for the sentence on an earlier run.
+pub(crate) fn earlier_words(model: &Model, earlier: &Earlier) -> [String; 2] {
+    let outcome = match earlier.outcome {
+        Some(outcome) => (model.texts.outcome_word)(outcome),
+        None => model.texts.interrupted,
+    };
+    [earlier.at.format("%H:%M").to_string(), outcome.to_owned()]
+}
+
+/// Changes the language at once.
+fn set_language(model: &mut Model, lang: Lang) {
+    if model.look.glyphs == super::model::Glyphs::Unicode {
+        model.lang = lang;
+        model.texts = lang.texts();
+    } else if lang != Lang::En {
+        model.say(Weight::Warning, model.texts.no_glyphs);
+    }
+}
+
+use fill as words;

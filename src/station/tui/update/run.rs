@@ -1,0 +1,137 @@
+//! What a run tells the screen.
+
+use gnc_executive::event::{Event, EventKind};
+use gnc_executive::state::RunState;
+
+use super::{Command, Start, earlier_words, words};
+use crate::fixture::Ask;
+use crate::tui::live::History;
+use crate::tui::model::{Earlier, Loaded, Model, Over, Pause, Pending, Prompt, RunView, Weight};
+
+/// Folds an event as every other observer does.
+pub(super) fn event(model: &mut Model, event: &Event) -> Option<Command> {
+    let now = model.now;
+    let expected_s = model.plan.ready().and_then(|plan| plan.expected_s);
+    let run = model.run.as_mut()?;
+    if matches!(event.kind, EventKind::RunStarted { .. }) {
+        run.state = RunState::new();
+        run.began = now.since_start;
+        run.events_lost = false;
+        run.expected_s = expected_s;
+        model.cursor = 0;
+    }
+    if run.events_lost {
+        return None;
+    }
+    if run.state.apply(event).is_err() {
+        // The terminal was that far behind. The record has all of it.
+        run.events_lost = true;
+        model.message = Some((Weight::Warning, model.texts.events_lost.to_owned()));
+        return None;
+    }
+    if let EventKind::RunEnded { outcome } = event.kind {
+        run.ends.push(outcome);
+        run.prompt = None;
+        model.cursor = 0;
+        if let (Loaded::Ready(plan), true) =
+            (&mut model.plan, run.state.header().is_some_and(|h| h.selection.is_none()))
+            && outcome.is_good()
+        {
+            plan.expected_s = Some(event.elapsed_us as f64 / 1e6);
+        }
+    }
+    None
+}
+
+pub(super) fn asked(model: &mut Model, item: String, ask: Ask) {
+    let since = model.now.since_start;
+    if let Some(run) = &mut model.run {
+        run.prompt = Some(Prompt { item, ask, since });
+    }
+}
+
+/// A run is asked for: first somebody looks whether the module was tested today.
+pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Command> {
+    let Some(serial_number) = model.scan.current.clone() else {
+        model.say(Weight::Warning, model.texts.scan_first);
+        return None;
+    };
+    model.pending = Some(pending);
+    model.scan.earlier = None;
+    Some(Command::LookUp(serial_number))
+}
+
+/// What is known of earlier runs; a start that waited for it goes on, or asks.
+pub(super) fn earlier(model: &mut Model, serial_number: &str, run: Option<Earlier>) -> Option<Command> {
+    if model.scan.current.as_deref() != Some(serial_number) {
+        return None;
+    }
+    model.scan.earlier = Some(run.clone());
+    let pending = model.pending.clone()?;
+    match run {
+        // To repeat what failed, or one item, is no second test of the module.
+        Some(run) if pending.selection.is_none() => {
+            model.over.push(Over::Again { at: run.at, outcome: run.outcome });
+            let [time, outcome] = earlier_words(model, &run);
+            model.say(Weight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
+            None
+        }
+        _ => start(model),
+    }
+}
+
+/// Starts what waits.
+pub(super) fn start(model: &mut Model) -> Option<Command> {
+    let pending = model.pending.take()?;
+    let serial_number = model.scan.current.clone()?;
+    let expected_s = model.plan.ready().and_then(|plan| plan.expected_s);
+    // What was read from another module is not shown beside this one.
+    model.live = History::default();
+    model.run = Some(RunView::new(serial_number.clone(), pending.rounds, expected_s, &model.now));
+    model.message = None;
+    model.cursor = 0;
+    Some(Command::Start(Start {
+        serial_number,
+        operator: Some(model.operator.trim().to_owned()).filter(|name| !name.is_empty()),
+        selection: pending.selection,
+        rounds: pending.rounds,
+        after_failure: model.after_failure,
+    }))
+}
+
+/// Nothing follows.
+pub(super) fn over(model: &mut Model, store_error: Option<String>, refusal: Option<String>) -> Option<Command> {
+    let leaving = model.leaving;
+    let run = model.run.as_mut()?;
+    run.over = true;
+    run.prompt = None;
+    run.progress.clear();
+    run.pause = Pause::No;
+    if let Some(error) = &store_error {
+        model.message = Some((Weight::Error, words(model.texts.store_error, &[error])));
+    }
+    run.store_error = store_error;
+    let missed = run.folder.clone().filter(|_| run.events_lost);
+    let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
+    if let Some(why) = refusal {
+        let first = why.lines().next().unwrap_or_default();
+        model.message = Some((Weight::Error, words(model.texts.run_refused, &[first])));
+        if nothing_done {
+            model.run = None;
+        }
+    }
+    // Whoever was asked whether to stop the run need not answer any more.
+    model.over.retain(|over| *over != Over::Leave);
+    if leaving { Some(Command::Leave) } else { missed.map(Command::Refold) }
+}
+
+/// The record of a run whose events did not all come.
+pub(super) fn refolded(model: &mut Model, state: RunState) {
+    if let Some(run) = &mut model.run {
+        if let Some(outcome) = state.outcome() {
+            run.ends.push(outcome);
+        }
+        run.state = state;
+        run.events_lost = false;
+    }
+}

@@ -1,0 +1,86 @@
+//! Drawing. It only reads the model, and every screen can be drawn again from it.
+
+mod big;
+mod board;
+mod detail;
+mod dialog;
+mod frame;
+mod glyphs;
+mod live;
+mod log;
+mod panels;
+mod picture;
+mod records;
+mod rows;
+mod setup;
+mod style;
+mod text;
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::text::Line;
+use ratatui::widgets::{Paragraph, Wrap};
+
+use super::lang::fill;
+use super::model::{Model, Over, Page};
+
+/// The smallest screen that shows everything.
+pub(crate) const MIN_WIDTH: u16 = 80;
+/// The smallest screen that shows everything.
+pub(crate) const MIN_HEIGHT: u16 = 24;
+/// From this width on lists and details stand side by side.
+pub(crate) const WIDE: u16 = 120;
+
+/// Draws the screen.
+pub(crate) fn draw(model: &Model, frame: &mut Frame<'_>) {
+    let area = frame.area();
+    if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
+        too_small(model, frame, area);
+    } else {
+        whole(model, frame, area);
+    }
+    glyphs::translate(frame.buffer_mut(), model.look.glyphs);
+}
+
+fn too_small(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let (width, height) = (area.width.to_string(), area.height.to_string());
+    let mut lines = vec![Line::from(fill(model.texts.too_small, &[&width, &height]))];
+    // What matters most fits anywhere.
+    if let Some(run) = &model.run {
+        let word = match run.verdict() {
+            Some(outcome) => (model.texts.outcome_word)(outcome),
+            None => model.texts.running,
+        };
+        lines.insert(0, Line::styled(word.to_uppercase(), style::strong()));
+    }
+    frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), area);
+}
+
+fn whole(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let [head, body, message, foot] =
+        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1), Constraint::Length(1)])
+            .areas(area);
+    frame::head(model, frame, head);
+    match (model.over.last(), model.page) {
+        (Some(Over::Help { place, scroll }), _) => dialog::help(model, frame, body, *place, *scroll),
+        (Some(Over::Setup(form)), _) => setup::draw(model, form, frame, body),
+        (Some(Over::Item { name, scroll }), _) => detail::page(model, frame, body, name, *scroll),
+        (Some(Over::Log { scroll }), _) => log::page(model, frame, body, *scroll),
+        (_, Page::Tests) => board::draw(model, frame, body),
+        (_, Page::Live) => live::draw(model, frame, body),
+        (_, Page::Records) => records::draw(model, frame, body),
+    }
+    match model.over.last() {
+        Some(Over::Again { at, outcome }) => dialog::again(model, frame, body, *at, *outcome),
+        Some(Over::Leave) => dialog::leave(model, frame, body),
+        Some(Over::Help { .. } | Over::Setup(_)) => {}
+        _ => dialog::prompt(model, frame, body),
+    }
+    frame::message(model, frame, message);
+    frame::foot(model, frame, foot);
+}
+
+#[cfg(test)]
+pub(in crate::tui) use big::has as can_draw;
+#[cfg(test)]
+pub(in crate::tui) use text::width as text_width;

@@ -1,0 +1,126 @@
+//! What lies over a page: questions and the list of keys.
+
+use chrono::{DateTime, FixedOffset};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::text::duration;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
+
+use super::{detail, picture, style, text};
+use crate::tui::keymap::{self, Action, Place};
+use crate::tui::lang::fill;
+use crate::tui::model::{Earlier, Glyphs, Model};
+use crate::tui::update::earlier_words;
+
+/// Width of a question.
+const WIDTH: u16 = 66;
+
+/// Draws the frame of a question and says where its content goes.
+fn over(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, rows: u16) -> Rect {
+    let (width, height) = (WIDTH.min(area.width), (rows + 2).min(area.height));
+    let place = Rect { x: area.x + (area.width - width) / 2, y: area.y + (area.height - height) / 2, width, height };
+    let border = if model.look.glyphs == Glyphs::Unicode { BorderType::Double } else { BorderType::Plain };
+    let block = Block::bordered()
+        .border_type(border)
+        .title(Span::styled(format!(" {title} "), style::strong()))
+        .border_style(style::accent(model.look));
+    let inner = block.inner(place);
+    frame.render_widget(Clear, place);
+    frame.render_widget(block, place);
+    inner.inner(ratatui::layout::Margin { horizontal: 1, vertical: 0 })
+}
+
+/// "Enter Yes   Esc No".
+fn answers(model: &Model) -> Line<'static> {
+    let spans = [Action::Yes, Action::No].into_iter().flat_map(|action| {
+        let key = keymap::bindings(Place::Confirm).find(|binding| binding.action == action);
+        let name = key.map(|binding| keymap::name(binding.key)).unwrap_or_default();
+        let what = super::frame::key_label(model, action);
+        [Span::styled(name, style::turned()), Span::raw(format!(" {what}   "))]
+    });
+    Line::from(spans.collect::<Vec<_>>())
+}
+
+fn question(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, words: &str) {
+    let lines = text::wrap(words, usize::from(WIDTH.min(area.width)).saturating_sub(4));
+    let place = over(model, frame, area, title, lines.len() as u16 + 2);
+    let mut shown: Vec<Line<'_>> = lines.into_iter().map(Line::raw).collect();
+    shown.push(Line::raw(""));
+    shown.push(answers(model));
+    frame.render_widget(Paragraph::new(shown), place);
+}
+
+/// The module was tested today.
+pub(super) fn again(
+    model: &Model,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    at: DateTime<FixedOffset>,
+    outcome: Option<Outcome>,
+) {
+    let [time, outcome] = earlier_words(model, &Earlier { at, outcome });
+    let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
+    let words = fill(model.texts.again_question, &[&number, &time, &outcome]);
+    question(model, frame, area, model.texts.again_title, &words);
+}
+
+/// A run is on.
+pub(super) fn leave(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    question(model, frame, area, model.texts.leave_title, model.texts.leave_question);
+}
+
+/// The run asks for something.
+pub(super) fn prompt(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let Some(prompt) = model.run.as_ref().and_then(|run| run.prompt.as_ref()) else { return };
+    let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
+    let what = text::wrap(&texts.ask(&prompt.ask), cells);
+    let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
+    let picture_rows = picture::rows(&prompt.ask);
+    let (what_rows, on_no_rows) = (what.len() as u16, on_no.len() as u16);
+    let title = format!("{}: {}", texts.prompt_title, text::shown(&prompt.item));
+    let place = over(model, frame, area, &title, what_rows + picture_rows + on_no_rows + 4);
+    let [what_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
+        Constraint::Length(what_rows + 1),
+        Constraint::Length(picture_rows),
+        Constraint::Length(1),
+        Constraint::Length(on_no_rows),
+        Constraint::Fill(1),
+        Constraint::Length(1),
+    ])
+    .areas(place);
+    let strong = |line| Line::styled(line, style::strong());
+    frame.render_widget(Paragraph::new(what.into_iter().map(strong).collect::<Vec<_>>()), what_area);
+    picture::draw(model, frame, picture_area, &prompt.ask);
+    let since = duration(model.now.since_start.saturating_sub(prompt.since).as_secs() as f64);
+    frame.render_widget(Line::styled(fill(texts.asked_since, &[&since]), style::faint()), since_area);
+    let faint = |line| Line::styled(line, style::faint());
+    frame.render_widget(Paragraph::new(on_no.into_iter().map(faint).collect::<Vec<_>>()), no_area);
+    frame.render_widget(answers(model), answer_area);
+}
+
+/// What the keys do in a place, from the table of keys.
+pub(super) fn help(model: &Model, frame: &mut Frame<'_>, area: Rect, place: Place, scroll: usize) {
+    let keys: Vec<_> = keymap::bindings(place).collect();
+    let name_cells = keys.iter().map(|binding| keymap::name(binding.key).len()).max().unwrap_or(0);
+    let lines = |cells: usize| {
+        let each = keys.iter().flat_map(|binding| {
+            let what = (model.texts.key)(binding.action).long;
+            let lines = text::wrap(what, cells.saturating_sub(name_cells + 3)).into_iter().enumerate();
+            let name = keymap::name(binding.key);
+            lines.map(move |(index, line)| {
+                let name = if index == 0 { name.clone() } else { String::new() };
+                Line::from(vec![
+                    Span::raw(" "),
+                    Span::styled(text::fit(&name, name_cells), style::strong()),
+                    Span::styled(format!("  {line}"), Style::new()),
+                ])
+            })
+        });
+        each.collect()
+    };
+    detail::scrolled(model, frame, area, model.texts.help, scroll, lines);
+}

@@ -1,0 +1,94 @@
+//! The first line, the message and the keys.
+
+use gnc_executive::event::BenchKind;
+use gnc_executive::state::RunState;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::{style, text};
+use crate::tui::keymap::{self, Action, Place};
+use crate::tui::lang::fill;
+use crate::tui::model::{Loaded, Model, Page, Pause};
+
+/// Who this is, which page, and whether any of it is real.
+pub(super) fn head(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let mut spans = vec![Span::styled(format!(" {} ", texts.station_title), style::strong())];
+    for (page, title) in [(Page::Tests, texts.tests), (Page::Live, texts.live), (Page::Records, texts.records)] {
+        let here = page == model.page;
+        let label = if here { format!("[{title}]") } else { format!(" {title} ") };
+        spans.push(Span::styled(label, if here { style::turned() } else { Style::new() }));
+    }
+    let time = model.now.at.format(" %H:%M ").to_string();
+    let used: usize = spans.iter().map(Span::width).sum();
+    let room = usize::from(area.width).saturating_sub(used + text::width(&time) + 1);
+    let badge = text::cut(&badge(model), room);
+    spans.push(Span::raw(" ".repeat(room + 1 - text::width(&badge))));
+    if !badge.is_empty() {
+        spans.push(Span::styled(badge, style::badge(model.look)));
+    }
+    spans.push(Span::raw(time));
+    frame.render_widget(Line::from(spans), area);
+}
+
+fn badge(model: &Model) -> String {
+    match &model.bench {
+        Loaded::Ready(bench) if bench.kind == BenchKind::Simulated => {
+            format!(" {}: {} ", model.texts.simulated, text::shown(&bench.name))
+        }
+        _ => String::new(),
+    }
+}
+
+/// The last thing that was said.
+pub(super) fn message(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let Some((weight, message)) = &model.message else { return };
+    let cells = usize::from(area.width).saturating_sub(2);
+    let line =
+        Line::styled(format!(" {}", text::cut(&text::shown(message), cells)), style::weight(model.look, *weight));
+    frame.render_widget(line, area);
+}
+
+/// The keys of the place, from the table of keys; closer together where there is little room.
+pub(super) fn foot(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let keys = || keymap::bindings(model.place()).filter(|binding| binding.footer);
+    let line = |gap: &str| {
+        let spans = keys().flat_map(|binding| {
+            let what = key_label(model, binding.action);
+            [Span::styled(keymap::name(binding.key), style::turned()), Span::raw(format!("{gap}{what}{gap} "))]
+        });
+        Line::from(spans.collect::<Vec<_>>())
+    };
+    let roomy = line(" ");
+    let shown = if roomy.width() <= usize::from(area.width) { roomy } else { line("") };
+    frame.render_widget(shown, area);
+}
+
+/// What a key does now: a second stop is another one, and a request is done rather than agreed to.
+pub(super) fn key_label(model: &Model, action: Action) -> &'static str {
+    let texts = model.texts;
+    let run = model.run.as_ref().filter(|run| !run.over);
+    match action {
+        Action::Stop if run.is_some_and(|run| run.stops > 0) => texts.stop_now,
+        Action::Pause if run.is_some_and(|run| run.pause == Pause::Asked) => texts.go_on,
+        Action::Yes if model.place() == Place::Prompt => texts.done,
+        Action::No if model.place() == Place::Prompt => texts.not_possible,
+        _ => (texts.key)(action).short,
+    }
+}
+
+/// Why the run on the screen says nothing of a module; empty if it does.
+pub(super) fn no_evidence(model: &Model) -> Vec<String> {
+    let mut reasons = Vec::new();
+    let Some(header) = model.shown_state().and_then(RunState::header) else { return reasons };
+    if header.bench.kind == BenchKind::Simulated {
+        let name = header.bench.personality.as_deref().unwrap_or_default();
+        reasons.push(fill(model.texts.simulated_long, &[&text::shown(name)]));
+    }
+    if header.selection.is_some() {
+        reasons.push(model.texts.selection_long.to_owned());
+    }
+    reasons
+}

@@ -1,0 +1,236 @@
+//! Live readings: numbers, and curves over the last minute.
+
+use std::time::Duration;
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+
+use super::panels::block;
+use super::{WIDE, style, text};
+use crate::board::StreamReading;
+use crate::tui::lang::fill;
+use crate::tui::live::{Imu, Point};
+use crate::tui::model::{Glyphs, Model};
+use gnc_protocol::stream::StreamId;
+
+/// Time that the curves cover.
+const SPAN: Duration = Duration::from_secs(60);
+/// Width of the numbers.
+const NUMBERS: u16 = 40;
+/// Older readings are said to be so.
+const FRESH: Duration = Duration::from_secs(2);
+
+pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    if model.live.is_empty() {
+        let block = block(model.texts.live);
+        let inner = block.inner(area);
+        frame.render_widget(block, area);
+        let lines = text::wrap(model.texts.no_live_yet, usize::from(inner.width));
+        return frame.render_widget(Paragraph::new(lines.into_iter().map(Line::raw).collect::<Vec<_>>()), inner);
+    }
+    let width = if area.width >= WIDE { NUMBERS + 10 } else { NUMBERS };
+    let [numbers_area, charts_area] = Layout::horizontal([Constraint::Length(width), Constraint::Fill(1)]).areas(area);
+    numbers(model, frame, numbers_area);
+    charts(model, frame, charts_area);
+}
+
+fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let block = block(&title(model));
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let cells = usize::from(inner.width);
+    let roomy = inner.height >= 30;
+    let mut lines = Vec::new();
+    if let Some(imu) = model.live.imu() {
+        lines.extend(vectors(model, &imu, roomy));
+    }
+    lines.extend(gnss(model, cells));
+    gap(&mut lines, roomy);
+    lines.push(Line::styled(format!("{}  V", texts.ad_channels), style::strong()));
+    lines.extend(ad(model));
+    gap(&mut lines, roomy);
+    lines.push(Line::styled(text::cut(texts.streams, cells), style::strong()));
+    lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    lines.extend(model.live.newest.streams.iter().map(|reading| stream(model, reading, cells)));
+    frame.render_widget(Paragraph::new(lines), inner);
+}
+
+fn gap(lines: &mut Vec<Line<'static>>, roomy: bool) {
+    if roomy {
+        lines.push(Line::raw(""));
+    }
+}
+
+/// What is shown, and how old it is if it is old.
+fn title(model: &Model) -> String {
+    let texts = model.texts;
+    let age = model.now.since_start.saturating_sub(model.live.at.unwrap_or_default());
+    let what = if model.watching { format!("{}: {}", texts.watching, texts.no_verdict) } else { texts.live.to_owned() };
+    if age > FRESH { format!("{what} · {}", fill(texts.seconds_ago, &[&age.as_secs().to_string()])) } else { what }
+}
+
+/// Three axes each of rate, acceleration and field, and the temperatures.
+fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
+    let texts = model.texts;
+    let mut lines = Vec::new();
+    let groups = [
+        (texts.rate, "deg/s", imu.rate_dps, 4),
+        (texts.acceleration, "g", imu.accel_g, 5),
+        (texts.field, "gauss", imu.field_gauss, 5),
+    ];
+    for (label, unit, values, digits) in groups {
+        lines.push(Line::from(vec![
+            Span::styled(label, style::strong()),
+            Span::styled(format!("  {unit}"), style::faint()),
+        ]));
+        let mut spans = Vec::new();
+        for (axis, value) in values.into_iter().enumerate() {
+            let name = ["X", "Y", "Z"][axis];
+            spans.push(Span::styled(format!(" {name} "), style::axis(model.look, axis)));
+            spans.push(Span::raw(format!("{value:>9.digits$}")));
+        }
+        lines.push(Line::from(spans));
+        gap(&mut lines, roomy);
+    }
+    lines.push(Line::from(vec![
+        Span::styled(texts.temperature, style::strong()),
+        Span::raw(format!("  {:.2}  {:.2} °C", imu.gyro_temperature_c, imu.accel_temperature_c)),
+    ]));
+    gap(&mut lines, roomy);
+    lines
+}
+
+fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
+    let texts = model.texts;
+    let newest = &model.live.newest;
+    let head =
+        |fix: String| Line::from(vec![Span::styled(format!("{}  ", texts.gnss), style::strong()), Span::raw(fix)]);
+    let Some(gnss) = &newest.gnss else {
+        return vec![head("-".to_owned()), Line::raw("")];
+    };
+    let fix = if gnss.dimensions >= 2 { format!("{}D", gnss.dimensions) } else { texts.no_fix.to_owned() };
+    let satellites = gnss.satellites_used.map_or("-".to_owned(), |count| count.to_string());
+    let hdop = gnss.hdop.map_or("-".to_owned(), |hdop| format!("{hdop:.1}"));
+    let pulses = format!(" HDOP {hdop}  1PPS {} {}", newest.pulses, texts.pulses);
+    let place = match (gnss.latitude_deg, gnss.longitude_deg, gnss.height_m) {
+        (Some(latitude), Some(longitude), height) => {
+            let height = height.map(|height| format!("  {height:.1} m")).unwrap_or_default();
+            format!(" {latitude:.6}  {longitude:.6}{height}")
+        }
+        _ => String::new(),
+    };
+    let lines = [pulses, place].into_iter().map(|line| Line::raw(text::cut(&line, cells)));
+    [head(format!("{fix}  {satellites} {}", texts.satellites))].into_iter().chain(lines).collect()
+}
+
+/// Channels 1 to 8, four to a line.
+fn ad(model: &Model) -> Vec<Line<'static>> {
+    let volts = model.live.newest.ad_v;
+    let rows = volts.chunks(4).enumerate().map(|(row, chunk)| {
+        let each = chunk.iter().enumerate().map(|(index, volt)| {
+            let value = volt.map_or("-".to_owned(), |volt| format!("{volt:.3}"));
+            format!(" {} {value:>6}", row * 4 + index + 1)
+        });
+        Line::raw(each.collect::<String>())
+    });
+    rows.collect()
+}
+
+fn stream(model: &Model, reading: &StreamReading, cells: usize) -> Line<'static> {
+    let name = match reading.id {
+        StreamId::Imu => "IMU",
+        StreamId::Gnss => "GNSS",
+        StreamId::Pps => "1PPS",
+        StreamId::Compensated => "COMP",
+    };
+    let lost = reading.on_board + reading.on_line;
+    let line = format!(
+        " {name:<5}{:>7.1}/s {:>9}  {}/{}",
+        reading.rate_hz, reading.received, reading.on_board, reading.on_line
+    );
+    let style = if lost > 0 { style::weight(model.look, crate::tui::model::Weight::Warning) } else { Style::new() };
+    Line::styled(text::cut(&line, cells), style)
+}
+
+fn charts(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let [rate, accel, field] =
+        Layout::vertical([Constraint::Fill(1), Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
+    chart(model, frame, rate, &format!("{}  deg/s", texts.rate), |imu| imu.rate_dps);
+    chart(model, frame, accel, &format!("{}  g", texts.acceleration), |imu| imu.accel_g);
+    chart(model, frame, field, &format!("{}  gauss", texts.field), |imu| imu.field_gauss);
+}
+
+fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl Fn(&Imu) -> [f64; 3]) {
+    let now = model.live.points.back().map_or(Duration::ZERO, |point| point.at);
+    let age_s = |point: &Point| now.saturating_sub(point.at).as_secs_f64();
+    let in_sight = || model.live.points.iter().filter(|point| now.saturating_sub(point.at) <= SPAN);
+    let axes: [Vec<(f64, f64)>; 3] =
+        [0, 1, 2].map(|axis| in_sight().map(|point| (-age_s(point), of(&point.imu)[axis])).collect());
+    let (low, high) = bounds(axes.iter().flatten().map(|(_, value)| *value));
+    let marker = if model.look.glyphs == Glyphs::Unicode { Marker::Braille } else { Marker::Block };
+    let datasets = axes.iter().enumerate().map(|(axis, points)| {
+        let dataset = Dataset::default().marker(marker).graph_type(GraphType::Line);
+        dataset.style(style::axis(model.look, axis)).data(points)
+    });
+    let time = format!("-{} s", SPAN.as_secs());
+    let block = Block::bordered().title(format!(" {title} "));
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let [curves, ends] = Layout::horizontal([Constraint::Fill(1), Constraint::Length(2)]).areas(inner);
+    let chart = Chart::new(datasets.collect())
+        .x_axis(Axis::default().bounds([-SPAN.as_secs_f64(), 0.0]).labels([time, "0".to_owned()]))
+        .y_axis(Axis::default().bounds([low, high]).labels([label(low), label(high)]));
+    frame.render_widget(chart, curves);
+    let newest = axes.map(|points| points.last().map(|(_, value)| *value));
+    names_of_curves(model, frame, ends, newest, (low, high));
+}
+
+/// Beside the end of each curve its name: colours are not the only sign.
+fn names_of_curves(
+    model: &Model,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    newest: [Option<f64>; 3],
+    (low, high): (f64, f64),
+) {
+    // The axis and its labels take the last two rows.
+    let rows = area.height.saturating_sub(2);
+    if rows == 0 {
+        return;
+    }
+    let mut taken = Vec::new();
+    for (axis, value) in newest.into_iter().enumerate() {
+        let Some(value) = value.filter(|value| value.is_finite()) else { continue };
+        let wanted = ((high - value) / (high - low) * f64::from(rows - 1)).round() as u16;
+        // Curves that end together have their names in the nearest free rows.
+        let mut free: Vec<u16> = (0..rows).filter(|row| !taken.contains(row)).collect();
+        free.sort_by_key(|row| row.abs_diff(wanted));
+        let Some(row) = free.first().copied() else { return };
+        taken.push(row);
+        let place = Rect { y: area.y + row, height: 1, ..area };
+        let name = Span::styled([" X", " Y", " Z"][axis], style::axis(model.look, axis).patch(style::strong()));
+        frame.render_widget(name, place);
+    }
+}
+
+fn label(value: f64) -> String {
+    format!("{value:>8.3}")
+}
+
+/// Room for all values, with a little air, and never none: noise of a still module fills the chart.
+fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let finite = values.filter(|value| value.is_finite());
+    let (low, high) =
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    if low > high {
+        return (-1.0, 1.0);
+    }
+    let air = ((high - low) * 0.05).max(1e-3);
+    (low - air, high + air)
+}

@@ -1,0 +1,107 @@
+//! The log of a run: what happened, in the order of happening.
+
+use gnc_executive::event::Level;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::state::RunState;
+use gnc_executive::text::duration;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::panels::block;
+use super::{detail, style, text};
+use crate::tui::model::{Model, Weight};
+
+/// Lines of a log that are kept for the screen; the record has them all.
+const MAX_LINES: usize = 2000;
+
+struct Entry {
+    elapsed_us: u64,
+    style: Style,
+    text: String,
+}
+
+/// The whole log.
+pub(super) fn page(model: &Model, frame: &mut Frame<'_>, area: Rect, scroll: usize) {
+    let lines = |cells| lines(model, model.shown_state(), cells);
+    detail::scrolled(model, frame, area, model.texts.log, scroll, lines);
+}
+
+/// The newest lines of the run on the tests page.
+pub(super) fn pane(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let block = block(model.texts.log);
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let lines = lines(model, model.run.as_ref().map(|run| &run.state), usize::from(inner.width));
+    let first = lines.len().saturating_sub(usize::from(inner.height));
+    frame.render_widget(Paragraph::new(lines.into_iter().skip(first).collect::<Vec<_>>()), inner);
+}
+
+fn lines(model: &Model, state: Option<&RunState>, cells: usize) -> Vec<Line<'static>> {
+    let Some(state) = state else { return Vec::new() };
+    let mut entries = entries(model, state);
+    // Stable, so that what happened in one moment keeps its order.
+    entries.sort_by_key(|entry| entry.elapsed_us);
+    let first = entries.len().saturating_sub(MAX_LINES);
+    let started = state.started();
+    let shown = entries.into_iter().skip(first).flat_map(|entry| {
+        let at = started.map(|at| at + chrono::TimeDelta::microseconds(entry.elapsed_us as i64));
+        let time = at.map(|at| at.format("%H:%M:%S ").to_string()).unwrap_or_default();
+        let indent = time.len();
+        let lines = text::wrap(&entry.text, cells.saturating_sub(indent)).into_iter().enumerate();
+        let style = entry.style;
+        lines
+            .map(move |(index, line)| {
+                let before = if index == 0 { time.clone() } else { " ".repeat(indent) };
+                Line::from(vec![Span::styled(before, style::faint()), Span::styled(line, style)])
+            })
+            .collect::<Vec<_>>()
+    });
+    shown.collect()
+}
+
+fn entries(model: &Model, state: &RunState) -> Vec<Entry> {
+    let texts = model.texts;
+    let plain = |elapsed_us, text: String| Entry { elapsed_us, style: Style::new(), text: text::shown(&text) };
+    let mut entries = Vec::new();
+    if let Some(header) = state.header() {
+        let plan = format!("{} {}", header.plan.name, header.plan.version);
+        entries.push(plain(0, format!("{}: {}, {plan}", texts.started, header.serial_number)));
+    }
+    if let Some(board) = state.board() {
+        entries.push(plain(0, format!("{} {} ({}) {}", texts.board, board.board_serial, board.firmware, board.link)));
+    }
+    let first = state.rows().len().saturating_sub(MAX_LINES);
+    for row in &state.rows()[first..] {
+        if let Some(ended) = row.ended {
+            let took = row.elapsed_us().map(|us| duration(us as f64 / 1e6)).unwrap_or_default();
+            let outcome = (texts.outcome_word)(row.outcome);
+            let line = format!("{} {}: {outcome} {took}", style::mark(row.outcome), row.planned.name);
+            entries.push(Entry {
+                style: style::outcome(model.look, row.outcome),
+                ..plain(ended.elapsed_us, line.trim().to_owned())
+            });
+        }
+    }
+    for note in state.notes() {
+        let style = match note.level {
+            Level::Info => Style::new(),
+            Level::Warning => style::weight(model.look, Weight::Warning),
+            Level::Error => style::weight(model.look, Weight::Error),
+        };
+        let item = note.item.as_ref().map(|item| format!("{item}: ")).unwrap_or_default();
+        let level = match note.level {
+            Level::Info => String::new(),
+            level => format!("{}: ", (texts.level)(level)),
+        };
+        entries.push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{}", note.text)) });
+    }
+    if let (Some(outcome), Some(last)) = (state.outcome(), state.last()) {
+        let line = format!("{}: {}", texts.ended_at, (texts.outcome_word)(outcome));
+        let style = style::outcome(model.look, if outcome == Outcome::NotRun { Outcome::Errored } else { outcome });
+        entries.push(Entry { style, ..plain(last.elapsed_us, line) });
+    }
+    entries
+}

@@ -1,0 +1,352 @@
+//! Panels of the tests page: the product, the times of the run, the verdict, mistakes of a plan.
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::event::StopHow;
+use gnc_executive::state::RunState;
+use gnc_executive::text::duration;
+use ratatui::Frame;
+use ratatui::layout::{Alignment, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Paragraph};
+
+use super::{big, frame, style, text};
+use crate::tui::lang::fill;
+use crate::tui::model::{Loaded, Model, Pause, Rounds, RunView};
+
+/// A panel with its title.
+pub(super) fn block(title: &str) -> Block<'static> {
+    Block::bordered().title(format!(" {title} "))
+}
+
+/// Label and value on one line.
+fn pair(label: &str, value: &str, style: Style, label_cells: usize, cells: usize) -> Line<'static> {
+    let value = text::cut(value, cells.saturating_sub(label_cells + 1));
+    Line::from(vec![
+        Span::styled(text::fit(label, label_cells), style::faint()),
+        Span::raw(" "),
+        Span::styled(value, style),
+    ])
+}
+
+/// Who is tested, by whom, where, with what.
+pub(super) fn product(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let block = block(texts.product);
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let cells = usize::from(inner.width);
+    let labels =
+        [texts.serial_number, texts.part, texts.operator, texts.plan, texts.board, texts.next_module, texts.station];
+    let label_cells = labels.iter().map(|label| text::width(label)).max().unwrap_or(0);
+    let line = |label: &str, value: &str, style: Style| pair(label, value, style, label_cells, cells);
+
+    let (number, number_style) = serial_number(model);
+    let mut lines = vec![line(texts.serial_number, &number, number_style)];
+    if let Some(next) = &model.scan.next {
+        lines.push(line(texts.next_module, &text::shown(next), style::strong()));
+    } else {
+        lines.push(line(texts.part, &part(model), Style::new()));
+    }
+    let roomy = inner.height > 5;
+    let station = model.bench.ready().map_or("", |bench| bench.station.as_str());
+    let who =
+        if roomy { model.operator.clone() } else { join(&model.operator, &format!("{} {station}", texts.station)) };
+    lines.push(line(texts.operator, &text::shown(&who), Style::new()));
+    if roomy {
+        lines.push(line(texts.station, &text::shown(station), Style::new()));
+    }
+    lines.push(line(texts.plan, &plan(model), Style::new()));
+    let (board, board_style) = board(model);
+    lines.push(line(texts.board, &board, board_style));
+    let folder = model.run.as_ref().and_then(|run| run.folder.as_ref());
+    if let Some(folder) = folder.filter(|_| roomy) {
+        lines.push(line(texts.record_in, &text::shown(&folder.display().to_string()), style::faint()));
+    }
+    frame.render_widget(Paragraph::new(lines), inner);
+}
+
+fn join(first: &str, second: &str) -> String {
+    if first.is_empty() { second.to_owned() } else { format!("{first} · {second}") }
+}
+
+/// What is typed, else what was scanned; during a run the module that is tested.
+fn serial_number(model: &Model) -> (String, Style) {
+    let typed = &model.scan.typed;
+    if !typed.is_empty() {
+        return (format!("{}_", text::shown(typed.text())), style::accent(model.look).patch(style::strong()));
+    }
+    let tested = model.run.as_ref().map(|run| &run.serial_number);
+    match tested.or(model.scan.current.as_ref()) {
+        Some(number) => (text::shown(number), style::strong()),
+        None => (format!("_  ({})", model.texts.scan_here), style::accent(model.look)),
+    }
+}
+
+/// The part as the module says; before that, as the plan wants it.
+fn part(model: &Model) -> String {
+    let measured = model.run.as_ref().and_then(|run| measured_part(&run.state));
+    let planned = || model.plan.ready().and_then(|plan| plan.part.clone());
+    measured.or_else(planned).map_or_else(|| "-".to_owned(), |part| text::shown(&part))
+}
+
+fn measured_part(state: &RunState) -> Option<String> {
+    let row = state.rows().iter().find(|row| row.planned.id == ItemId::Identity)?;
+    let measured = row.attempts.last()?.measurements.iter().find(|measurement| measurement.name == "part")?;
+    Some(measured.value_text())
+}
+
+fn plan(model: &Model) -> String {
+    match &model.plan {
+        Loaded::Ready(plan) => format!("{} {}", text::shown(&plan.name), text::shown(&plan.version)),
+        Loaded::Loading => model.texts.loading.to_owned(),
+        Loaded::Refused(_) => format!("{}: {}", model.texts.mistakes, model.plan_path),
+    }
+}
+
+/// The board that answered and its supply; before that, the way to it.
+fn board(model: &Model) -> (String, Style) {
+    let texts = model.texts;
+    let run = model.run.as_ref();
+    if let Some(board) = run.and_then(|run| run.state.board()) {
+        let power = match run.and_then(|run| run.state.power()) {
+            Some(power) if power.on => texts.module_on,
+            _ => texts.module_off,
+        };
+        return (text::shown(&format!("{} · {power} · {}", board.board_serial, board.link)), Style::new());
+    }
+    match &model.bench {
+        Loaded::Ready(bench) if bench.link.is_empty() => (texts.no_board_yet.to_owned(), style::faint()),
+        Loaded::Ready(bench) => (format!("{} · {}", texts.no_board_yet, text::shown(&bench.link)), style::faint()),
+        Loaded::Loading => (texts.loading.to_owned(), style::faint()),
+        Loaded::Refused(why) => (why.lines().next().unwrap_or_default().to_owned(), style::strong()),
+    }
+}
+
+/// What the run is doing, as one word.
+fn doing(model: &Model, run: &RunView) -> String {
+    let texts = model.texts;
+    match (run.state.stop(), run.pause) {
+        _ if run.over => texts.run.to_owned(),
+        (Some((StopHow::AtOnce, _)), _) => texts.stopping_at_once.to_owned(),
+        (Some(_), _) => texts.stopping.to_owned(),
+        (None, Pause::Asked) if run.state.in_flight() == 0 => texts.paused.to_owned(),
+        (None, Pause::Asked) => format!("{}: {}", texts.running, texts.pausing),
+        (None, Pause::No) => texts.running.to_owned(),
+    }
+}
+
+/// Start, elapsed, remaining, end, round.
+pub(super) fn times(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let Some(run) = &model.run else {
+        let inner = block(texts.run).inner(area);
+        frame.render_widget(block(texts.run), area);
+        let lines = idle_lines(model, usize::from(inner.width));
+        return frame.render_widget(Paragraph::new(lines), inner);
+    };
+    let block = if run.over {
+        block(&doing(model, run))
+    } else {
+        block(&doing(model, run)).border_style(style::accent(model.look))
+    };
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let cells = usize::from(inner.width);
+    let labels = [texts.started, texts.elapsed, texts.remaining, texts.ends_at, texts.ended_at, texts.round];
+    let label_cells = labels.iter().map(|label| text::width(label)).max().unwrap_or(0);
+    let line = |label: &str, value: &str| pair(label, value, Style::new(), label_cells, cells);
+
+    let elapsed_s = elapsed_s(model, run);
+    let started = run.state.started().map(|at| at.format("%H:%M:%S").to_string()).unwrap_or_default();
+    let mut lines = vec![line(texts.started, &started), line(texts.elapsed, &duration(elapsed_s))];
+    if run.over {
+        let ended = run.state.last().map(|stamp| stamp.at.format("%H:%M:%S").to_string()).unwrap_or_default();
+        lines.push(line(texts.ended_at, &ended));
+    } else {
+        let (remaining, ends) = expected(model, run, elapsed_s);
+        lines.push(line(texts.remaining, &remaining));
+        lines.push(line(texts.ends_at, &ends));
+    }
+    if run.rounds != Rounds::Once || run.over {
+        lines.push(line(texts.round, &round(model, run)));
+    }
+    if !run.over {
+        lines.push(share_bar(model, run, cells));
+        // Five lines are all that a small screen has: the bar gives way to the round.
+        if lines.len() > usize::from(inner.height) {
+            lines.pop();
+        }
+    }
+    frame.render_widget(Paragraph::new(lines), inner);
+}
+
+/// What is ready, and what was known before.
+fn idle_lines(model: &Model, cells: usize) -> Vec<Line<'static>> {
+    use crate::tui::update::earlier_words;
+    let texts = model.texts;
+    let mut lines = vec![Line::styled(texts.ready, style::strong()), Line::raw(text::cut(texts.no_verdict_yet, cells))];
+    match &model.scan.earlier {
+        Some(Some(earlier)) => {
+            let [time, outcome] = earlier_words(model, earlier);
+            let said = fill(texts.tested_today, &[&time, &outcome]);
+            lines.extend(
+                text::wrap(&said, cells)
+                    .into_iter()
+                    .map(|line| Line::styled(line, style::weight(model.look, crate::tui::model::Weight::Warning))),
+            );
+        }
+        Some(None) => lines.push(Line::raw(text::cut(texts.never_tested_today, cells))),
+        None => lines.push(Line::raw("")),
+    }
+    lines.push(Line::raw(text::cut(&rounds_words(model, model.rounds), cells)));
+    if model.ticks.iter().any(|tick| !tick) {
+        lines.push(Line::styled(text::cut(texts.selection_long, cells), style::badge(model.look)));
+    }
+    lines
+}
+
+pub(super) fn rounds_words(model: &Model, rounds: Rounds) -> String {
+    let texts = model.texts;
+    match rounds {
+        Rounds::Once => texts.rounds_once.to_owned(),
+        Rounds::Count(count) => fill(texts.rounds_count, &[&count.to_string()]),
+        Rounds::Minutes(minutes) => fill(texts.rounds_time, &[&minutes.to_string()]),
+    }
+}
+
+fn elapsed_s(model: &Model, run: &RunView) -> f64 {
+    let of_record = run.state.last().map_or(0.0, |stamp| stamp.elapsed_us as f64 / 1e6);
+    if run.over || run.state.outcome().is_some() {
+        of_record
+    } else {
+        model.now.since_start.saturating_sub(run.began).as_secs_f64().max(of_record)
+    }
+}
+
+/// What remains and when it ends, by the last whole run of the plan.
+fn expected(model: &Model, run: &RunView, elapsed_s: f64) -> (String, String) {
+    let texts = model.texts;
+    // A part of the plan has its own time, of which nobody knows.
+    let whole = run.state.header().is_some_and(|header| header.selection.is_none());
+    let Some(expected_s) = run.expected_s.filter(|_| whole) else {
+        return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
+    };
+    let remaining_s = expected_s - elapsed_s;
+    if remaining_s < 0.0 {
+        return (texts.longer_than_last.to_owned(), "-".to_owned());
+    }
+    let ends = model.now.at + chrono::TimeDelta::milliseconds((remaining_s * 1e3) as i64);
+    (duration(remaining_s), ends.format("%H:%M:%S").to_string())
+}
+
+/// "3 of 10: 2 passed, 1 failed".
+fn round(model: &Model, run: &RunView) -> String {
+    use gnc_executive::outcome::Outcome;
+    let texts = model.texts;
+    let number = run.state.header().and_then(|header| header.looped).map_or(1, |looped| looped.index);
+    let which = match run.rounds {
+        Rounds::Count(count) => fill(texts.round_of, &[&number.to_string(), &count.to_string()]),
+        Rounds::Once => "1".to_owned(),
+        Rounds::Minutes(minutes) => {
+            format!("{number} ({})", fill(texts.rounds_time, &[&minutes.to_string()]))
+        }
+    };
+    let count = |outcome: Outcome| run.ends.iter().filter(|end| **end == outcome).count();
+    let counts: Vec<String> = Outcome::ALL
+        .into_iter()
+        .filter(|outcome| count(*outcome) > 0)
+        .map(|outcome| format!("{} {}", count(outcome), (texts.outcome_word)(outcome)))
+        .collect();
+    if counts.is_empty() { which } else { format!("{which}: {}", counts.join(", ")) }
+}
+
+/// Items that are over, of those that are to be run.
+fn share(run: &RunView) -> (usize, usize) {
+    let selected = || run.state.rows().iter().filter(|row| row.planned.selected);
+    (selected().filter(|row| row.is_over()).count(), selected().count())
+}
+
+/// The same as a bar.
+fn share_bar(model: &Model, run: &RunView, cells: usize) -> Line<'static> {
+    let (over, all) = share(run);
+    let label = format!(" {over}/{all}");
+    let room = cells.saturating_sub(text::width(&label));
+    Line::styled(format!("{}{label}", bar(over, all, room)), style::accent(model.look))
+}
+
+/// A bar of so many cells.
+pub(super) fn bar(part: usize, whole: usize, cells: usize) -> String {
+    let filled = (part * cells).checked_div(whole).unwrap_or(0).min(cells);
+    format!("{}{}", "█".repeat(filled), "░".repeat(cells - filled))
+}
+
+/// The verdict, to be read from two metres.
+pub(super) fn verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let outcome = model.run.as_ref().and_then(RunView::verdict);
+    let Some(outcome) = outcome else { return no_verdict(model, frame, area) };
+    let style = style::area(model.look, outcome);
+    let times = model.run.as_ref().map(|run| times_line(model, run)).unwrap_or_default();
+    let caveat = match frame::no_evidence(model).len() {
+        0 => String::new(),
+        _ => format!(" {} ", short_caveat(model)),
+    };
+    let block = Block::bordered()
+        .title(format!(" {} ", (texts.outcome_word)(outcome)))
+        .title(Line::raw(caveat).alignment(Alignment::Right))
+        .title_bottom(Line::raw(format!(" {times} ")).alignment(Alignment::Right))
+        .style(style);
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    big::draw(frame, inner, (texts.verdict)(outcome), style);
+}
+
+/// Before the verdict: how many items are over, or that all is ready.
+fn no_verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    if let Some(run) = &model.run {
+        let (over, all) = share(run);
+        let block = block(texts.running);
+        let inner = block.inner(area);
+        frame.render_widget(block.border_style(style::accent(model.look)), area);
+        return big::draw(frame, inner, &format!("{over}/{all}"), style::accent(model.look));
+    }
+    let block = Block::bordered();
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let middle = Rect { y: inner.y + inner.height / 2, height: 1.min(inner.height), ..inner };
+    frame.render_widget(Paragraph::new(texts.ready).centered().style(style::faint()), middle);
+}
+
+/// Beside the verdict itself, since it may be all that somebody sees.
+fn short_caveat(model: &Model) -> String {
+    let header = model.run.as_ref().and_then(|run| run.state.header());
+    let simulated = header.is_some_and(|header| header.bench.kind == gnc_executive::event::BenchKind::Simulated);
+    let selection = header.is_some_and(|header| header.selection.is_some());
+    let words = [(simulated, model.texts.simulated), (selection, model.texts.selection)];
+    words.iter().filter(|(is, _)| *is).map(|(_, word)| *word).collect::<Vec<_>>().join(" ")
+}
+
+fn times_line(model: &Model, run: &RunView) -> String {
+    let ended = run.state.last().map(|stamp| stamp.at.format("%H:%M:%S").to_string()).unwrap_or_default();
+    let took = duration(elapsed_s(model, run));
+    if run.ends.len() > 1 { round(model, run) } else { format!("{ended} · {took}") }
+}
+
+/// All that is wrong with a plan or a bench.
+pub(super) fn mistakes(model: &Model, frame: &mut Frame<'_>, area: Rect, why: &str) {
+    let block = block(model.texts.mistakes);
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let cells = usize::from(inner.width);
+    let mut lines = vec![Line::styled(model.texts.mistakes_found, style::strong())];
+    lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(line), cells))));
+    let room = usize::from(inner.height);
+    if lines.len() > room && room > 0 {
+        let more = lines.len() - room + 1;
+        lines.truncate(room - 1);
+        lines.push(Line::styled(fill(model.texts.more_lines, &[&more.to_string()]), style::faint()));
+    }
+    frame.render_widget(Paragraph::new(lines), inner);
+}

@@ -1,0 +1,193 @@
+//! The records page.
+
+use gnc_executive::outcome::Outcome;
+use gnc_executive::text::duration;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::panels::block;
+use super::rows::first_shown;
+use super::{WIDE, detail, frame as edges, rows, style, text};
+use crate::tui::lang::fill;
+use crate::tui::model::{Model, Weight, order};
+use crate::tui::records::{Check, MAX_RUNS, Mark, OpenRun, RunLine, Runs};
+
+pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    match (&model.records.open, &model.records.runs) {
+        (Some(open), _) => one(model, open, frame, area),
+        (None, Some(runs)) => list(model, runs, frame, area),
+        (None, None) => days(model, frame, area),
+    }
+}
+
+/// Cursor, text, and the rest of the line, so that the cursor is seen without colours.
+fn line(here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
+    let mut all = vec![Span::raw(if here { "> " } else { "  " })];
+    all.extend(spans);
+    let used: usize = all.iter().map(Span::width).sum();
+    all.push(Span::raw(" ".repeat(cells.saturating_sub(used))));
+    let line = Line::from(all);
+    if here { line.patch_style(style::turned()) } else { line }
+}
+
+fn days(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let records = &model.records;
+    let block = block(&format!("{}: {}", texts.records, texts.days));
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let folder = model.bench.ready().map(|bench| bench.records.display().to_string()).unwrap_or_default();
+    let say = |words: String| Line::styled(words, style::faint());
+    let lines = match (&records.days, &records.error) {
+        (_, Some(error)) => vec![Line::styled(text::shown(error), style::weight(model.look, Weight::Error))],
+        (None, None) => vec![say(texts.reading_records.to_owned())],
+        (Some(days), None) if days.is_empty() => vec![say(fill(texts.no_records, &[&folder]))],
+        (Some(days), None) => {
+            let room = usize::from(inner.height);
+            let first = first_shown(records.day_cursor, days.len(), room);
+            let shown = days.iter().enumerate().skip(first).take(room);
+            let each = shown.map(|(index, day)| {
+                let count = format!("{:>6}  {}", day.serial_numbers, texts.serial_number);
+                let spans =
+                    vec![Span::raw(text::fit(&text::shown(&day.name), 14)), Span::styled(count, style::faint())];
+                line(index == records.day_cursor, spans, usize::from(inner.width))
+            });
+            each.collect()
+        }
+    };
+    frame.render_widget(Paragraph::new(lines), inner);
+}
+
+fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let records = &model.records;
+    let filter = match records.filter {
+        None => texts.filter_all.to_owned(),
+        Some(outcome) => (texts.outcome_word)(outcome).to_owned(),
+    };
+    let title = format!("{}: {} · {}: {filter}", texts.records, runs.day, texts.filter);
+    let mut block = block(&title);
+    if !records.search.is_empty() {
+        block = block.title_bottom(format!(" {}: {}_ ", texts.search, text::shown(records.search.text())));
+    }
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let shown = records.shown();
+    let cells = usize::from(inner.width);
+    let head = format!(
+        "  {} {} {} {} {}",
+        text::fit(texts.start_time, 8),
+        text::fit(texts.serial_number, 18),
+        text::fit(texts.outcome, OUTCOME),
+        text::fit(texts.plan, 13),
+        text::right(texts.time, 9)
+    );
+    let mut lines = vec![Line::styled(text::cut(&head, cells), style::faint())];
+    if let Some(error) = &records.error {
+        lines.push(Line::styled(text::shown(error), style::weight(model.look, Weight::Error)));
+    }
+    if shown.is_empty() {
+        lines.push(Line::styled(text::cut(texts.no_run_matches, cells), style::faint()));
+    }
+    if runs.cut {
+        lines.push(Line::styled(fill(texts.too_many_runs, &[&MAX_RUNS.to_string()]), style::strong()));
+    }
+    let room = usize::from(inner.height).saturating_sub(lines.len());
+    let first = first_shown(records.run_cursor, shown.len(), room);
+    for (index, run) in shown.iter().enumerate().skip(first).take(room) {
+        let before = index.checked_sub(1).and_then(|before| shown.get(before));
+        let same = index > first && before.is_some_and(|before| before.serial_number == run.serial_number);
+        lines.push(line(index == records.run_cursor, run_spans(model, run, same), cells));
+    }
+    frame.render_widget(Paragraph::new(lines), inner);
+}
+
+/// Width of an outcome in the list.
+const OUTCOME: usize = 13;
+
+fn run_spans(model: &Model, run: &RunLine, same: bool) -> Vec<Span<'static>> {
+    let texts = model.texts;
+    let (mark, word, mark_style) = mark(model, run.mark);
+    let time = run.at.map(|at| at.format("%H:%M:%S").to_string()).unwrap_or_default();
+    let number_style = if same { style::faint() } else { style::strong() };
+    let mut caveats = Vec::new();
+    if run.simulated {
+        caveats.push(texts.simulated);
+    }
+    if run.selection {
+        caveats.push(texts.selection);
+    }
+    vec![
+        Span::raw(text::fit(&time, 9)),
+        Span::styled(text::fit(&text::shown(&run.serial_number), 19), number_style),
+        Span::styled(text::fit(&format!("{mark} {word}"), OUTCOME + 1), mark_style),
+        Span::raw(text::fit(&text::shown(&run.plan), 14)),
+        Span::raw(text::right(&duration(run.elapsed_s), 9)),
+        Span::styled(format!(" {}", caveats.join(" ")), style::faint()),
+    ]
+}
+
+fn mark(model: &Model, mark: Mark) -> (&'static str, &'static str, Style) {
+    let texts = model.texts;
+    let bad = style::outcome(model.look, Outcome::Aborted);
+    match mark {
+        Mark::Outcome(outcome) => {
+            (style::mark(outcome), (texts.outcome_word)(outcome), style::outcome(model.look, outcome))
+        }
+        Mark::Interrupted => ("?", texts.interrupted, bad),
+        Mark::Unsealed => ("?", texts.unsealed, bad),
+        Mark::Unreadable => ("?", texts.unreadable, bad),
+    }
+}
+
+fn one(model: &Model, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let [top, body] = Layout::vertical([Constraint::Length(6), Constraint::Fill(1)]).areas(area);
+    let name = text::shown(&open.path.file_name().unwrap_or_default().to_string_lossy());
+    let block = block(&name);
+    let inner = block.inner(top);
+    frame.render_widget(block, top);
+    let (sign, word, sign_style) = mark(model, open.mark);
+    let cells = usize::from(inner.width);
+    let mut lines = Vec::new();
+    if let Some(header) = open.state.header() {
+        let started = open.state.started().map(|at| at.format("%F %T").to_string()).unwrap_or_default();
+        lines.push(Line::from(vec![
+            Span::styled(format!("{sign} {} ", word.to_uppercase()), sign_style.patch(style::strong())),
+            Span::styled(format!("{}  ", text::shown(&header.serial_number)), style::strong()),
+            Span::raw(format!("{} {}  {started}", text::shown(&header.plan.name), text::shown(&header.plan.version))),
+        ]));
+        let operator = header.operator.as_deref().unwrap_or("-");
+        let who = format!("{} {operator}  {} {}", texts.operator, texts.station, header.station);
+        lines.push(Line::raw(text::cut(&text::shown(&who), cells)));
+    }
+    lines.push(check(model, &open.check, cells));
+    lines.push(Line::styled(text::cut(&edges::no_evidence(model).join(" · "), cells), style::strong()));
+    frame.render_widget(Paragraph::new(lines), inner);
+    if area.width >= WIDE {
+        let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(body);
+        rows::of_record(model, &open.state, open.cursor, frame, left);
+        let position = order(&open.state).get(open.cursor).copied();
+        detail::show(model, position.map(|position| &open.state.rows()[position]), frame, right);
+    } else {
+        rows::of_record(model, &open.state, open.cursor, frame, body);
+    }
+}
+
+fn check(model: &Model, check: &Check, cells: usize) -> Line<'static> {
+    let texts = model.texts;
+    match check {
+        Check::NotAsked => Line::styled((texts.key)(crate::tui::keymap::Action::Verify).long, style::faint()),
+        Check::Running => Line::styled(texts.verifying, style::faint()),
+        Check::Done(problems) if problems.is_empty() => {
+            Line::styled(format!("✓ {}", texts.as_written), style::outcome(model.look, Outcome::Passed))
+        }
+        Check::Done(problems) => {
+            let all = format!("✗ {}: {}", texts.not_as_written, text::shown(&problems.join("; ")));
+            Line::styled(text::cut(&all, cells), style::outcome(model.look, Outcome::Failed))
+        }
+    }
+}

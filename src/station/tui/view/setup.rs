@@ -1,0 +1,97 @@
+//! The form for plan, bench, operator, rounds and language.
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::panels::{block, mistakes};
+use super::{style, text};
+use crate::tui::lang::fill;
+use crate::tui::model::{AfterFailure, Loaded, Model};
+use crate::tui::setup_form::{Form, Line as FormLine, MAX_ROUNDS, RoundsKind};
+
+pub(super) fn draw(model: &Model, form: &Form, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let lines_height = FormLine::ALL.len() as u16 + 5;
+    let [form_area, below] = Layout::vertical([Constraint::Length(lines_height), Constraint::Fill(1)]).areas(area);
+    let block_ = block(texts.setup);
+    let inner = block_.inner(form_area);
+    frame.render_widget(block_, form_area);
+    let cells = usize::from(inner.width);
+    let label_cells = FormLine::ALL.iter().map(|line| text::width(label(model, *line))).max().unwrap_or(0);
+    let mut lines: Vec<Line<'_>> = FormLine::ALL
+        .iter()
+        .enumerate()
+        .map(|(index, line)| {
+            let here = index == form.line;
+            let value = value(model, form, *line, here);
+            let arrows = if here && *line != FormLine::Operator { ("< ", " >") } else { ("  ", "  ") };
+            let value = text::cut(&value, cells.saturating_sub(label_cells + 7));
+            Line::from(vec![
+                Span::raw(if here { "> " } else { "  " }),
+                Span::styled(
+                    text::fit(label(model, *line), label_cells),
+                    if here { style::strong() } else { style::faint() },
+                ),
+                Span::raw(" "),
+                Span::styled(arrows.0, style::accent(model.look)),
+                Span::styled(value, if here { style::turned() } else { Style::new() }),
+                Span::styled(arrows.1, style::accent(model.look)),
+            ])
+        })
+        .collect();
+    lines.push(Line::raw(""));
+    lines.extend(text::wrap(texts.setup_hint, cells).into_iter().map(|line| Line::styled(line, style::faint())));
+    frame.render_widget(Paragraph::new(lines), inner);
+    match (&model.bench, &model.plan) {
+        (Loaded::Refused(why), _) | (_, Loaded::Refused(why)) => mistakes(model, frame, below, why),
+        (_, Loaded::Ready(plan)) => {
+            let good = fill(texts.plan_good, &[&plan.items.len().to_string()]);
+            let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
+            frame.render_widget(Line::raw(line), below);
+        }
+        _ => frame.render_widget(Line::raw(format!(" {}", texts.loading)), below),
+    }
+}
+
+fn label(model: &Model, line: FormLine) -> &'static str {
+    let texts = model.texts;
+    match line {
+        FormLine::Plan => texts.setup_plan,
+        FormLine::Bench => texts.setup_bench,
+        FormLine::Operator => texts.setup_operator,
+        FormLine::Rounds => texts.setup_rounds,
+        FormLine::AfterFailure => texts.setup_on_fail,
+        FormLine::Language => texts.setup_language,
+    }
+}
+
+fn value(model: &Model, form: &Form, line: FormLine, here: bool) -> String {
+    let texts = model.texts;
+    let typed = |text: &str| format!("{}{}", text::shown(text), if here { "_" } else { "" });
+    match line {
+        FormLine::Plan => typed(form.plan.text()),
+        FormLine::Bench => typed(form.bench.text()),
+        FormLine::Operator => typed(form.operator.text()),
+        FormLine::Rounds => {
+            let number = typed(form.number.text());
+            let words = match form.rounds {
+                RoundsKind::Once => texts.rounds_once.to_owned(),
+                RoundsKind::Count => fill(texts.rounds_count, &[&number]),
+                RoundsKind::Minutes => fill(texts.rounds_time, &[&number]),
+            };
+            match form.asked_rounds() {
+                Some(_) => words,
+                None => format!("{words} ({})", fill(texts.not_a_number, &[&MAX_ROUNDS.to_string()])),
+            }
+        }
+        FormLine::AfterFailure => match form.after_failure {
+            AfterFailure::AsPlanned => texts.on_fail_plan.to_owned(),
+            AfterFailure::Stop => texts.on_fail_stop.to_owned(),
+            AfterFailure::GoOn => texts.on_fail_continue.to_owned(),
+        },
+        FormLine::Language => form.lang.texts().language.to_owned(),
+    }
+}

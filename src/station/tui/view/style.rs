@@ -1,0 +1,103 @@
+//! Colours and marks. Colour is never the only sign: each outcome has its word and its mark as well.
+
+use gnc_executive::outcome::Outcome;
+use ratatui::style::{Color, Modifier, Style};
+
+use crate::tui::model::{Look, Weight};
+
+/// What stands out.
+pub(super) fn strong() -> Style {
+    Style::new().add_modifier(Modifier::BOLD)
+}
+
+/// What is beside the point.
+pub(super) fn faint() -> Style {
+    Style::new().add_modifier(Modifier::DIM)
+}
+
+/// The line under the cursor, and titles.
+pub(super) fn turned() -> Style {
+    Style::new().add_modifier(Modifier::REVERSED)
+}
+
+/// A colour, if colours are wanted.
+fn coloured(look: Look, colour: Color) -> Style {
+    if look.colour { Style::new().fg(colour) } else { Style::new() }
+}
+
+fn colour(outcome: Outcome) -> Color {
+    match outcome {
+        Outcome::Passed => Color::Green,
+        Outcome::Marginal | Outcome::Aborted => Color::Yellow,
+        Outcome::Failed => Color::Red,
+        Outcome::Errored => Color::Magenta,
+        Outcome::Skipped | Outcome::NotRun => Color::Reset,
+    }
+}
+
+/// An outcome as text.
+pub(super) fn outcome(look: Look, outcome: Outcome) -> Style {
+    let style = coloured(look, colour(outcome));
+    match outcome {
+        Outcome::Failed | Outcome::Errored | Outcome::Aborted => style.add_modifier(Modifier::BOLD),
+        Outcome::Skipped | Outcome::NotRun => style.add_modifier(Modifier::DIM),
+        Outcome::Passed | Outcome::Marginal => style,
+    }
+}
+
+/// An outcome as a whole area: seen before it is read.
+pub(super) fn area(look: Look, outcome: Outcome) -> Style {
+    if !look.colour {
+        return strong();
+    }
+    let letters = match outcome {
+        Outcome::Failed | Outcome::Errored => Color::White,
+        _ => Color::Black,
+    };
+    let ground = match outcome {
+        Outcome::Skipped | Outcome::NotRun => Color::Gray,
+        _ => colour(outcome),
+    };
+    Style::new().fg(letters).bg(ground).add_modifier(Modifier::BOLD)
+}
+
+/// A badge that nobody may overlook.
+pub(super) fn badge(look: Look) -> Style {
+    if look.colour {
+        Style::new().fg(Color::Black).bg(Color::Yellow).add_modifier(Modifier::BOLD)
+    } else {
+        turned().add_modifier(Modifier::BOLD)
+    }
+}
+
+/// A message.
+pub(super) fn weight(look: Look, weight: Weight) -> Style {
+    match weight {
+        Weight::Info => Style::new(),
+        Weight::Warning => coloured(look, Color::Yellow).add_modifier(Modifier::BOLD),
+        Weight::Error => coloured(look, Color::Red).add_modifier(Modifier::BOLD),
+    }
+}
+
+/// What is at work, and borders of what has the keys.
+pub(super) fn accent(look: Look) -> Style {
+    coloured(look, Color::Cyan)
+}
+
+/// The curves of X, Y and Z.
+pub(super) fn axis(look: Look, axis: usize) -> Style {
+    coloured(look, [Color::Red, Color::Green, Color::Cyan][axis % 3])
+}
+
+/// One cell that says the outcome.
+pub(super) fn mark(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Passed => "✓",
+        Outcome::Marginal => "~",
+        Outcome::Failed => "✗",
+        Outcome::Errored => "!",
+        Outcome::Aborted => "/",
+        Outcome::Skipped => "-",
+        Outcome::NotRun => " ",
+    }
+}

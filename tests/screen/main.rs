@@ -1,0 +1,299 @@
+//! The whole program on a pseudo-terminal, seen as an operator sees it.
+
+#![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
+
+mod terminal;
+
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Command, Stdio};
+
+use gnc_tests::{Place, functional_plan, read_json};
+use nix::sys::signal::Signal;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use terminal::Terminal;
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
+
+const F1: &[u8] = b"\x1bOP";
+const F4: &[u8] = b"\x1bOS";
+const F5: &[u8] = b"\x1b[15~";
+const F9: &[u8] = b"\x1b[20~";
+const F10: &[u8] = b"\x1b[21~";
+const ESC: &[u8] = b"\x1b";
+
+/// The screen of a station in this folder.
+fn open(place: &Place, args: &[&str], columns: u16, rows: u16) -> Terminal {
+    // A session of its own, so that the terminal is its controlling one and a hang-up reaches it.
+    let mut command = Command::new("setsid");
+    command.arg("--ctty").arg(STATION).args(args).current_dir(place.path());
+    command.env("TERM", "xterm-256color").env("LC_ALL", "C.UTF-8").env_remove("NO_COLOR");
+    Terminal::start(command, columns, rows)
+}
+
+fn sim<'a>(plan: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["--sim", "--plan", plan], more].concat()
+}
+
+fn plan() -> String {
+    functional_plan().display().to_string()
+}
+
+fn outcomes(place: &Place) -> Vec<String> {
+    let outcome = |run: std::path::PathBuf| read_json(&run.join("run.json"))["outcome"].as_str().map(str::to_owned);
+    place.runs().into_iter().filter_map(outcome).collect()
+}
+
+/// A simulated board as a program of its own; ended with the test.
+struct Mock(Child);
+
+impl Drop for Mock {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn mock(board: &str) -> (Mock, String) {
+    let mut child = Command::new(MOCK)
+        .args([board, "--speed", "max", "--serial-number", "T-1"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the simulated board");
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().expect("its output")).read_line(&mut line).expect("its port");
+    let port = line.trim().strip_prefix("port ").expect("port PATH").to_owned();
+    (Mock(child), port)
+}
+
+/// Scan, start, do what is asked, fail, repeat what failed, say that it is not possible, leave.
+#[test]
+fn an_operator_tests_a_module() {
+    let place = Place::new(STATION);
+    let (_mock, port) = mock("io-open");
+    place.write("bench.toml", &format!("[station]\nid = \"line-2\"\n[socket]\nport = \"{port}\"\n"));
+    place.write(
+        "p.toml",
+        "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n\
+         [[item]]\nid = \"io\"\nprompt = \"Close the lid.\"\nlimits.wrong_reads = \"<= 0\"\n",
+    );
+    let mut terminal = open(&place, &["--plan", "p.toml"], 80, 24);
+    terminal.wait_for("short 1");
+    terminal.wait_for("line-2");
+    terminal.types(b"T-1\r");
+    terminal.wait_for("T-1: F5 starts the test.");
+    terminal.wait_for("not tested today");
+    terminal.types(F5);
+    terminal.wait_for("Close the lid.");
+    // A scanner must not answer for the operator.
+    terminal.types(b"T-2\r");
+    terminal.wait_for("T-2 comes next");
+    assert!(terminal.text().contains("Close the lid."), "{}", terminal.text());
+    terminal.types(b"\r");
+    terminal.wait_for("look at: A line reads another level than its partner drives");
+    assert!(terminal.text().contains("failed"), "{}", terminal.text());
+    assert!(terminal.text().contains("wrong_reads"), "{}", terminal.text());
+
+    // T-2 was scanned: its run is another module's, so first the label of T-1 again.
+    terminal.types(b"T-1\r");
+    terminal.wait_for("tested today at");
+    terminal.types(F5);
+    terminal.wait_for("Test it again?");
+    terminal.types(b"\r");
+    terminal.wait_for("Close the lid.");
+    terminal.types(b"\r");
+    terminal.wait_for("look at: A line reads another level");
+    terminal.types(F4);
+    terminal.wait_for("Close the lid.");
+    terminal.types(ESC);
+    terminal.wait_for("the operator could not Close the lid.");
+    terminal.wait_for("SELECTION");
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored, "the terminal is not as it was");
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(outcomes(&place), ["failed", "failed", "errored"]);
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(0), "{}", verified.stdout);
+}
+
+/// A signal ends a run in order: the record is whole, the terminal as before.
+#[test]
+fn a_signal_ends_the_run_and_gives_the_terminal_back() {
+    for signal in [Signal::SIGTERM, Signal::SIGHUP, Signal::SIGINT] {
+        let place = Place::new(STATION);
+        let plan = plan();
+        let mut terminal = open(&place, &sim(&plan, &[]), 80, 24);
+        terminal.wait_for("functional 1.0");
+        terminal.types(b"T-1\r");
+        terminal.types(F5);
+        terminal.wait_for("RUNNING");
+        terminal.signal(signal);
+        let (status, restored) = terminal.end();
+        assert!(restored, "{signal}: the terminal is not as it was");
+        assert_eq!(status.code(), Some(4), "{signal}");
+        assert_eq!(outcomes(&place), ["aborted"], "{signal}");
+        assert_eq!(place.run(["records", "verify"]).code, Some(0), "{signal}");
+    }
+}
+
+/// Nothing runs: the same without a record.
+#[test]
+fn a_signal_ends_an_idle_screen() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &[]), 80, 24);
+    terminal.wait_for("functional 1.0");
+    terminal.signal(Signal::SIGTERM);
+    let (status, restored) = terminal.end();
+    assert!(restored, "the terminal is not as it was");
+    assert_eq!(status.code(), Some(0));
+}
+
+/// The line to the operator is lost: the run ends in order, with its record.
+#[test]
+fn a_lost_terminal_ends_the_run_with_its_record() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &[]), 80, 24);
+    terminal.wait_for("functional 1.0");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    terminal.wait_for("RUNNING");
+    terminal.close();
+    let (status, _) = terminal.end();
+    assert_eq!(status.code(), Some(4));
+    assert_eq!(outcomes(&place), ["aborted"]);
+    assert_eq!(place.run(["records", "verify"]).code, Some(0));
+}
+
+/// A terminal that takes nothing more (a stopped one, a line that hangs): the run goes on and is filed, and a signal still
+/// ends the program.
+#[test]
+fn a_stopped_terminal_does_not_stop_the_run() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &[]), 200, 60);
+    terminal.wait_for("functional 1.0");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    // Curves on a large screen: a few drawings fill what the system holds for a reader.
+    terminal.types(F9);
+    terminal.wait_for("gauss");
+    let runs = place.runs();
+    wait_for_file(&runs[0], "SHA256SUMS");
+    terminal.signal(Signal::SIGTERM);
+    let status = terminal.end_unread();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(outcomes(&place), ["passed"]);
+}
+
+/// Waits until a file is in a folder.
+fn wait_for_file(folder: &std::path::Path, name: &str) {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
+    use std::os::fd::AsFd as _;
+    let inotify = Inotify::init(InitFlags::IN_CLOEXEC).expect("inotify");
+    inotify.add_watch(folder, AddWatchFlags::IN_CREATE | AddWatchFlags::IN_MOVED_TO).expect("a watch");
+    while !folder.join(name).exists() {
+        let minute = PollTimeout::try_from(60_000).expect("a minute");
+        let ready = poll(&mut [PollFd::new(inotify.as_fd(), PollFlags::POLLIN)], minute).expect("poll");
+        assert!(ready > 0, "{name} does not come into {}", folder.display());
+        inotify.read_events().expect("events");
+    }
+}
+
+/// Windows that change all the time, down to nothing, while a run is on.
+#[test]
+fn a_storm_of_sizes() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), 40, 10);
+    terminal.wait_for("80 x 24");
+    terminal.resize(80, 24);
+    terminal.wait_for("functional 1.0");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    let seed = 5;
+    println!("seed {seed}");
+    let mut dice = ChaCha8Rng::seed_from_u64(seed);
+    for _ in 0..300 {
+        terminal.resize(dice.random_range(1..220), dice.random_range(1..70));
+    }
+    terminal.resize(80, 24);
+    terminal.wait_until("a whole screen", |screen| {
+        let rows: Vec<String> = screen.rows(0, 80).collect();
+        rows[0].contains("GNC test station") && rows[23].contains("F10 Leave") && rows[1].starts_with("┌ Module")
+    });
+    terminal.wait_until("the verdict", |screen| screen.contents().contains("passed ──"));
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+    assert_eq!(outcomes(&place), ["passed"]);
+}
+
+/// A megabyte of whatever comes: nothing is started, nothing is lost afterwards.
+#[test]
+fn a_megabyte_of_garbage() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), 80, 24);
+    terminal.wait_for("functional 1.0");
+    let seed = 11;
+    println!("seed {seed}");
+    let mut dice = ChaCha8Rng::seed_from_u64(seed);
+    let mut garbage = vec![0u8; 1 << 20];
+    dice.fill(&mut garbage[..]);
+    // Function keys are commands wherever they come from; nobody types them by accident a thousand times.
+    let garbage: Vec<u8> = garbage.into_iter().filter(|byte| *byte != 0x1b).collect();
+    terminal.types(&garbage);
+    // As pasted text, escape sequences are text too.
+    let mut pasted = b"\x1b[200~".to_vec();
+    pasted.extend(garbage.iter().take(100_000));
+    pasted.extend(b"\x1b[21~\x1b[15~\x1b[201~");
+    terminal.types(&pasted);
+    terminal.types(ESC);
+    terminal.types(ESC);
+    terminal.wait_until("an empty line", |screen| {
+        !screen.contents().contains('_') || screen.contents().contains("scan the label")
+    });
+    terminal.types(b"T-1\r");
+    terminal.wait_for("T-1: F5 starts the test.");
+    assert!(place.runs().is_empty(), "garbage started a run");
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+}
+
+/// The pages one after the other, in the language of the locale or as asked.
+#[test]
+fn pages_and_languages() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &["--lang", "zh"]), 160, 50);
+    terminal.wait_for("扫描后按 F5");
+    terminal.types(F9);
+    terminal.wait_for("也可按 F5 直接观察");
+    terminal.types(F5);
+    terminal.wait_for("正在观察");
+    terminal.wait_for("IMU ");
+    terminal.types(F9);
+    terminal.wait_for("中没有运行记录");
+    terminal.types(F1);
+    terminal.wait_for("重新读取记录");
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+    assert!(place.runs().is_empty(), "watching left a record");
+}
+
+/// Without a terminal the screen says what to do instead.
+#[test]
+fn no_terminal_no_screen() {
+    let place = Place::new(STATION);
+    let run = place.run(["--sim"]);
+    assert_eq!(run.code, Some(2));
+    assert!(run.stderr.contains("needs a terminal") && run.stderr.contains("--auto"), "{}", run.stderr);
+}
