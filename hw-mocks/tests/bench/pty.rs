@@ -25,12 +25,14 @@ struct PtyHost {
     decoder: Decoder,
     request: u16,
     came: Vec<Frame>,
+    keep_alive_at: Instant,
 }
 
 impl PtyHost {
     fn open(path: &std::path::Path) -> Self {
         let port = std::fs::OpenOptions::new().read(true).write(true).open(path).unwrap();
-        let mut host = Self { port, decoder: Decoder::default(), request: 0, came: Vec::new() };
+        let mut host =
+            Self { port, decoder: Decoder::default(), request: 0, came: Vec::new(), keep_alive_at: Instant::now() };
         host.hello();
         host
     }
@@ -49,10 +51,9 @@ impl PtyHost {
 
     fn wait(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
         let end = Instant::now() + PATIENCE;
-        let mut keep_alive_at = Instant::now() + KEEP_ALIVE_EVERY;
         loop {
-            if Instant::now() >= keep_alive_at {
-                keep_alive_at = Instant::now() + KEEP_ALIVE_EVERY;
+            if Instant::now() >= self.keep_alive_at {
+                self.keep_alive_at = Instant::now() + KEEP_ALIVE_EVERY;
                 self.send(Kind::Event, 0, event::KEEP_ALIVE, Payload::new());
             }
             if let Some(index) = self.came.iter().position(&wanted) {

@@ -93,16 +93,22 @@ impl Allan {
         let coefficient = |c: Option<Coefficient>| {
             c.map_or(Value::Null, |c| json!({ "value": c.value, "low": c.low, "high": c.high }))
         };
-        let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
+        let named = [
+            ("Q", "u s", c.q),
+            ("N", "u sqrt(s)", c.n),
+            ("B", "u", c.b),
+            ("K", "u / sqrt(s)", c.k),
+            ("R", "u / s", c.r),
+        ];
         let mut report = Report::new("allan");
         report
             .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
             .put("samples", "", values.len())
             .rows("points", &["tau_s", "dev", "n", "edf", "noise", "low", "high"], rows)
-            .put(
+            .named(
                 "coefficients",
-                "unit u of the rate: Q u s, N u sqrt(s), B u, K u/sqrt(s), R u/s",
-                named.iter().map(|(k, c)| ((*k).to_owned(), coefficient(*c))).collect::<serde_json::Map<_, _>>(),
+                &["value", "low", "high", "unit u of the rate"],
+                named.iter().map(|(k, unit, c)| (*k, *unit, coefficient(*c))).collect(),
             )
             .put("B_upper_bound", "smallest deviation / 0.664", json!(c.b_upper_bound))
             .put("interval", "", "68.3 %");
@@ -122,14 +128,8 @@ impl Allan {
                 series.push(Series::line(name, points().map(|(t, _)| (t, curve(c.value, t)))));
             }
         }
-        let panel = Panel {
-            title: format!("{:?} of {}", self.dev, self.column),
-            x: "averaging time, s".to_owned(),
-            y: "deviation".to_owned(),
-            log: (true, true),
-            square: false,
-            series,
-        };
+        let title = format!("{} of {}", format!("{:?}", self.dev).to_lowercase(), self.column);
+        let panel = Panel::new(title, "averaging time, s", "deviation", series).log();
         Ok(Outcome { report, panels: vec![panel] })
     }
 }
