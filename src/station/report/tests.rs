@@ -101,7 +101,7 @@ fn details_are_tables_matrices_and_pictures() {
         "equation": "f = M N + b",
         "matrix": [[1.0, 0.25], [0.0, 1.0]],
         "budget": [{ "source": HOSTILE, "value": 1.5e-7 }, { "source": "angle", "type": "B" }],
-        "plots": [{ "title": HOSTILE, "x": "s", "y": "deg/h", "log": [true, true],
+        "plots": [{ "title": HOSTILE, "x": "s", "y": "deg/h", "log": true,
                     "series": [{ "name": "x", "mark": "bars", "points": [[1.0, 2.0]], "bars": [[1.5, 2.5]] }] }],
         "nothing": null,
     })];

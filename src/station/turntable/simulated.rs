@@ -50,10 +50,6 @@ pub(super) fn stop_at_once(control: &Control) {
     let _ = control.stop();
 }
 
-fn still(control: &Control) -> Result<(), TableError> {
-    control.wait_still()
-}
-
 impl Turntable for Simulated {
     fn lay(&self, lie: Lie) -> Motion<'_> {
         let begin = move |control: &Control| match lie {
@@ -63,11 +59,11 @@ impl Turntable for Simulated {
             }
             Lie::Up { up, heading_deg } => control.orient_up(up, heading_deg),
         };
-        self.moved("lay the module down", begin, still)
+        self.moved("lay the module down", begin, Control::wait_still)
     }
 
     fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
-        self.moved("turn the module", move |control| control.rotate(angle_deg, span_s), still)
+        self.moved("turn the module", move |control| control.rotate(angle_deg, span_s), Control::wait_still)
     }
 
     fn spin(&self, rate_dps: f64) -> Motion<'_> {
@@ -77,7 +73,7 @@ impl Turntable for Simulated {
     }
 
     fn stop(&self) -> Motion<'_> {
-        self.moved("stop the table", Control::stop, still)
+        self.moved("stop the table", Control::stop, Control::wait_still)
     }
 
     fn pause(&self, span: Duration) -> Motion<'_> {
