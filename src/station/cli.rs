@@ -59,6 +59,20 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "records")]
         records: PathBuf,
     },
+    /// Writes the raw samples of a run as text.
+    Export {
+        /// Its folder, whole or below the records folder.
+        run: PathBuf,
+        /// The form.
+        #[arg(long, value_enum, default_value = "csv")]
+        format: crate::export::Format,
+        /// The folder that is made for it; RUN-export here, if not given.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// The records folder.
+        #[arg(long, value_name = "DIR", default_value = "records")]
+        records: PathBuf,
+    },
     /// Looks through the records.
     Records {
         #[command(subcommand)]
@@ -206,6 +220,9 @@ pub fn main() -> ExitCode {
             crate::check::run(&plans, bench.as_deref(), sim)
         }
         Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
+        Some(Command::Export { run, format, out, records }) => {
+            crate::export::run(&run, &records, format, out.as_deref())
+        }
         Some(Command::Records { what, records }) => crate::records::run(&what, &records),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
         None => crate::tui::run(&cli.run),

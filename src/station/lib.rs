@@ -8,6 +8,7 @@ pub mod cli;
 pub mod compute;
 pub mod control;
 mod doctor;
+mod export;
 pub mod figures;
 mod files;
 pub mod fixture;

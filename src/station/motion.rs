@@ -3,6 +3,7 @@
 //! Pure data from an item's parameters, so that the plan check and the log can say beforehand how long it takes and how
 //! fast it turns.
 
+mod check;
 mod programs;
 pub mod watch;
 
@@ -10,6 +11,7 @@ use std::fmt;
 
 use crate::capture::{About, Pose};
 use crate::turntable::Lie;
+pub use check::mistakes;
 pub use programs::program;
 
 /// A step of a program.

@@ -5,6 +5,7 @@ mod calibration;
 mod can;
 mod capturing;
 mod cpu;
+mod download;
 mod flash;
 mod gnss;
 mod identity;
@@ -227,6 +228,7 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         ItemId::Spi => spi::run(bench, params, report).await,
         ItemId::Sci => sci::run(bench, params, report).await,
         ItemId::Can => can::run(bench, report).await,
+        ItemId::CalibrationDownload => download::run(bench, params, report).await,
         ItemId::SixPosition
         | ItemId::GyroStill
         | ItemId::Rotation
@@ -242,7 +244,6 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         | ItemId::MagnetometerEllipse
         | ItemId::MagnetometerEllipsoid
         | ItemId::GnssAccuracy
-        | ItemId::CalibrationDownload
         | ItemId::CalibrationCheck => calibration::run(item, bench, params, report).await,
     }
 }

@@ -15,7 +15,7 @@ use gnc_executive::state::RunState;
 
 use crate::cli::{complain, refuse};
 use crate::files;
-use crate::records::{no_such, resolve};
+use crate::records;
 use crate::runner::chain;
 use crate::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
 use again::Again;
@@ -33,13 +33,10 @@ Exit codes without --plan:
 Exit codes with --plan: those of a run, by the verdict under the other plan.";
 
 /// Judges a run again; with another plan into a new folder beside it.
-pub(crate) fn run(run: &Path, records: &Path, plan: Option<&Path>) -> ExitCode {
-    let folder = match resolve(records, run) {
-        Ok(mut folders) => match folders.pop() {
-            Some(newest) => newest,
-            None => return no_such(run),
-        },
-        Err(error) => return refuse(chain(&error), error.try_this()),
+pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
+    let folder = match records::one(within, run) {
+        Ok(folder) => folder,
+        Err(refused) => return refused,
     };
     let done = match plan {
         None => same(&folder),

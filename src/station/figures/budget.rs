@@ -59,8 +59,12 @@ impl Budget {
 
     /// Standard uncertainty and effective degrees of freedom (Welch-Satterthwaite).
     pub(super) fn combined(&self) -> (f64, f64) {
-        let parts: Vec<(f64, f64)> =
-            self.rows.iter().map(|row| (row.value * row.sensitivity.abs(), row.dof)).filter(|(u, _)| *u != 0.0).collect();
+        let parts: Vec<(f64, f64)> = self
+            .rows
+            .iter()
+            .map(|row| (row.value * row.sensitivity.abs(), row.dof))
+            .filter(|(u, _)| *u != 0.0)
+            .collect();
         let u = parts.iter().map(|(u, _)| u * u).sum::<f64>().sqrt();
         let dof = if parts.is_empty() { f64::INFINITY } else { stats::welch_satterthwaite(&parts) };
         (u, dof)

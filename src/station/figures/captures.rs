@@ -53,10 +53,7 @@ impl Triad {
 }
 
 /// Nothing is missing from the captures, and the triads that are used neither saturate nor stand still.
-pub(super) fn sound<'c>(
-    captures: impl IntoIterator<Item = &'c Capture>,
-    triads: &[Triad],
-) -> Result<(), FigureError> {
+pub(super) fn sound<'c>(captures: impl IntoIterator<Item = &'c Capture>, triads: &[Triad]) -> Result<(), FigureError> {
     for capture in captures {
         let label = || capture.about.label.clone();
         if capture.losses.any() {
@@ -162,7 +159,8 @@ pub(super) fn lying(captures: &[Capture]) -> impl Iterator<Item = (&Capture, Vec
 impl Question<'_> {
     /// The only capture, as long as the parameter `span` says where the item captures by itself.
     pub(super) fn one(&self, span: &str) -> Result<&Capture, FigureError> {
-        let capture = self.captures.first().ok_or_else(|| FigureError::Missing { what: "the module at rest".into() })?;
+        let capture =
+            self.captures.first().ok_or_else(|| FigureError::Missing { what: "the module at rest".into() })?;
         if !matches!(self.params.source("of"), Ok(Some(_))) {
             self.long_enough(capture, span)?;
         }

@@ -109,10 +109,13 @@ fn turn(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f64) -
         .b("attitudes of the axis", pose_rad, "rad", twice * 1e6)
         .bound("rotation of the earth", ppm(earth_rad), "ppm", 1.0);
     findings.figure("cross_angle", ppm(across), &budget, p);
-    findings.detail("turn", json!({
-        "angle_deg": turned.angle_rad.map(f64::to_degrees).as_slice(), "told_deg": angle_deg,
-        "start_s": turned.start_s, "span_s": turned.span_s,
-    }));
+    findings.detail(
+        "turn",
+        json!({
+            "angle_deg": turned.angle_rad.map(f64::to_degrees).as_slice(), "told_deg": angle_deg,
+            "start_s": turned.start_s, "span_s": turned.span_s,
+        }),
+    );
     Ok(())
 }
 
@@ -136,7 +139,9 @@ fn integrate(capture: &Capture, axis: usize, rate: &Rate) -> Result<Turned, Figu
     let own: Vec<f64> = rates.iter().map(|rate| rate[axis]).collect();
     let block = (0.05 * rate_hz).ceil() as usize;
     let means: Vec<f64> = own.chunks(block.max(1)).map(stats::mean).collect();
-    let level = stats::median(&mut means.clone());
+    // The turn may fill most of the record: rest is at both ends.
+    let edge = (means.len() / 2).min(10);
+    let level = f64::midpoint(stats::mean(&means[..edge]), stats::mean(&means[means.len() - edge..]));
     let peak = means.iter().map(|mean| (mean - level).abs()).fold(0.0, f64::max);
     let noise = stats::white_sd(&own) / (block as f64).sqrt();
     let moving = |mean: &&f64| (**mean - level).abs() > (2e-3 * peak).max(8.0 * noise);
@@ -152,7 +157,8 @@ fn integrate(capture: &Capture, axis: usize, rate: &Rate) -> Result<Turned, Figu
     let rest: Vec<&Vector3<f64>> = rates[..start].iter().chain(&rates[end..]).collect();
     let count = rest.len() as f64;
     let at_rest = rest.iter().fold(Vector3::zeros(), |sum, rate| sum + **rate) / count;
-    let turned: Vector3<f64> = rates[start..end].iter().fold(Vector3::zeros(), |sum, rate| sum + (rate - at_rest)) / rate_hz;
+    let turned: Vector3<f64> =
+        rates[start..end].iter().fold(Vector3::zeros(), |sum, rate| sum + (rate - at_rest)) / rate_hz;
     let n = (end - start) as f64;
     let noise_rad = Vector3::from_fn(|i, _| {
         let values: Vec<f64> = rest.iter().map(|rate| rate[i]).collect();

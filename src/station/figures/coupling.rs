@@ -19,7 +19,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         "equation": "M_q Ka_1 (S_q Kg_1): coupling_ij = element ij over ii; of the calibrations after the first the largest",
         "label": "coupling relative to the fixture; nonorthogonality free of how the module sits in it",
     }));
-    let judged = all.iter().map(|series| Judged::of(series)).collect::<Result<Vec<_>, _>>()?;
+    let judged = all.iter().map(Judged::of).collect::<Result<Vec<_>, _>>()?;
     for judged in &judged {
         let name = judged.series.triad().name();
         let calibrations: Vec<_> = judged
@@ -42,8 +42,11 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let (q, value) = judged.largest(|left| rotation::nonorthogonality_rad(left)[k]);
             let [(one, one_dof), (other, other_dof)] =
                 [judged.budget(q, i, j).combined(), judged.budget(q, j, i).combined()];
-            let budget =
-                Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof);
+            let budget = Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a(
+                "of the other",
+                other,
+                other_dof,
+            );
             let figure = format!("nonorthogonality_{name}_{}{}", AXES[i], AXES[j]);
             findings.figure(figure, value * 1e6, &budget, probability);
         }
@@ -86,9 +89,10 @@ impl<'s> Judged<'s> {
             Series::Gyro(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
         };
         let parts = [of(0), of(q)].map(|budget| budget.map_or((f64::NAN, 1.0), |budget| budget.combined()));
-        Budget::new(Unit::PartsPerMillion)
-            .a("first calibration", parts[0].0, parts[0].1)
-            .a("this calibration", parts[1].0, parts[1].1)
+        Budget::new(Unit::PartsPerMillion).a("first calibration", parts[0].0, parts[0].1).a(
+            "this calibration",
+            parts[1].0,
+            parts[1].1,
+        )
     }
 }
-

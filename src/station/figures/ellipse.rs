@@ -58,10 +58,12 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     findings.number("residual_rms", worst(&|spin| spin.found.residual_rms / spin.found.radius * 100.0), Unit::Percent);
     findings.number("residual_peak", worst(&|spin| spin.found.residual_peak * 100.0), Unit::Percent);
     for harmonic in [0, 1] {
-        let largest = spins.iter().max_by(|a, b| a.roll.harmonics_rad[harmonic].total_cmp(&b.roll.harmonics_rad[harmonic]));
+        let largest =
+            spins.iter().max_by(|a, b| a.roll.harmonics_rad[harmonic].total_cmp(&b.roll.harmonics_rad[harmonic]));
         if let Some(Spin { roll, capture, .. }) = largest {
             let noise = roll.noise_rad * (2.0 / capture.samples.len() as f64).sqrt();
-            let budget = Budget::new(Unit::Degree).a("noise of the angle", noise.to_degrees(), capture.samples.len() as f64);
+            let budget =
+                Budget::new(Unit::Degree).a("noise of the angle", noise.to_degrees(), capture.samples.len() as f64);
             let name = format!("roll_error_{}", harmonic + 1);
             findings.figure(name, roll.harmonics_rad[harmonic].to_degrees(), &budget, probability);
         }
@@ -105,7 +107,8 @@ impl<'c> Spin<'c> {
         };
         let roll = roll_of(&|x, y| found.correction.apply(x, y));
         if (roll.rate_rps / told_rps - 1.0).abs() > RATE_TOLERANCE {
-            let why = format!("the field turns at {:.2} deg/s, the table was told {rate_dps:.2}", roll.rate_rps.to_degrees());
+            let why =
+                format!("the field turns at {:.2} deg/s, the table was told {rate_dps:.2}", roll.rate_rps.to_degrees());
             return Err(FigureError::Unfit { label: label(), why });
         }
         if roll.turns.abs() < TURNS {
@@ -134,7 +137,11 @@ fn average(spins: &[Spin<'_>], pick: &dyn Fn(&Ellipse) -> (f64, f64)) -> (f64, f
     let (mean, sd) = stats::mean_sd(&values);
     let of_fits = figures.iter().map(|(_, u)| u * u).sum::<f64>().sqrt() / n;
     let between = sd / n.sqrt();
-    if between > of_fits { (mean, between, n - 1.0) } else { (mean, of_fits, spins.iter().map(|s| s.found.dof as f64).sum()) }
+    if between > of_fits {
+        (mean, between, n - 1.0)
+    } else {
+        (mean, of_fits, spins.iter().map(|s| s.found.dof as f64).sum())
+    }
 }
 
 /// Alpha and a sampling skew between X and Y, told apart by the rates: a Y that is sampled `skew` later looks like
@@ -156,7 +163,8 @@ impl Skew {
                 (spin.told_rps, alpha, 1.0 / (sd * sd))
             })
             .collect();
-        let sum = |term: &dyn Fn(f64, f64) -> f64| points.iter().map(|(rate, alpha, w)| w * term(*rate, *alpha)).sum::<f64>();
+        let sum =
+            |term: &dyn Fn(f64, f64) -> f64| points.iter().map(|(rate, alpha, w)| w * term(*rate, *alpha)).sum::<f64>();
         let (w, wr, wrr) = (sum(&|_, _| 1.0), sum(&|r, _| r), sum(&|r, _| r * r));
         let (wa, wra) = (sum(&|_, a| a), sum(&|r, a| r * a));
         let determinant = w * wrr - wr * wr;

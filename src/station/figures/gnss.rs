@@ -53,17 +53,23 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let position = |rms: f64, dof: f64| spread(rms, dof, survey_u, Unit::Metre, probability);
     findings.put("position_horizontal", position(horizontal, 2.0 * worth));
     let heights = up.iter().filter(|error| error.is_finite()).count();
-    findings.put("position_height", if heights == up.len() {
-        position(rms(&up), dof_of_rms(&up))
-    } else {
-        Value::NotAvailable("the receiver gives no height".into())
-    });
+    findings.put(
+        "position_height",
+        if heights == up.len() {
+            position(rms(&up), dof_of_rms(&up))
+        } else {
+            Value::NotAvailable("the receiver gives no height".into())
+        },
+    );
     let speeds: Vec<f64> = fixes.iter().filter_map(|epoch| epoch.ground_speed_mps).collect();
-    findings.put("velocity_horizontal", if speeds.len() < LEAST {
-        Value::NotAvailable("the receiver gives no speed".into())
-    } else {
-        spread(rms(&speeds), 2.0 * dof_of_rms(&speeds), 0.0, Unit::MetrePerSecond, probability)
-    });
+    findings.put(
+        "velocity_horizontal",
+        if speeds.len() < LEAST {
+            Value::NotAvailable("the receiver gives no speed".into())
+        } else {
+            spread(rms(&speeds), 2.0 * dof_of_rms(&speeds), 0.0, Unit::MetrePerSecond, probability)
+        },
+    );
     findings.put("velocity_height", Value::NotAvailable("the receiver's sentences hold no vertical velocity".into()));
     pulses(question, &mut findings, probability);
     findings.put("pps_accuracy", Value::NotAvailable("not measured: there is no external time reference".into()));
@@ -119,11 +125,14 @@ fn pulses(question: &Question<'_>, findings: &mut Findings, probability: f64) {
     // Both edges of an interval are rounded to the timer's step.
     let rounding_ns = TIMER_NS / 6.0_f64.sqrt();
     let low = (low * low - rounding_ns * rounding_ns).max(0.0).sqrt();
-    findings.detail("pps", json!({
-        "intervals": whole.len(), "others": intervals.len() - whole.len(), "mean_ns": mean_ns, "sd_ns": sd_ns,
-        "timer_ns": TIMER_NS, "rounding_ns": rounding_ns,
-        "label": "intervals between pulses by the board's timer; its resolution is in the interval of the figure",
-    }));
+    findings.detail(
+        "pps",
+        json!({
+            "intervals": whole.len(), "others": intervals.len() - whole.len(), "mean_ns": mean_ns, "sd_ns": sd_ns,
+            "timer_ns": TIMER_NS, "rounding_ns": rounding_ns,
+            "label": "intervals between pulses by the board's timer; its resolution is in the interval of the figure",
+        }),
+    );
     let interval = Uncertainty::interval(low, high, probability);
     findings.put("pps_jitter", Value::estimate(sd_ns, Unit::Nanosecond, interval));
 }

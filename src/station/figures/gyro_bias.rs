@@ -42,7 +42,13 @@ impl Earth {
         }
         let (north, east) = place::north_east(up, heading_deg);
         let label = "rotation of the earth removed by attitude and heading";
-        Ok(Self { removed_rps: up * vertical + north * level, label, left_rps: 0.0, per_heading: east * level, heading_u_rad })
+        Ok(Self {
+            removed_rps: up * vertical + north * level,
+            label,
+            left_rps: 0.0,
+            per_heading: east * level,
+            heading_u_rad,
+        })
     }
 }
 

@@ -113,9 +113,8 @@ impl Fit {
         let squares: f64 = found.residuals_rps.iter().map(Vector3::norm_squared).sum();
         // Unknown headings leave the horizontal earth rate in the residuals: half of its square on a level axis.
         let unknown = if site.heading_u_rad.is_none() { site.north_rps.powi(2) / 2.0 } else { 0.0 };
-        let expected: f64 = (0..3)
-            .map(|i| design.left_over(|p| noise[i].variance + unknown * (1.0 - design.ups[p][i].powi(2))))
-            .sum();
+        let expected: f64 =
+            (0..3).map(|i| design.left_over(|p| noise[i].variance + unknown * (1.0 - design.ups[p][i].powi(2)))).sum();
         let dof = found.dof as f64;
         let residual_ratio = squares / expected;
         let excess = residual_ratio > stats::chi_square_quantile(RARE, dof) / dof;
@@ -153,8 +152,11 @@ impl Fit {
         if self.scale_known {
             return budget;
         }
-        let earth = self.design.shift(parameter, |_| earth::EARTH_RATE_RPS).abs().max(earth::EARTH_RATE_RPS / 2.0
-            * self.design.cofactor[(parameter, parameter)].sqrt());
+        let earth = self
+            .design
+            .shift(parameter, |_| earth::EARTH_RATE_RPS)
+            .abs()
+            .max(earth::EARTH_RATE_RPS / 2.0 * self.design.cofactor[(parameter, parameter)].sqrt());
         budget.bound("scale factors not yet known, on the earth rate", NOMINAL_BAND, "", earth * factor)
     }
 }

@@ -48,8 +48,8 @@ fn of_one(blocks: &[f64], lags: usize) -> (f64, f64) {
     let mut weights = 0.0;
     let mut at_zero = 0.0;
     for lag in 0..lags.max(1) {
-        let covariance = blocks.iter().zip(&blocks[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>()
-            / (n - lag) as f64;
+        let covariance =
+            blocks.iter().zip(&blocks[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>() / (n - lag) as f64;
         let half = lags as f64 / 2.0;
         let taper = if lag as f64 <= half { 1.0 } else { (lags - lag) as f64 / half };
         let weight = if lag == 0 { 1.0 } else { 2.0 } * taper * (1.0 - lag as f64 / n as f64);

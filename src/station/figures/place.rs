@@ -21,7 +21,8 @@ pub(super) fn gravity(site: Option<&Site>) -> Result<Gravity, FigureError> {
         return Ok(Gravity { mps2, from: "measured, from the bench file" });
     }
     let place = site.place.ok_or(FigureError::NoPlace)?;
-    let mps2 = earth::normal_gravity_mps2(place.latitude_deg, place.height_m).map_err(FigureError::refused("gravity"))?;
+    let mps2 =
+        earth::normal_gravity_mps2(place.latitude_deg, place.height_m).map_err(FigureError::refused("gravity"))?;
     Ok(Gravity { mps2, from: "WGS-84 normal gravity of latitude and height" })
 }
 

@@ -100,4 +100,3 @@ fn spectrum(found: &psd::Psd, unit: Unit, line_hz: f64, line: f64) -> serde_json
         "strongest_line": { "frequency_hz": line_hz, "over_neighbours": line },
     })
 }
-

@@ -45,9 +45,12 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let (response, noise) = if responses[0].0 < responses[1].0 { responses[0] } else { responses[1] };
             let step = levels.step;
             let pose = if *triad == Triad::Accel { pose_rad * 1e3 * 2.0_f64.sqrt() / step * 100.0 } else { 0.0 };
-            let budget = Budget::new(Unit::Percent)
-                .a("noise of both means", noise.0 * 100.0, noise.1)
-                .b("attitudes", if pose > 0.0 { 1.0 } else { 0.0 }, "", pose);
+            let budget = Budget::new(Unit::Percent).a("noise of both means", noise.0 * 100.0, noise.1).b(
+                "attitudes",
+                if pose > 0.0 { 1.0 } else { 0.0 },
+                "",
+                pose,
+            );
             findings.figure(format!("step_response_{}_{name}", triad.name()), response * 100.0, &budget, probability);
             steps.push(json!({
                 "channel": format!("{} {name}", triad.name()), "step": step, "unit": unit(*triad).symbol(),
@@ -170,4 +173,3 @@ fn mean_of(compensation: &Compensation, capture: &Capture, triad: Triad, axis: u
     let noise = mean::variance(&[blocks.iter().map(|block| block[axis]).collect()]);
     (value, noise.sd(), noise.dof)
 }
-

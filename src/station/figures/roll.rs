@@ -50,7 +50,8 @@ pub(super) fn analyse(points: impl Iterator<Item = (f64, f64)>, step_rad: f64, r
         right += row * left(k, angle);
     }
     let solution = normal.lu().solve(&right).unwrap_or_else(|| SVector::repeat(f64::NAN));
-    let squares: f64 = unwrapped.iter().enumerate().map(|(k, &angle)| (left(k, angle) - row(k, angle).dot(&solution)).powi(2)).sum();
+    let squares: f64 =
+        unwrapped.iter().enumerate().map(|(k, &angle)| (left(k, angle) - row(k, angle).dot(&solution)).powi(2)).sum();
     let rate_rps = (slope + 2.0 * solution[1] / (n - 1.0)) * rate_hz;
     Roll {
         rate_rps,

@@ -56,10 +56,7 @@ fn turn_of(capture: &Capture) -> Option<(usize, f64, Along)> {
 }
 
 /// Calibrates from the turns among the captures.
-pub(super) fn solve<'c>(
-    captures: impl IntoIterator<Item = &'c Capture>,
-    known: Known,
-) -> Result<Solved, FigureError> {
+pub(super) fn solve<'c>(captures: impl IntoIterator<Item = &'c Capture>, known: Known) -> Result<Solved, FigureError> {
     let turns: Vec<(&Capture, usize, f64, Along)> = captures
         .into_iter()
         .filter_map(|capture| turn_of(capture).map(|(axis, angle, along)| (capture, axis, angle, along)))
@@ -72,7 +69,9 @@ pub(super) fn solve<'c>(
             return Err(unfit("axis, angle, geometry or rate differ from those of the others"));
         }
         if (angle_deg / 360.0).fract() != 0.0 || angle_deg == 0.0 {
-            return Err(unfit("the angle is no whole number of turns, so that the earth's rotation does not average out"));
+            return Err(unfit(
+                "the angle is no whole number of turns, so that the earth's rotation does not average out",
+            ));
         }
         captures::sound([*capture], &[Triad::Gyro])?;
     }
@@ -85,7 +84,10 @@ pub(super) fn solve<'c>(
         .collect();
     let runs: Vec<rotation::Run<'_>> = data
         .iter()
-        .map(|(label, channels)| rotation::Run { label: label.clone(), channels: [&channels[0], &channels[1], &channels[2]] })
+        .map(|(label, channels)| rotation::Run {
+            label: label.clone(),
+            channels: [&channels[0], &channels[1], &channels[2]],
+        })
         .collect();
     let options = rotation::Options {
         rate_hz: f64::from(rate_hz),
@@ -118,9 +120,12 @@ impl Solved {
         );
         if i == j {
             // What both senses share cannot be seen in the record.
-            budget
-                .b("angle of the table", self.known.angle_rad, "rad", 1e6 / self.turned_rad)
-                .b("sample clock", self.known.clock_ppm, "ppm", 1.0)
+            budget.b("angle of the table", self.known.angle_rad, "rad", 1e6 / self.turned_rad).b(
+                "sample clock",
+                self.known.clock_ppm,
+                "ppm",
+                1.0,
+            )
         } else {
             budget.b("attitude of the axis", self.known.pose_rad, "rad", 1e6)
         }

@@ -119,7 +119,11 @@ impl Solved {
         // One count is spread evenly over its step, and the noise spreads the means over many.
         let quantisation = 1.0 / 12.0_f64.sqrt() / self.own(i) * cofactor.sqrt() * factor / 100.0;
         Budget::new(unit)
-            .a(if self.excess { "scatter of the residuals" } else { "noise of the positions' means" }, noise, self.noise[i].dof)
+            .a(
+                if self.excess { "scatter of the residuals" } else { "noise of the positions' means" },
+                noise,
+                self.noise[i].dof,
+            )
             .b("attitudes", self.known.pose_rad, "rad", per_rad)
             .b("quantisation", quantisation, unit.symbol(), 1.0)
     }
@@ -161,7 +165,14 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let error_ppm = solved.scale_error(i) * 1e6;
         findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
     }
-    couplings(&mut findings, "", &c.coupling(), &c.nonorthogonality_rad(), |i, j| solved.response_budget(i, j), probability);
+    couplings(
+        &mut findings,
+        "",
+        &c.coupling(),
+        &c.nonorthogonality_rad(),
+        |i, j| solved.response_budget(i, j),
+        probability,
+    );
     let rms_mg = c.residual_rms_mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
     findings.number("residual_rms", rms_mg, Unit::Milligravity);
     temperatures(&mut findings, question.captures, Triad::Accel);
@@ -187,7 +198,8 @@ pub(super) fn couplings(
     for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
         // To first order the angle is the sum of both couplings.
         let [(one, one_dof), (other, other_dof)] = [budget(i, j).combined(), budget(j, i).combined()];
-        let of_angle = Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof);
+        let of_angle =
+            Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof);
         let name = format!("nonorthogonality_{prefix}{}{}", AXES[i], AXES[j]);
         findings.figure(name, angles_rad[k] * 1e6, &of_angle, probability);
     }

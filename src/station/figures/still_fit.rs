@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, Matrix4, Vector3};
 
+use super::FigureError;
 use super::captures::{self, AXES, Triad};
 use super::mean::{self, BLOCKS, MeanVariance};
-use super::FigureError;
 use crate::capture::Capture;
 
 /// A capture of a module that lies still.
@@ -100,7 +100,11 @@ impl Design {
         // Residuals are (1 - X hat) errors.
         let n = self.ups.len();
         let project = |a: usize, b: usize| (0..4).map(|k| self.rows[(a, k)] * self.hat[(k, b)]).sum::<f64>();
-        (0..n).map(|p| (0..n).map(|a| (f64::from(u8::from(a == p)) - project(a, p)).powi(2)).sum::<f64>() * of_position(p)).sum()
+        (0..n)
+            .map(|p| {
+                (0..n).map(|a| (f64::from(u8::from(a == p)) - project(a, p)).powi(2)).sum::<f64>() * of_position(p)
+            })
+            .sum()
     }
 
     /// Variance of what axis `i` reads in a position, in (m/s^2)^2, from errors of attitude of `pose_rad` about each
@@ -117,7 +121,8 @@ pub(super) fn scatter(attitudes: &[Attitude<'_>], triad: Triad) -> [MeanVariance
         .map(|attitude| captures::block_means(attitude.capture, triad, attitude.capture.samples.len() / BLOCKS))
         .collect();
     [0, 1, 2].map(|axis| {
-        let records: Vec<Vec<f64>> = blocks.iter().map(|record| record.iter().map(|mean| mean[axis]).collect()).collect();
+        let records: Vec<Vec<f64>> =
+            blocks.iter().map(|record| record.iter().map(|mean| mean[axis]).collect()).collect();
         mean::variance(&records)
     })
 }

@@ -21,13 +21,10 @@ use super::*;
 /// Parameters of an item as a plan gives them. Setup needs no limits, so that the plan is short.
 fn params(item: ItemId, params: &str) -> Params {
     let mut text = "name = \"t\"\nversion = \"1\"\n".to_owned();
-    for before in [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation, ItemId::BiasStability, ItemId::CalibrationDownload] {
-        if before != item {
-            text += &format!("[[item]]\nid = \"{before}\"\nphase = \"setup\"\n");
-        }
-    }
-    if item == ItemId::GyroStill {
-        text += "[[item]]\nid = \"six-position\"\nname = \"six\"\nphase = \"setup\"\n";
+    for before in
+        [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation, ItemId::BiasStability, ItemId::CalibrationDownload]
+    {
+        text += &format!("[[item]]\nid = \"{before}\"\nphase = \"setup\"\n");
     }
     text += &format!("[[item]]\nid = \"{item}\"\nname = \"this\"\nphase = \"setup\"\nparams = {{ {params} }}\n");
     // What this item needs stands before it, whichever it is.
@@ -45,7 +42,12 @@ fn site() -> Site {
     }
 }
 
-fn ask(item: ItemId, text: &str, captures: &[Capture], earlier: &[(String, Findings)]) -> Result<Findings, FigureError> {
+fn ask(
+    item: ItemId,
+    text: &str,
+    captures: &[Capture],
+    earlier: &[(String, Findings)],
+) -> Result<Findings, FigureError> {
     let (params, site) = (params(item, text), site());
     analyse(item, &Question { params: &params, site: Some(&site), captures, earlier })
 }
@@ -68,13 +70,8 @@ fn close(findings: &Findings, name: &str, truth: f64, most: f64) {
 
 /// Every measurement of the catalogue comes, in its order and of its dimension, and the details survive a file.
 fn complete(item: ItemId, params: &Params, findings: &Findings) {
-    let expected: Vec<&str> = item
-        .spec()
-        .measurements
-        .iter()
-        .filter(|spec| params.switch_on(spec.when))
-        .map(|spec| spec.name)
-        .collect();
+    let expected: Vec<&str> =
+        item.spec().measurements.iter().filter(|spec| params.switch_on(spec.when)).map(|spec| spec.name).collect();
     let names: Vec<&str> = findings.measured.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, expected, "{item}");
     for (name, value) in &findings.measured {

@@ -8,7 +8,7 @@ use mcap::{McapResult, WriteOptions};
 
 use super::Topic;
 use super::mark::Mark;
-use super::sample::{Numbered, put_bytes, put_edge};
+use super::sample::{put_bytes, put_edge, put_sample};
 use super::schema::descriptor_set;
 use crate::board::stream::Losses;
 use crate::capture::About;
@@ -100,8 +100,8 @@ impl<W: Write + Seek> RawWriter<W> {
                 for (index, sample) in (0u32..).zip(samples) {
                     let board_time_us =
                         board_time_us.saturating_add(u64::from(index) * 1_000_000 / u64::from(rate_hz.max(1)));
-                    let number = first.saturating_add(index);
-                    Numbered { number, board_time_us, sample }.put(&mut self.message);
+                    put_sample(&mut self.message, &sample);
+                    self.sequence[Topic::Imu as usize - 1] = first.saturating_add(index);
                     self.message(Topic::Imu, nanoseconds(board_time_us))?;
                 }
                 Ok(())

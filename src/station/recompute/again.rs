@@ -176,6 +176,8 @@ impl Judge<'_> {
                 }
                 self.recorded(position).measured = measured;
                 for details in self.recorded(position).details.clone() {
+                    // Later items may work with it.
+                    self.findings.insert(position, Findings { measured: Vec::new(), details: details.clone() });
                     self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details });
                 }
             }
@@ -351,7 +353,10 @@ fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Op
 fn value_of(measurement: &Measurement) -> Value {
     let unit = measurement.unit.unwrap_or(Unit::Count);
     match (&measurement.value, measurement.raw.as_deref()) {
-        (Reading::Number(number), _) => Value::number(*number, unit),
+        (Reading::Number(number), _) => match measurement.uncertainty {
+            Some(uncertainty) => Value::estimate(*number, unit, uncertainty),
+            None => Value::number(*number, unit),
+        },
         (Reading::Text(text), _) => Value::text(text.clone()),
         (Reading::Null, Some("NaN")) => Value::number(f64::NAN, unit),
         (Reading::Null, Some("inf")) => Value::number(f64::INFINITY, unit),

@@ -3,7 +3,7 @@
 //!
 //! | key | shown as |
 //! | --- | --- |
-//! | `plots`: list of `{title, x, y, log: [x, y], square, series: [{name, mark: dots, line or bars, points: [[x, y]], bars: [[low, high]]}]}` | a picture |
+//! | `plots`: list of `{title, x, y, log, square, series: [{name, mark: dots, line or bars, points: [[x, y]], bars: [[low, high]]}]}` | a picture |
 //! | a list of objects with the same keys, an uncertainty budget for one | a table with a column for each key |
 //! | a list of lists of numbers | a matrix |
 //! | anything else | a line |
@@ -136,7 +136,7 @@ struct Plot {
     title: String,
     x: String,
     y: String,
-    log: (bool, bool),
+    log: bool,
     square: bool,
     series: Vec<PlotSeries>,
 }
@@ -161,6 +161,8 @@ impl From<Plot> for Panel {
             },
             points: series.points,
         });
-        Self { title: plot.title, x: plot.x, y: plot.y, log: plot.log, square: plot.square, series: series.collect() }
+        let panel = Self::new(plot.title, plot.x, plot.y, series.collect());
+        let panel = if plot.log { panel.log() } else { panel };
+        if plot.square { panel.square() } else { panel }
     }
 }

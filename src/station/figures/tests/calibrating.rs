@@ -68,19 +68,24 @@ fn still_gyroscopes_recover_bias_and_g_sensitivity() {
     let earlier = calibrated(&mut world);
     let findings = &earlier[2].1;
     complete(ItemId::GyroStill, &params(ItemId::GyroStill, "of = \"six-position\""), findings);
+    assert_eq!(findings.details["label"], "with the rotation of the earth removed");
     let inverse = world.gyro.try_inverse().unwrap();
     let (bias, per_g) = (inverse * world.gyro_bias, inverse * world.per_g * 3600.0);
     for (i, axis) in ["x", "y", "z"].iter().enumerate() {
         close(findings, &format!("bias_{axis}"), bias[i], 0.0006);
         for (j, other) in ["x", "y", "z"].iter().enumerate() {
-            close(findings, &format!("g_sensitivity_{axis}{other}"), per_g[(i, j)], 3.6);
+            close(findings, &format!("g_sensitivity_{axis}{other}"), per_g[(i, j)], 5.0);
         }
     }
     // Unknown headings: the horizontal earth rate of 12.4 deg/h may be in it, and the budget says so.
     let six = world.six("", 1, 60.0, 20);
     let unknown = ask(ItemId::GyroStill, "of = \"six-position\", heading = \"unknown\"", &six, &earlier).unwrap();
     let expanded = |findings: &Findings| figure(findings, "bias_x").2.expanded().unwrap();
-    assert!(expanded(&unknown) > 3.0 / 3600.0 && expanded(&unknown) > 2.0 * expanded(findings), "{}", expanded(&unknown));
+    assert!(
+        expanded(&unknown) > 3.0 / 3600.0 && expanded(&unknown) > 2.0 * expanded(findings),
+        "{}",
+        expanded(&unknown)
+    );
     assert!(unknown.details["label"].as_str().unwrap().contains("headings unknown"));
 }
 
@@ -106,7 +111,8 @@ fn rotations_recover_scale_and_coupling() {
     let mut world = World { angle_error: 1e-4, ..World::new(4) };
     let off = ask(ItemId::Rotation, text, &world.turns("", 1, 200), &[]).unwrap();
     assert!((figure(&off, "scale_error_x").0 - figure(&findings, "scale_error_x").0 - 100.0).abs() < 1.0);
-    let told = ask(ItemId::Rotation, "angle_u = \"0.108 deg\", clock_u = \"20 ppm\"", &world.turns("", 1, 200), &[]).unwrap();
+    let told =
+        ask(ItemId::Rotation, "angle_u = \"0.108 deg\", clock_u = \"20 ppm\"", &world.turns("", 1, 200), &[]).unwrap();
     let rows = &told.details["budget"]["scale_error_x"]["contributions"];
     assert!((rows[1]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[2]["u"] == 20.0, "{rows}");
 }

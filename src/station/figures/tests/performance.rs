@@ -42,9 +42,14 @@ fn accel_bias_cancels_level_and_coupling() {
     world.accel[(1, 2)] += 1e-3;
     world.accel_bias += Vector3::new(0.3e-3, -0.5e-3, 0.2e-3);
     let mut captures = Vec::new();
-    for (label, axis, heading_deg) in
-        [("x z+", "z+", 0.0), ("x z-", "z-", 180.0), ("y z+", "z+", 0.0), ("y z-", "z-", 0.0), ("z x+", "x+", 0.0), ("z x-", "x-", 0.0)]
-    {
+    for (label, axis, heading_deg) in [
+        ("x z+", "z+", 0.0),
+        ("x z-", "z-", 180.0),
+        ("y z+", "z+", 0.0),
+        ("y z-", "z-", 0.0),
+        ("z x+", "x+", 0.0),
+        ("z x-", "x-", 0.0),
+    ] {
         captures.push(world.still(label, 1, axis, heading_deg, 60.0, 20));
     }
     let found = ask(ItemId::AccelBias, SHORT, &captures, &earlier).unwrap();
@@ -77,7 +82,10 @@ fn stability_and_repeatability_are_those_of_the_noise() {
             (format!("bias_stability_accel_{axis}"), accel.of_mean(10.0) * 1e3),
         ] {
             let (value, _, known) = figure(&found, &name);
-            assert!((value / truth - 1.0).abs() < 0.3 && known.low < value && value < known.high, "{name} {value} {truth}");
+            assert!(
+                (value / truth - 1.0).abs() < 0.3 && known.low < value && value < known.high,
+                "{name} {value} {truth}"
+            );
             assert!(known.low * 0.85 < truth && truth < known.high * 1.15, "{name} {known:?} {truth}");
         }
     }
@@ -92,7 +100,8 @@ fn stability_and_repeatability_are_those_of_the_noise() {
     let (value, _, known) = figure(&found, "bias_repeatability_gyro_x");
     assert!((known.high / value - 2.4526).abs() < 1e-3 && (known.low / value - 0.6242).abs() < 1e-3);
     // Each pair of channels is one of six: together they must look like the truth.
-    let squares: f64 = ["x", "y", "z"].iter().map(|axis| figure(&found, &format!("bias_repeatability_gyro_{axis}")).0.powi(2)).sum();
+    let squares: f64 =
+        ["x", "y", "z"].iter().map(|axis| figure(&found, &format!("bias_repeatability_gyro_{axis}")).0.powi(2)).sum();
     let truth = gyro.turn_on.hypot(gyro.of_mean(60.0)) * 3600.0;
     // 15 degrees of freedom: 99.9 % of chi-square over its dof lie between 0.21 and 2.6.
     assert!((0.21..2.6).contains(&(squares / 3.0 / truth / truth)), "{squares} {truth}");
@@ -136,7 +145,7 @@ fn scale_factors_and_couplings_over_calibrations() {
 fn resolution_needs_both_senses_and_fine_codes() {
     let mut world = World::new(15);
     let earlier = calibrated(&mut world);
-    let mut steps = |world: &mut World| {
+    let steps = |world: &mut World| {
         let mut captures = Vec::new();
         for axis in 0..3 {
             let mut about = Vector3::zeros();
@@ -145,7 +154,16 @@ fn resolution_needs_both_senses_and_fine_codes() {
             captures.push(world.still(&format!("gyro {name} 0"), 1, &format!("{name}+"), 0.0, 60.0, 20));
             for rate_dps in [0.05, -0.05] {
                 let frame = [about.yzx(), about.zxy(), about];
-                let mut capture = world.lying(&format!("gyro {name} {rate_dps}"), 1, about.into(), 0.0, frame, about * rate_dps, 60.0, 20);
+                let mut capture = world.lying(
+                    &format!("gyro {name} {rate_dps}"),
+                    1,
+                    about.into(),
+                    0.0,
+                    frame,
+                    about * rate_dps,
+                    60.0,
+                    20,
+                );
                 capture.about.pose =
                     crate::capture::Pose::Spinning { axis: axis as u8, rate_dps, along: crate::capture::Along::Up };
                 captures.push(capture);
@@ -157,7 +175,16 @@ fn resolution_needs_both_senses_and_fine_codes() {
                 let mut up = [0.0; 3];
                 (up[axis], up[top]) = (sine, (1.0 - sine * sine).sqrt());
                 let frame = [Vector3::zeros(); 3];
-                captures.push(world.lying(&format!("accel {axis} {sine}"), 1, up, 0.0, frame, Vector3::zeros(), 60.0, 20));
+                captures.push(world.lying(
+                    &format!("accel {axis} {sine}"),
+                    1,
+                    up,
+                    0.0,
+                    frame,
+                    Vector3::zeros(),
+                    60.0,
+                    20,
+                ));
             }
         }
         captures

@@ -71,10 +71,12 @@ pub(super) struct World {
     pub(super) tilt: [f64; 2],
     /// Relative error of every angle.
     pub(super) angle_error: f64,
+    /// Error of every heading, deg.
+    pub(super) heading_error_deg: f64,
     pub(super) dice: Dice,
-    /// Since the last power-on.
-    turn_on: [Vector3<f64>; 2],
-    slow: [Vector3<f64>; 2],
+    /// What the last power-on added to the biases: gyroscopes, accelerometers.
+    pub(super) turn_on: [Vector3<f64>; 2],
+    pub(super) slow: [Vector3<f64>; 2],
 }
 
 impl World {
@@ -90,6 +92,7 @@ impl World {
             pose_rad: 0.0,
             tilt: [0.0; 2],
             angle_error: 0.0,
+            heading_error_deg: 0.0,
             dice: Dice::new(seed),
             turn_on: [Vector3::zeros(); 2],
             slow: [Vector3::zeros(); 2],
@@ -142,12 +145,20 @@ impl World {
     }
 
     /// Still with an axis up (`x+`, `z-`).
-    pub(super) fn still(&mut self, label: &str, series: u32, axis: &str, heading_deg: f64, span_s: f64, rate_hz: u16) -> Capture {
+    pub(super) fn still(
+        &mut self,
+        label: &str,
+        series: u32,
+        axis: &str,
+        heading_deg: f64,
+        span_s: f64,
+        rate_hz: u16,
+    ) -> Capture {
         let k = usize::from(axis.as_bytes()[0] - b'x');
         let s = if axis.ends_with('+') { 1.0 } else { -1.0 };
         let mut up = [0.0; 3];
         up[k] = s;
-        let frame = Self::attitude(k, s, heading_deg);
+        let frame = Self::attitude(k, s, heading_deg + self.heading_error_deg);
         self.lying(label, series, up, heading_deg, frame, Vector3::zeros(), span_s, rate_hz)
     }
 
@@ -171,12 +182,27 @@ impl World {
         let earth_dps = (north * cos + upward * sin) * EARTH_DPH / 3600.0;
         let force_g = true_up * GRAVITY / 9.80665;
         let n = (span_s * f64::from(rate_hz)).round() as usize;
-        let samples = (0..n).map(|_| self.sample(&force_g, &(earth_dps + turning_dps), 1.0 / f64::from(rate_hz))).collect();
+        let samples =
+            (0..n).map(|_| self.sample(&force_g, &(earth_dps + turning_dps), 1.0 / f64::from(rate_hz))).collect();
         capture(label, series, Pose::Still { up, heading_deg }, rate_hz, samples)
     }
 
     /// One second of rest, a turn about an axis that points up, rest.
     pub(super) fn turn(&mut self, label: &str, series: u32, axis: u8, angle_deg: f64, rate_hz: u16) -> Capture {
+        let wrong = Vector3::from_fn(|_, _| self.pose_rad * self.dice.normal());
+        self.turn_about(label, series, axis, angle_deg, rate_hz, &wrong)
+    }
+
+    /// With the axis off by `wrong`.
+    fn turn_about(
+        &mut self,
+        label: &str,
+        series: u32,
+        axis: u8,
+        angle_deg: f64,
+        rate_hz: u16,
+        wrong: &Vector3<f64>,
+    ) -> Capture {
         let (before_s, span_s, ramp_s, after_s) = (1.0, 5.0, 0.5, 4.0);
         let dt = 1.0 / f64::from(rate_hz);
         let true_deg = angle_deg * (1.0 + self.angle_error);
@@ -193,7 +219,6 @@ impl World {
             }
         };
         let k = usize::from(axis);
-        let wrong = Vector3::from_fn(|_, _| self.pose_rad * self.dice.normal());
         let mut spin = Vector3::zeros();
         spin[k] = 1.0;
         let spin = (spin + wrong.cross(&spin)).normalize();
@@ -224,9 +249,11 @@ impl World {
     pub(super) fn turns(&mut self, prefix: &str, series: u32, rate_hz: u16) -> Vec<Capture> {
         let mut captures = Vec::new();
         for axis in 0..3 {
+            // The module is laid down once for both senses.
+            let wrong = Vector3::from_fn(|_, _| self.pose_rad * self.dice.normal());
             for (sign, angle_deg) in [("+", 1080.0), ("-", -1080.0)] {
                 let label = format!("{prefix}{}{sign} rotation", ["x", "y", "z"][usize::from(axis)]);
-                captures.push(self.turn(&label, series, axis, angle_deg, rate_hz));
+                captures.push(self.turn_about(&label, series, axis, angle_deg, rate_hz, &wrong));
             }
         }
         captures

@@ -1,0 +1,45 @@
+//! Coverage of the calibrations' intervals, simulated without frames: `cargo bench -p gnc-station --bench coverage
+//! [-- TRIALS]`; ends with 1 when a bound is broken.
+
+#![allow(clippy::print_stdout, clippy::expect_used, clippy::panic, missing_docs, dead_code, unreachable_pub)]
+
+use std::time::Instant;
+
+// The simulation is that of the tests; these are the places where it looks for the station.
+mod board {
+    pub mod stream {
+        pub use gnc_station::board::stream::Losses;
+    }
+}
+mod capture {
+    pub use gnc_station::capture::*;
+}
+mod figures {
+    pub use gnc_station::figures::*;
+}
+#[path = "../figures/tests/coverage.rs"]
+mod simulation;
+#[path = "../figures/tests/world.rs"]
+mod world;
+
+const SEED: u64 = 1;
+
+fn main() {
+    let trials = std::env::args().skip(1).find_map(|argument| argument.parse().ok()).unwrap_or(1000);
+    let start = Instant::now();
+    let tallies = simulation::run(trials, SEED);
+    println!("{trials} modules calibrated, seed {SEED}, in {:.1} s", start.elapsed().as_secs_f64());
+    let mut broken = 0;
+    let percent = |held: usize| 100.0 * held as f64 / trials as f64;
+    for simulation::Tally { name, held } in &tallies {
+        println!("  {name:<32} {:.1} %", percent(*held));
+        // Four binomial standard deviations about 95 %.
+        let band = 4.0 * (0.95 * 0.05 / trials as f64).sqrt() * 100.0;
+        broken += u32::from((percent(*held) - 95.0).abs() > band);
+    }
+    let pooled = tallies.iter().map(|tally| percent(tally.held)).sum::<f64>() / tallies.len() as f64;
+    println!("pooled {pooled:.2} %, bound 94 to 96 %; {broken} figures beyond four standard deviations");
+    if broken > 0 || !(94.0..=96.0).contains(&pooled) {
+        std::process::exit(1);
+    }
+}
