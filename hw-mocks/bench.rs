@@ -3,10 +3,11 @@
 //!
 //! Link time is wall time since any fixed moment. Bench time follows it N times as fast; at maximum speed it moves
 //! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
-//! everything said before has left through the port. Of samples alone it says [`AT_ONCE`] bytes before it looks at the
+//! everything said before has left through the port. Of samples alone it says 8 KiB before it looks at the
 //! port again: a system call costs as much as making a frame.
 
 mod hands;
+mod truth;
 
 use std::time::Duration;
 
@@ -14,20 +15,18 @@ use gnc_protocol::can::CanFrame;
 use gnc_protocol::frame::Frame;
 use gnc_protocol::message::{HostHello, MAGIC};
 use gnc_protocol::serial::{Decoder, encode};
-use gnc_protocol::slave::{Board, Slave};
+use gnc_protocol::slave::Slave;
 use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
-use nalgebra::Matrix3;
 
 use crate::board::SimulatedBoard;
 use crate::can::{CanBus, Heard};
-use crate::devices::inertial::{SensorModels, TrueSensors};
 use crate::line::Line;
 use crate::noise::{Dice, Source};
 use crate::personality::Personality;
-use crate::turntable::{TableTruth, Turntable};
+use crate::turntable::Turntable;
 use crate::wire_faults::FaultyWire;
-use crate::world::{Influence, Site, World};
+use crate::world::{Site, World};
 
 /// Samples waiting for so much time of the line, beyond which the board drops new ones.
 const SAMPLES_WAIT_S: f64 = 0.7;
@@ -54,6 +53,8 @@ const REPAIR: Duration = Duration::from_millis(125);
 
 /// The same on CAN, where an answer may take 85 ms on the bus.
 const CAN_REPAIR: Duration = Duration::from_millis(250);
+
+pub use truth::Truth;
 
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,43 +100,6 @@ impl Default for Options {
             ambient_c: 23.0,
         }
     }
-}
-
-/// What really is, for tests: nothing of it may reach the station.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Truth {
-    /// Where the bench stands.
-    pub site: Site,
-    /// Gravity there, m/s^2.
-    pub gravity: f64,
-    /// Rotation from north, west, up into the module's axes.
-    pub attitude: Matrix3<f64>,
-    /// What acts on the module, in its axes.
-    pub influence: Influence,
-    /// The sensors' models: fixed errors and noise.
-    pub sensors: SensorModels,
-    /// What they are really like now, at this temperature and after this power-on.
-    pub sensors_now: TrueSensors,
-    /// Bench time in ns of the board's oscillator.
-    pub bench_time_ns: u64,
-    /// Board time in us since its last start.
-    pub board_time_us: u64,
-    /// UTC, seconds since 1970.
-    pub utc_s: f64,
-    /// The DIP switches 1 to 5.
-    pub switches: [bool; 5],
-    /// Whether the module is under power.
-    pub powered: bool,
-    /// Restarts of the board.
-    pub restarts: u32,
-    /// Whether the receiver has a fix.
-    pub has_fix: bool,
-    /// Erases that the SPI flash did.
-    pub spi_flash_erases: u32,
-    /// Erases that the internal flash did.
-    pub internal_flash_erases: u32,
-    /// The turntable.
-    pub table: TableTruth,
 }
 
 /// The ways by which a host reaches the board.
@@ -336,31 +300,6 @@ impl Bench {
     #[must_use]
     pub fn bench_time_ns(&self) -> u64 {
         self.board.now_ns()
-    }
-
-    /// What really is.
-    #[must_use]
-    pub fn truth(&self) -> Truth {
-        let board = &self.board;
-        let now_s = board.true_s(board.now_ns());
-        Truth {
-            site: board.world.site,
-            gravity: board.world.site.gravity(),
-            attitude: board.world.attitude(now_s).into_inner(),
-            influence: board.world.influence(now_s),
-            sensors: *board.module.sensors.models(),
-            sensors_now: board.module.sensors.truth(board.world.temperature_c(now_s)),
-            bench_time_ns: board.now_ns(),
-            board_time_us: board.board_time_us(),
-            utc_s: board.world.utc_s(now_s),
-            switches: board.module.ad.switches(),
-            powered: board.is_powered(),
-            restarts: board.restarts(),
-            has_fix: board.is_powered() && board.module.gnss.has_fix(now_s),
-            spi_flash_erases: board.module.spi_flash.erases(),
-            internal_flash_erases: board.module.internal_flash.erases(),
-            table: self.table.truth(&board.world, now_s),
-        }
     }
 
     /// At maximum speed: whether time may move.

@@ -16,8 +16,10 @@
 //! Gauss-Markov process ([`variance_of_means`]), bias stability (10 s means on end for an hour) and repeatability (six
 //! means of 600 s, every 1200 s, after power cycles) have expected variances
 //!
-//!     stability^2     = white^2 / 10  + slow^2 V(T; 10, 10, 360)   + flicker^2 F(10, 10, 360)
-//!     repeatability^2 = white^2 / 600 + slow^2 V(T; 600, 1200, 6) + flicker^2 F(600, 1200, 6) + turn_on^2
+//! ```text
+//! stability^2     = white^2 / 10  + slow^2 V(T; 10, 10, 360)  + flicker^2 F(10, 10, 360)
+//! repeatability^2 = white^2 / 600 + slow^2 V(T; 600, 1200, 6) + flicker^2 F(600, 1200, 6) + turn_on^2
+//! ```
 //!
 //! with F the sum of V over [`FLICKER_S`]. [`AxisNoise::published`] solves them; what flicker takes of the second is
 //! [`FLICKER_SHARE`], or less where the first would leave too little for the slow part.

@@ -150,7 +150,7 @@ fn hostile_bytes_never_end_the_bench() {
             kind: Kind::ALL[(dice.word() % 8) as usize],
             flags: Flags(dice.word() as u8),
             request: 1000 + round,
-            message: (dice.word() % 0x24) as u16,
+            message: (dice.word() % 0x28) as u16,
             sequence: dice.word() as u16,
         };
         bytes.extend(encode(&Frame { header, payload: Payload::from_slice(&payload).unwrap() }));
@@ -238,7 +238,12 @@ fn program_serves_takes_commands_and_ends() {
     assert_eq!(program.say("switch 1 on"), "ok");
     assert_eq!(program.say("switch 9 on"), "error switch 9 is not one of 1 to 5");
     assert_eq!(program.say("up y-"), "ok");
+    assert_eq!(program.say("orient polar z+ 0"), "ok");
+    assert_eq!(program.say("rotate 1080 5"), "error the turntable is moving; stop it first");
     assert_eq!(program.say("sleep 1000 s"), "ok");
+    assert_eq!(program.say("rotate 1080 5"), "ok");
+    assert_eq!(program.say("stop"), "ok");
+    assert_eq!(program.say("orient down z+ 0"), "error \"down\" is not one of up, north, polar");
     assert_eq!(program.say("heading north"), "error \"north\" is no number");
     assert_eq!(program.say("jump"), "error \"jump\" is no command; help lists them");
     writeln!(program.child.stdin.as_mut().unwrap(), "quit").unwrap();
