@@ -201,3 +201,51 @@ fn raw_captures_can_be_computed_with() {
     assert_eq!(unclear.code, Some(2));
     assert!(unclear.stderr.contains("it holds 6 captures; put one behind its name: #x+ #x-"), "{}", unclear.stderr);
 }
+
+/// A run that was killed goes on: what was whole is taken over bit for bit, the rest is captured.
+#[test]
+fn a_run_that_broke_off_goes_on() {
+    let place = Place::new(STATION);
+    let plan = SHORT.replace("10 s", "60 s").replace("settle = \"1 s\"", "settle = \"0 s\"");
+    place.write("p.toml", &plan);
+    let args = ["--auto", "p.toml", "--sim", "--serial-number", "C-1", "--only", "six-position"];
+    let slow = args.into_iter().chain(["--sim-speed", "40"]);
+    let mut station = place.station(slow).stdout(Stdio::piped()).spawn().expect("the station");
+    let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
+    // It tells every two seconds how far it is: three positions of 60 s take a little longer at 40 times the speed.
+    let whole = || read(&mcap(&place, "01-six-position")).captures.len();
+    assert!(lines.map_while(Result::ok).any(|line| line.contains("at work") && whole() >= 2), "nothing was captured");
+    station.kill().expect("alive");
+    station.wait().expect("dead");
+    let broken = place.runs().remove(0);
+    let before = read(&mcap(&place, "01-six-position")).captures;
+    assert!((2..6).contains(&before.len()), "{} captures", before.len());
+
+    let refused = |plan: &str, serial_number: &str| {
+        place.write("other.toml", plan);
+        let resume = broken.to_str().expect("UTF-8");
+        place.run(["--auto", "other.toml", "--sim", "--serial-number", serial_number, "--resume", resume])
+    };
+    let other = refused(&plan.replace("-100 mg", "-99 mg"), "C-1");
+    assert!(other.code == Some(2) && other.stderr.contains("had the plan with the digest"), "{}", other.stderr);
+    let other = refused(&plan, "C-2");
+    assert!(
+        other.code == Some(2) && other.stderr.contains("had the serial number C-1, this one has C-2"),
+        "{}",
+        other.stderr
+    );
+
+    let resume = ["--sim-speed", "max", "--resume", broken.to_str().expect("UTF-8")];
+    let ended = place.run(args.into_iter().chain(resume));
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let new = place.runs().into_iter().find(|run| *run != broken).expect("a run of its own");
+    let after = read(&new.join("01-six-position/attempt-1.mcap")).captures;
+    let labels: Vec<&str> = after.iter().map(|capture| capture.about.label.as_str()).collect();
+    assert_eq!(labels, ["x+", "x-", "y+", "y-", "z+", "z-"]);
+    assert!(after[..before.len()] == before, "what was taken over is not what was captured");
+    let record = read_json(&new.join("run.json"));
+    let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
+    assert_eq!(record["resumed"]["run"].as_str(), Some(name));
+    let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+}

@@ -180,6 +180,9 @@ pub struct RunArgs {
     /// Whether a bad item ends the run and its loop, whatever the plan says.
     #[arg(long, value_name = "stop|continue")]
     pub on_fail: Option<OnFailArg>,
+    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
+    pub resume: Option<PathBuf>,
     /// Runs one item after the other, also where the plan's items could run at once.
     #[arg(long)]
     pub one_by_one: bool,

@@ -21,6 +21,7 @@ pub mod raw;
 mod recompute;
 mod records;
 pub mod report;
+pub mod resume;
 pub mod runner;
 mod serial_number;
 mod setup;

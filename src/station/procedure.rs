@@ -26,6 +26,7 @@ use crate::figures::{FigureError, Findings};
 use crate::fixture::{Fixture, FixtureError};
 use crate::link::can::{CanOpenError, CanTarget};
 use crate::motion::watch::Spoilt;
+use crate::resume::{ResumeError, Resumed};
 use crate::runner::report::Report;
 use crate::store::StoreError;
 use crate::store::captures::CapturesError;
@@ -43,6 +44,8 @@ pub struct Bench<'a> {
     pub can: Option<&'a CanTarget>,
     /// What the items that ended before this attempt found, in the order of the plan, each with its name.
     pub earlier: Vec<(String, Findings)>,
+    /// The run whose captures are taken over; a second attempt captures anew.
+    pub resumed: Option<&'a Resumed>,
 }
 
 /// Why a procedure came to no end.
@@ -110,6 +113,9 @@ pub enum Trouble {
     /// No figure comes from the captures.
     #[error(transparent)]
     Figure(#[from] FigureError),
+    /// What an earlier run captured cannot be taken over.
+    #[error(transparent)]
+    Resume(#[from] ResumeError),
     /// Nothing could be worked out from the captures: a mistake in this program.
     #[error("nothing could be worked out: {why}")]
     Analysis {
@@ -185,6 +191,7 @@ impl Trouble {
             }
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),
+            Self::Resume(error) => error.try_this(),
             Self::Analysis { .. } => "keep the raw samples and report this",
             Self::Captures(error) => error.source.try_this(),
             Self::CanOpen(error) => error.try_this(),

@@ -20,7 +20,7 @@ mod schema;
 mod writer;
 
 pub use reader::{RawError, RawRecord, Unfinished, read};
-pub use writer::{Piece, RawWriter};
+pub use writer::{Piece, RawWriter, pieces};
 
 /// Numbers of the four channels, which are those of their schemas as well.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_executive::event::{Event, PlanInfo, Recomputed};
+use gnc_executive::event::{EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::printable::printable;
 use gnc_executive::state::RunState;
@@ -70,7 +70,7 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
 fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     let plan = files::plan(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = Run::read(folder)?;
-    let of = Recomputed {
+    let of = EarlierRun {
         run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         journal_sha256: digest::of_file(&folder.join(JOURNAL))?,
     };

@@ -228,3 +228,33 @@ fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
         "{text}"
     );
 }
+
+/// By hand: what a program still does when some of its captures are there.
+#[test]
+fn a_program_goes_on_where_it_broke_off() {
+    let left = |program: &Program, labels: &[&str]| -> Vec<String> {
+        let actions = program.after(|about| labels.contains(&about.label.as_str()));
+        let word = |action: &Action| match action {
+            Action::Take(step) => format!("take {}", step.about().unwrap().label),
+            Action::Do(step) => match step {
+                Step::Lay(lie) => format!("lay {}", lie.to_string().split_whitespace().nth(4).unwrap_or_default()),
+                Step::PowerCycle { .. } => "cycle".into(),
+                step => step.about().map(|about| about.label.clone()).unwrap_or_default(),
+            },
+        };
+        actions.iter().map(word).filter(|word| !word.is_empty()).collect()
+    };
+    let six = of(ItemId::SixPosition, "");
+    assert_eq!(left(&six, &[]).len(), 12, "nothing is there");
+    let rest = left(&six, &["x+", "x-", "y+", "y-", "z+"]);
+    assert_eq!(rest, ["take x+", "take x-", "take y+", "take y-", "take z+", "lay -Z", "z-"]);
+    assert_eq!(left(&six, &["x+", "x-", "y+", "y-", "z+", "z-"]).last().unwrap(), "take z-");
+    let turns = of(ItemId::Rotation, "");
+    let rest = left(&turns, &["x+ rotation", "x- rotation", "y+ rotation"]);
+    assert_eq!(rest[2..], ["lay +Y", "take y+ rotation", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
+    let runs = of(ItemId::BiasRepeatability, "runs = 3");
+    assert_eq!(left(&runs, &["run 1"]), ["take run 1", "lay +Z", "cycle", "run 2", "cycle", "run 3"]);
+    let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
+    let rest = left(&whole, &["calibration 1 x+", "calibration 1 x-"]);
+    assert_eq!(rest[..3], ["cycle", "lay +X", "calibration 1 x+"], "a power-on belongs to one series");
+}

@@ -28,6 +28,7 @@ fn record(serial_number: &str) -> RunRecord {
         plan: PlanInfo { name: "functional".to_owned(), version: "1.0".to_owned(), sha256: "0".repeat(64) },
         site: None,
         recomputed: None,
+        resumed: None,
         selection: None,
         looped: None,
     };

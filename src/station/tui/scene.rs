@@ -136,7 +136,13 @@ impl Scene {
             link: "/dev/pts/7 at 921600 bit/s".into(),
         }));
         let supply = "slave board".to_owned();
-        self.event(EventKind::Power(Power { on: true, supply, voltage_v: Some(5.01), current_a: Some(0.487) }));
+        self.event(EventKind::Power(Power {
+            on: true,
+            supply,
+            voltage_v: Some(5.01),
+            current_a: Some(0.487),
+            calibration: None,
+        }));
     }
 
     pub(crate) fn event(&mut self, kind: EventKind) {
@@ -261,6 +267,7 @@ fn header(serial_number: &str) -> RunHeader {
         bench: Bench::simulated("good", "1", 1),
         site: None,
         recomputed: None,
+        resumed: None,
         plan: PlanInfo { name: "functional".into(), version: "1.0".into(), sha256: "00".repeat(32) },
         selection: None,
         looped: None,
