@@ -9,6 +9,7 @@ use gnc_executive::plan::Phase;
 use gnc_executive::quantity::{Dimension, Unit};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
+use gnc_executive::uncertainty::Decision;
 use serde_json::json;
 
 use super::*;
@@ -40,7 +41,8 @@ fn record(serial_number: &str) -> RunRecord {
     };
     let limit = Limit::parse("0 .. 1 deg/s", Kind::Number(Dimension::AngularRate)).expect("a limit");
     let value = Value::number(2.0, Unit::DegreePerSecond);
-    let measurement = Measurement::judge("gyro_x", &value, Unit::DegreePerSecond, Some(&limit), serial_number);
+    let measurement =
+        Measurement::judge("gyro_x", &value, Unit::DegreePerSecond, Some(&limit), Decision::default(), serial_number);
     let item = || "imu".to_owned();
     let kinds = [
         EventKind::RunStarted { header: Box::new(header), items: vec![planned] },
