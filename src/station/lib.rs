@@ -15,6 +15,7 @@ pub mod fixture;
 pub mod link;
 pub mod motion;
 mod nmea;
+pub mod passport;
 mod ports;
 pub mod procedure;
 pub mod raw;

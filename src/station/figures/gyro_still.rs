@@ -2,7 +2,7 @@
 
 use gnc_executive::quantity::Unit;
 use gnc_metrology::position::Position;
-use gnc_metrology::{earth, gyro_still, stats};
+use gnc_metrology::{earth, gyro_still};
 use gnc_protocol::stream::GYRO_LSB_PER_DPS;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
@@ -14,14 +14,11 @@ use super::json::{matrix, of_rows, rows, vector};
 use super::mean::MeanVariance;
 use super::place;
 use super::six_position::temperatures;
-use super::still_fit::{Attitude, Design, attitudes, scatter};
+use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
 use super::{FigureError, Findings, Question};
 
 /// Before a rotation the scale factors and axes are known to this part only.
 const NOMINAL_BAND: f64 = 0.01;
-/// Residuals larger than their expectation by what chance gives once in a thousand good calibrations count as such.
-const RARE: f64 = 0.999;
-
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let own = question.params.source("of")?.is_none();
     if own {
@@ -117,7 +114,7 @@ impl Fit {
             (0..3).map(|i| design.left_over(|p| noise[i].variance + unknown * (1.0 - design.ups[p][i].powi(2)))).sum();
         let dof = found.dof as f64;
         let residual_ratio = squares / expected;
-        let excess = residual_ratio > stats::chi_square_quantile(RARE, dof) / dof;
+        let excess = residual_ratio > rare_ratio(dof, &noise);
         if excess {
             noise = [MeanVariance { variance: squares / dof, dof }; 3];
         }

@@ -2,7 +2,7 @@
 
 use gnc_executive::quantity::Unit;
 use gnc_metrology::position::Position;
-use gnc_metrology::{earth, six_position, stats};
+use gnc_metrology::{earth, six_position};
 use gnc_protocol::stream::ACCEL_LSB_PER_G;
 use nalgebra::Vector3;
 use serde_json::json;
@@ -13,12 +13,9 @@ use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::mean::MeanVariance;
 use super::place::{self, Gravity};
-use super::still_fit::{Attitude, Design, attitudes, scatter};
+use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
 use super::{FigureError, Findings, Question};
 use crate::capture::Capture;
-
-/// Residuals larger than their expectation by what chance gives once in a thousand good calibrations count as such.
-const RARE: f64 = 0.999;
 
 /// What the budgets need from the plan.
 #[derive(Debug, Clone, Copy)]
@@ -97,7 +94,7 @@ impl Solved {
             .sum();
         self.residual_ratio = squares / expected;
         let dof = c.dof as f64;
-        self.excess = self.residual_ratio > stats::chi_square_quantile(RARE, dof) / dof;
+        self.excess = self.residual_ratio > rare_ratio(dof, &self.noise);
         if self.excess {
             let variance = squares / dof;
             self.noise = [0, 1, 2].map(|i| MeanVariance { variance: variance * self.own(i).powi(2), dof });

@@ -1,5 +1,6 @@
 //! Still attitudes, and what errors of positions do to parameters fitted to them.
 
+use gnc_metrology::stats;
 use nalgebra::{DMatrix, Matrix4, Vector3};
 
 use super::FigureError;
@@ -125,4 +126,28 @@ pub(super) fn scatter(attitudes: &[Attitude<'_>], triad: Triad) -> [MeanVariance
             blocks.iter().map(|record| record.iter().map(|mean| mean[axis]).collect()).collect();
         mean::variance(&records)
     })
+}
+
+/// Residuals over their expectation that chance gives once in a thousand good calibrations: the quantile of F for the
+/// degrees of freedom of the residuals and of the noise that they are compared with (Wilson and Hilferty).
+pub(super) fn rare_ratio(dof: f64, noise: &[MeanVariance]) -> f64 {
+    const RARE: f64 = 0.999;
+    let z = stats::normal_quantile(RARE);
+    let a = 2.0 / (9.0 * dof);
+    let b = 2.0 / (9.0 * noise.iter().map(|noise| noise.dof).sum::<f64>());
+    let root = ((1.0 - a).powi(2) * b + (1.0 - b).powi(2) * a - a * b * z * z).sqrt();
+    (((1.0 - a) * (1.0 - b) + z * root) / ((1.0 - b).powi(2) - b * z * z)).powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// F tables: the 99.9 % point for 6 and 45 degrees of freedom is 4.61, for 6 and 30 it is 5.12.
+    #[test]
+    fn quantiles_of_f() {
+        let noise = |dof: f64| [MeanVariance { variance: 1.0, dof: dof / 3.0 }; 3];
+        assert!((rare_ratio(6.0, &noise(45.0)) - 4.61).abs() < 0.05, "{}", rare_ratio(6.0, &noise(45.0)));
+        assert!((rare_ratio(6.0, &noise(30.0)) - 5.12).abs() < 0.06, "{}", rare_ratio(6.0, &noise(30.0)));
+    }
 }

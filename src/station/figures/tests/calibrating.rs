@@ -68,7 +68,7 @@ fn still_gyroscopes_recover_bias_and_g_sensitivity() {
     let earlier = calibrated(&mut world);
     let findings = &earlier[2].1;
     complete(ItemId::GyroStill, &params(ItemId::GyroStill, "of = \"six-position\""), findings);
-    assert_eq!(findings.details["label"], "with the rotation of the earth removed");
+    assert!(findings.details["label"].as_str().unwrap().starts_with("with the rotation of the earth removed"));
     let inverse = world.gyro.try_inverse().unwrap();
     let (bias, per_g) = (inverse * world.gyro_bias, inverse * world.per_g * 3600.0);
     for (i, axis) in ["x", "y", "z"].iter().enumerate() {
