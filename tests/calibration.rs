@@ -222,9 +222,10 @@ fn a_run_that_broke_off_goes_on() {
     assert!((2..6).contains(&before.len()), "{} captures", before.len());
 
     let refused = |plan: &str, serial_number: &str| {
-        place.write("other.toml", plan);
+        // Under its own name: the name of the file belongs to the digest.
+        place.write("p.toml", plan);
         let resume = broken.to_str().expect("UTF-8");
-        place.run(["--auto", "other.toml", "--sim", "--serial-number", serial_number, "--resume", resume])
+        place.run(["--auto", "p.toml", "--sim", "--serial-number", serial_number, "--resume", resume])
     };
     let other = refused(&plan.replace("-100 mg", "-99 mg"), "C-1");
     assert!(other.code == Some(2) && other.stderr.contains("had the plan with the digest"), "{}", other.stderr);

@@ -66,7 +66,10 @@ fn entry(page: &mut Page, name: &str, value: &Value) {
 /// An uncertainty budget: of each figure its contributions, then what they come to together.
 fn budget(page: &mut Page, figures: &Map<String, Value>) {
     page.open("table", "");
-    page.row("th", &["Figure", "Contribution", "Type", "Distribution", "u", "Unit", "Sensitivity", "Degrees of freedom"]);
+    page.row(
+        "th",
+        &["Figure", "Contribution", "Type", "Distribution", "u", "Unit", "Sensitivity", "Degrees of freedom"],
+    );
     for (figure, budget) in figures {
         let contributions = budget.get(CONTRIBUTIONS).and_then(Value::as_array);
         for contribution in contributions.into_iter().flatten() {

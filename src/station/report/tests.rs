@@ -108,7 +108,16 @@ fn details_are_tables_matrices_and_pictures() {
         "nothing": null,
     })];
     let page = html(&record, &[]);
-    for expected in ["f = M N + b", ">0.25<", "1.50000e-7", "table angle", "together U = 5, k = 2", "<svg", "not available", ">type<"] {
+    for expected in [
+        "f = M N + b",
+        ">0.25<",
+        "1.50000e-7",
+        "table angle",
+        "together U = 5, k = 2",
+        "<svg",
+        "not available",
+        ">type<",
+    ] {
         assert!(page.contains(expected), "{expected} is missing");
     }
     assert!(!page.contains("<script"));

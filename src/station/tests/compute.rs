@@ -287,7 +287,7 @@ fn tilt_and_zero_bias() {
     let v =
         good("position,a\n+,1.035\n+,1.035\n-,-0.985\n-,-0.985\n", "flip r.csv", &["equation", "offset", "gain", "sd"]);
     near(&v["gain"], 1.01);
-    bad("position,a\n+,1\n", "flip r.csv", 1, "missing: -");
+    bad("position,a\n+,1\n+,1\n", "flip r.csv", 1, "missing: -");
     good("temperature,offset\n-40,5\n25,1\n85,3\n", "tilt-temperature r.csv", &["a", "b", "c"]);
     bad("temperature,offset\n-40,5\n25,1\n", "tilt-temperature r.csv", 1, "exactly three points");
     let example = include_str!("../../../docs/tilt-budget.toml");
