@@ -105,6 +105,8 @@ fn an_operator_tests_a_module() {
     terminal.wait_for("Close the lid.");
     terminal.types(b"\r");
     terminal.wait_for("look at: A line reads another level");
+    // The row is there before the run has ended.
+    terminal.wait_for("F4 Repeat");
     terminal.types(F4);
     terminal.wait_for("Close the lid.");
     terminal.types(ESC);
