@@ -60,6 +60,8 @@
 //! turn_on_dph = [90.0, 0.8, 0.7]       # instead of what follows from the two
 //! flicker_dph = [25.0, 0.4, 0.4]       # the same
 //! drift_dph_per_h = [120.0, 0.0, 0.0]  # from each power-on on
+//! wander_dph = [22.0, 0.0, 0.0]        # up and down, as a sine from each power-on on ...
+//! wander_s = 60.0                      # ... of this period
 //! scale_turn_on = [0.005, 0.0, 0.0]    # relative deviation of the scale factor from power-on to power-on
 //! coupling_turn_on = 0.005             # deviation of the response of X to the Y axis, alike
 //! deadband_dps = [0.03, 0.0, 0.0]      # smaller rates give nothing

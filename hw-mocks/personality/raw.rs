@@ -176,6 +176,9 @@ pub(super) struct Triad {
     pub(super) flicker: Option<Spanned<PerAxis>>,
     #[serde(alias = "drift_dph_per_h", alias = "drift_mg_per_h")]
     pub(super) drift: Option<Spanned<PerAxis>>,
+    #[serde(alias = "wander_dph", alias = "wander_mg")]
+    pub(super) wander: Option<Spanned<PerAxis>>,
+    pub(super) wander_s: Option<Spanned<f64>>,
     pub(super) scale_turn_on: Option<Spanned<PerAxis>>,
     pub(super) coupling_turn_on: Option<Spanned<f64>>,
     #[serde(alias = "deadband_dps", alias = "deadband_g", alias = "deadband_gauss")]

@@ -83,6 +83,8 @@ impl raw::Triad {
             noise_factor: number(self.noise_factor.as_ref(), "noise_factor", 0.0, 1e6, 1.0)?,
             offset,
             drift_per_h: vector(&self.drift, "drift", -MOST)? * unit,
+            wander: vector(&self.wander, "wander", 0.0)? * unit,
+            wander_s: number(self.wander_s.as_ref(), "wander_s", 1.0, 1e6, 60.0)?,
             scale_turn_on: vector(&self.scale_turn_on, "scale_turn_on", 0.0)?,
             coupling_turn_on: number(self.coupling_turn_on.as_ref(), "coupling_turn_on", 0.0, 1.0, 0.0)?,
             deadband: vector(&self.deadband, "deadband", 0.0)?,

@@ -24,6 +24,10 @@ pub struct TriadFaults {
     pub offset: Vector3<f64>,
     /// The bias runs away by this in an hour, from each power-on on.
     pub drift_per_h: Vector3<f64>,
+    /// The bias wanders by this up and down, as a sine from each power-on on.
+    pub wander: Vector3<f64>,
+    /// Period of that.
+    pub wander_s: f64,
     /// Relative deviation of the scale factor from power-on to power-on.
     pub scale_turn_on: Vector3<f64>,
     /// Deviation of the response of X to the Y axis from power-on to power-on.
@@ -46,6 +50,8 @@ impl Default for TriadFaults {
             noise_factor: 1.0,
             offset: none,
             drift_per_h: none,
+            wander: none,
+            wander_s: 60.0,
             scale_turn_on: none,
             coupling_turn_on: 0.0,
             deadband: none,
@@ -119,7 +125,9 @@ impl Triad {
         for slow in &mut self.slow {
             slow.step(span_s, dice);
         }
-        self.drift = self.faults.drift_per_h * (powered_s / 3600.0);
+        let turns = powered_s / self.faults.wander_s;
+        self.drift =
+            self.faults.drift_per_h * (powered_s / 3600.0) + self.faults.wander * (turns * std::f64::consts::TAU).sin();
     }
 
     /// Response and bias at a temperature.

@@ -61,6 +61,22 @@ fn a_drift_begins_at_each_power_on() {
     }
 }
 
+/// Twenty-two deg/h up and down each minute: 10 s means see 0.955 of it, whole minutes none.
+#[test]
+fn a_wander_is_gone_in_whole_periods() {
+    let amplitude_dps = 22.0 / 3600.0;
+    let mut sensors = gyro(TriadFaults { wander: Vector3::new(amplitude_dps, 0.0, 0.0), ..TriadFaults::default() });
+    let means: Vec<f64> = (0..60)
+        .map(|block| {
+            let at = |k: u32| f64::from(block * 100 + k) * 0.1;
+            (0..100).map(|k| rate_dps(&mut sensors, 0.0, at(k))).sum::<f64>() / 100.0
+        })
+        .collect();
+    let square = means.iter().map(|mean| mean * mean).sum::<f64>() / 60.0;
+    assert!((square.sqrt() / (amplitude_dps / 2.0_f64.sqrt()) - 0.955).abs() < 0.01, "{}", square.sqrt() * 3600.0);
+    assert!(means.chunks(6).all(|minute| minute.iter().sum::<f64>().abs() / 6.0 < 0.03 * amplitude_dps));
+}
+
 #[test]
 fn a_deadband_swallows_small_rates_and_a_range_clips_large_ones() {
     let mut sensors = gyro(TriadFaults {
@@ -136,9 +152,9 @@ fn boards_have_the_faults_they_state() {
     assert!((scatter.gyro.noise[0].turn_on * 3600.0 - 90.0).abs() < 1e-9);
     assert_eq!((scatter.gyro.noise[0].slow, scatter.accel), (good.gyro.noise[0].slow, good.accel));
     let flicker = truth("gyro-flicker").sensors;
-    assert!((flicker.gyro.noise[0].flicker * 3600.0 - 40.0).abs() < 1e-9);
+    assert!((flicker.gyro.noise[0].flicker * 3600.0 - 16.0).abs() < 1e-9);
     let soft = truth("mag-soft-iron-strong").sensors;
-    assert_eq!((soft.mag.response[(0, 0)], soft.mag.bias), (1.6, good.mag.bias));
+    assert_eq!((soft.mag.response[(0, 0)], soft.mag.bias), (2.0, good.mag.bias));
     assert_ne!(truth("accel-scale-unstable").sensors_now.accel.response, good.accel.response);
     assert_eq!(truth("accel-scale-unstable").sensors_now.gyro.response, good.gyro.response);
 }
