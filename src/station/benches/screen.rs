@@ -30,7 +30,10 @@ const FIRST_MS: f64 = 100.0;
 /// From a key to what it changes, while a run is on.
 const KEY_MS: f64 = 50.0;
 /// How long shares of a core are measured.
-const MEASURED: Duration = Duration::from_secs(10);
+const MEASURED: Duration = Duration::from_secs(8);
+/// Ten seconds of the sensors at 1 kHz.
+const FAST_PLAN: &str = "name = \"fast\"\nversion = \"1\"\n[[item]]\nid = \"imu\"\n\
+                         params = { samples = 10000, rate = \"1000 Hz\" }\nlimits.gyro_x = \"0 +- 5 deg/s\"\n";
 
 fn main() {
     drawing();
@@ -89,14 +92,20 @@ fn program() {
     screen.read_for(Duration::from_secs(1));
     verdict("idle, share of a core", screen.share(), IDLE_SHARE, "");
 
-    // Raw values at the live page: the board streams, the screen draws ten times a second.
-    screen.types(b"\x1b[20~\x1b[15~");
-    screen.wait_for("IMU ");
-    verdict("live values shown, share of a core", screen.share(), STREAM_SHARE, "");
-    screen.types(b"\x1b[19~");
-    screen.read_for(Duration::from_secs(1));
-    screen.types(b"\x1b");
-    screen.read_for(Duration::from_millis(200));
+    screen.end();
+
+    // A run that takes ten seconds of the sensors at 1 kHz, with its curves on the screen.
+    let mut screen = Screen::open_with(FAST_PLAN);
+    screen.wait_for("fast 1");
+    screen.types(b"BENCH-1\r");
+    screen.wait_for("BENCH-1: F5");
+    screen.types(b"\x1b[15~\x1b[20~");
+    screen.wait_for("deg/s");
+    verdict("1 kHz stream shown, share of a core", screen.share(), STREAM_SHARE, "");
+    screen.end();
+
+    let mut screen = Screen::open();
+    screen.wait_for("functional 1.0");
 
     // A run: the cursor moves while items are at work.
     screen.types(b"BENCH-1\r");
@@ -128,14 +137,22 @@ struct Screen {
 
 impl Screen {
     fn open() -> Self {
+        Self::open_with(include_str!("../../../test-plans/functional.toml"))
+    }
+
+    fn open_with(plan: &str) -> Self {
         let size = Winsize { ws_row: 50, ws_col: 160, ws_xpixel: 0, ws_ypixel: 0 };
         let pty = openpty(&size, None).expect("a pseudo-terminal");
         let end = |fd: &OwnedFd| Stdio::from(fd.try_clone().expect("its end"));
         let records = tempfile::TempDir::new().expect("a folder");
         let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let plan_path = records.path().join("plan.toml");
+        std::fs::write(&plan_path, plan).expect("a plan");
         let child = Command::new(env!("CARGO_BIN_EXE_gnc-station"))
             .args(["--sim", "--records"])
             .arg(records.path())
+            .arg("--plan")
+            .arg(&plan_path)
             .current_dir(root)
             .env("TERM", "xterm-256color")
             .env("LC_ALL", "C.UTF-8")
