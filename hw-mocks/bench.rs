@@ -3,9 +3,11 @@
 //!
 //! Link time is wall time since any fixed moment. Bench time follows it N times as fast; at maximum speed it moves
 //! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
-//! everything said before has left through the port.
+//! everything said before has left through the port. Of samples alone it says 8 KiB before it looks at the
+//! port again: a system call costs as much as making a frame.
 
 mod hands;
+mod truth;
 
 use std::time::Duration;
 
@@ -13,20 +15,18 @@ use gnc_protocol::can::CanFrame;
 use gnc_protocol::frame::Frame;
 use gnc_protocol::message::{HostHello, MAGIC};
 use gnc_protocol::serial::{Decoder, encode};
-use gnc_protocol::slave::{Board, Slave};
+use gnc_protocol::slave::Slave;
 use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
-use nalgebra::Matrix3;
 
 use crate::board::SimulatedBoard;
 use crate::can::{CanBus, Heard};
-use crate::devices::inertial::SensorModels;
 use crate::line::Line;
 use crate::noise::{Dice, Source};
 use crate::personality::Personality;
-use crate::turntable::{TableTruth, Turntable};
+use crate::turntable::Turntable;
 use crate::wire_faults::FaultyWire;
-use crate::world::{Influence, Site, World};
+use crate::world::{Site, World};
 
 /// Samples waiting for so much time of the line, beyond which the board drops new ones.
 const SAMPLES_WAIT_S: f64 = 0.7;
@@ -41,12 +41,20 @@ const COMPUTED_AT_ONCE: Duration = Duration::from_millis(10);
 /// Bytes taken from the host ahead of the line's pace.
 const INPUT_WAIT: usize = 4096;
 
+/// Bytes of samples that are made at maximum speed before the port takes them: 16 full frames, 0.95 s at 200 Hz. The port
+/// holds eight times as many.
+const AT_ONCE: usize = 8 * 1024;
+/// Bench time that may pass in that.
+const AT_ONCE_NS: u64 = 1_000_000_000;
+
 /// At maximum speed bench time stands for so long after a loss on the line: the host's wait before it asks again is
 /// link time, and minutes of the board's would pass in it.
 const REPAIR: Duration = Duration::from_millis(125);
 
 /// The same on CAN, where an answer may take 85 ms on the bus.
 const CAN_REPAIR: Duration = Duration::from_millis(250);
+
+pub use truth::Truth;
 
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,41 +102,6 @@ impl Default for Options {
     }
 }
 
-/// What really is, for tests: nothing of it may reach the station.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Truth {
-    /// Where the bench stands.
-    pub site: Site,
-    /// Gravity there, m/s^2.
-    pub gravity: f64,
-    /// Rotation from north, west, up into the module's axes.
-    pub attitude: Matrix3<f64>,
-    /// What acts on the module, in its axes.
-    pub influence: Influence,
-    /// The sensors' true errors.
-    pub sensors: SensorModels,
-    /// Bench time in ns of the board's oscillator.
-    pub bench_time_ns: u64,
-    /// Board time in us since its last start.
-    pub board_time_us: u64,
-    /// UTC, seconds since 1970.
-    pub utc_s: f64,
-    /// The DIP switches 1 to 5.
-    pub switches: [bool; 5],
-    /// Whether the module is under power.
-    pub powered: bool,
-    /// Restarts of the board.
-    pub restarts: u32,
-    /// Whether the receiver has a fix.
-    pub has_fix: bool,
-    /// Erases that the SPI flash did.
-    pub spi_flash_erases: u32,
-    /// Erases that the internal flash did.
-    pub internal_flash_erases: u32,
-    /// The turntable.
-    pub table: TableTruth,
-}
-
 /// The ways by which a host reaches the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Port {
@@ -156,6 +129,8 @@ pub struct Bench {
     /// What happens to bytes before they reach `incoming`, and behind the board before `outgoing`.
     wire_to_board: FaultyWire,
     wire_to_host: FaultyWire,
+    /// What waits in `outgoing` is not samples alone.
+    said_more: bool,
     /// Link time that a loss on the line takes to be noticed, during which bench time stands at maximum speed.
     repaired_at: Duration,
     sleepers: Vec<hands::Sleeper>,
@@ -189,6 +164,7 @@ impl Bench {
             outgoing: Line::new(pace),
             wire_to_board: FaultyWire::new(wire.to_board, Dice::new(options.seed, Source::LineToBoard)),
             wire_to_host: FaultyWire::new(wire.to_host, Dice::new(options.seed, Source::Line)),
+            said_more: false,
             repaired_at: Duration::ZERO,
             sleepers: Vec::new(),
             pace,
@@ -206,7 +182,7 @@ impl Bench {
     pub fn receive(&mut self, bytes: &[u8], now: Duration) {
         self.wire_to_board.push(bytes, now);
         let echo = self.wire_to_board.take_echo();
-        self.outgoing.push(echo, now);
+        self.outgoing.push(&echo, now);
         self.carry(now);
     }
 
@@ -218,6 +194,7 @@ impl Bench {
     /// The port took so many of them.
     pub fn consume(&mut self, count: usize) {
         self.outgoing.consume(count);
+        self.said_more &= !self.outgoing.is_empty();
     }
 
     /// The CAN bus is one of the kernel, which has a pace at any speed.
@@ -248,16 +225,40 @@ impl Bench {
         self.pass_time(now);
         self.hear(now);
         self.run_bus(now);
-        if self.speed == Speed::Max
-            && self.can_step(now)
-            && let Some(next_ns) = self.next_ns()
-        {
-            self.board.advance(next_ns);
-            self.after_time();
+        if self.can_step(now) {
+            self.step();
         }
         self.speak(now);
         self.run_bus(now);
+        let until_ns = self.board.now_ns() + AT_ONCE_NS;
+        while self.goes_on_with_samples() && self.board.now_ns() < until_ns {
+            self.step();
+            self.speak(now);
+        }
         self.wake_sleepers();
+    }
+
+    /// At maximum speed: time moves to the next event.
+    fn step(&mut self) {
+        if let Some(next_ns) = self.next_ns() {
+            self.board.advance(next_ns);
+            self.after_time();
+        }
+    }
+
+    /// At maximum speed: whether time may move although what was said is still here, since that is samples, and nobody
+    /// waits for anything else.
+    fn goes_on_with_samples(&self) -> bool {
+        let said = self.outgoing.len();
+        let quiet = self.incoming.is_empty() && self.wire_to_board.is_clean() && self.wire_to_host.is_clean();
+        let first = self.board.next_event_ns() < self.sleeper_due_ns().or(Some(u64::MAX));
+        self.speed == Speed::Max
+            && self.session_on == Port::Serial
+            && (1..AT_ONCE).contains(&said)
+            && !self.said_more
+            && quiet
+            && self.board.only_streams()
+            && first
     }
 
     /// Lets bench time follow link time, so that what an operator or a fixture does next happens now and not at the last
@@ -301,32 +302,11 @@ impl Bench {
         self.board.now_ns()
     }
 
-    /// What really is.
-    #[must_use]
-    pub fn truth(&self) -> Truth {
-        let board = &self.board;
-        let now_s = board.true_s(board.now_ns());
-        Truth {
-            site: board.world.site,
-            gravity: board.world.site.gravity(),
-            attitude: board.world.attitude(now_s).into_inner(),
-            influence: board.world.influence(now_s),
-            sensors: *board.module.sensors.models(),
-            bench_time_ns: board.now_ns(),
-            board_time_us: board.board_time_us(),
-            utc_s: board.world.utc_s(now_s),
-            switches: board.module.ad.switches(),
-            powered: board.is_powered(),
-            restarts: board.restarts(),
-            has_fix: board.is_powered() && board.module.gnss.has_fix(now_s),
-            spi_flash_erases: board.module.spi_flash.erases(),
-            internal_flash_erases: board.module.internal_flash.erases(),
-            table: self.table.truth(&board.world, now_s),
-        }
-    }
-
     /// At maximum speed: whether time may move.
     fn can_step(&self, now: Duration) -> bool {
+        if self.speed != Speed::Max {
+            return false;
+        }
         let pending = self.board.has_work() || !self.sleepers.is_empty();
         let said = match self.session_on {
             Port::Serial => {
@@ -341,10 +321,10 @@ impl Bench {
     /// What the faults of the wire let through goes on; what they spoil is noted.
     fn carry(&mut self, now: Duration) {
         let to_board = self.wire_to_board.ready(now);
-        self.incoming.push(to_board, now);
+        self.incoming.push(&to_board, now);
         let to_host = self.wire_to_host.ready(now);
         if self.outgoing.len() + to_host.len() <= FRAMES_WAIT {
-            self.outgoing.push(to_host, now);
+            self.outgoing.push(&to_host, now);
         }
         if self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed() {
             self.repaired_at = now + REPAIR;
@@ -466,13 +446,19 @@ impl Bench {
 
     fn send(&mut self, port: Port, frames: Vec<Frame>, now: Duration) {
         for frame in frames {
+            self.said_more |= port == Port::Serial && frame.header.kind != gnc_protocol::Kind::Stream;
             match port {
+                Port::Serial if self.wire_to_host.is_clean() => {
+                    if self.outgoing.len() <= FRAMES_WAIT {
+                        self.outgoing.push(&encode(&frame), now);
+                    }
+                }
                 Port::Serial => self.wire_to_host.push(&encode(&frame), now),
                 Port::Can => self.can.send(&frame),
             }
         }
         let echo = self.wire_to_host.take_echo();
-        self.incoming.push(echo, now);
+        self.incoming.push(&echo, now);
         self.carry(now);
     }
 }

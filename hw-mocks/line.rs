@@ -1,6 +1,5 @@
 //! One direction of the RS-422 line: bytes leave it at the pace of 8N1.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use gnc_protocol::timing::BITS_PER_BYTE;
@@ -8,10 +7,15 @@ use gnc_protocol::timing::BITS_PER_BYTE;
 /// Bytes are handed on in pieces of at most this much line time, as the buffers of a serial adapter do.
 const PIECE: Duration = Duration::from_millis(1);
 
+/// Bytes taken off the front beyond which the rest is moved down.
+const KEPT: usize = 64 * 1024;
+
 /// Bytes on their way.
 #[derive(Debug, Default)]
 pub(crate) struct Line {
-    queue: VecDeque<u8>,
+    bytes: Vec<u8>,
+    /// Bytes at the front that are through and taken.
+    taken: usize,
     /// Time of a byte in ns; 0 for a line without pace.
     byte_ns: u64,
     /// When the byte before the first in the queue was through.
@@ -26,46 +30,52 @@ impl Line {
     }
 
     pub(crate) fn len(&self) -> usize {
-        self.queue.len()
+        self.bytes.len() - self.taken
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.queue.is_empty()
+        self.len() == 0
     }
 
     pub(crate) fn clear(&mut self) {
-        self.queue.clear();
+        self.bytes.clear();
+        self.taken = 0;
     }
 
-    pub(crate) fn push(&mut self, bytes: impl IntoIterator<Item = u8>, now: Duration) {
-        if self.queue.is_empty() {
+    pub(crate) fn push(&mut self, bytes: &[u8], now: Duration) {
+        if self.is_empty() {
             self.free_at = self.free_at.max(now);
         }
-        self.queue.extend(bytes);
+        self.bytes.extend_from_slice(bytes);
     }
 
     /// The bytes that are through by `now`.
-    pub(crate) fn ready(&mut self, now: Duration) -> &[u8] {
+    pub(crate) fn ready(&self, now: Duration) -> &[u8] {
         let through = match self.byte_ns {
-            0 => self.queue.len(),
+            0 => self.len(),
             byte_ns => (now.saturating_sub(self.free_at).as_nanos() / u128::from(byte_ns)) as usize,
         };
-        let through = through.min(self.queue.len());
-        &self.queue.make_contiguous()[..through]
+        &self.bytes[self.taken..][..through.min(self.len())]
     }
 
     /// Takes bytes off the front.
     pub(crate) fn consume(&mut self, count: usize) {
-        self.queue.drain(..count.min(self.queue.len()));
+        self.taken += count.min(self.len());
+        if self.is_empty() {
+            self.clear();
+        } else if self.taken >= KEPT {
+            self.bytes.drain(..self.taken);
+            self.taken = 0;
+        }
         self.free_at += Duration::from_nanos(self.byte_ns * count as u64);
     }
 
     /// When the next piece is through.
     pub(crate) fn next_due(&self) -> Option<Duration> {
-        if self.queue.is_empty() {
+        if self.is_empty() {
             return None;
         }
-        let bytes = self.queue.len() as u64;
+        let bytes = self.len() as u64;
         Some(
             self.free_at
                 + Duration::from_nanos(self.byte_ns * bytes).min(PIECE.max(Duration::from_nanos(self.byte_ns))),

@@ -114,7 +114,7 @@ impl Module {
 
     /// Power came on at `now_s`.
     pub fn power_on(&mut self, now_s: f64) {
-        self.sensors.power_on();
+        self.sensors.power_on(now_s);
         self.calibration.power_on();
         self.can.power_on();
         self.gnss.power_on(now_s);

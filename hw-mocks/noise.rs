@@ -51,6 +51,8 @@ pub enum Source {
     Table = 19,
     /// The turntable: what an orientation has whenever it is taken up.
     TablePosition = 20,
+    /// Simulations of noise alone.
+    Bootstrap = 21,
 }
 
 /// One stream of chance.
@@ -92,33 +94,60 @@ pub struct GaussMarkov {
     deviation: f64,
     correlation_s: f64,
     value: f64,
+    /// Decay and noise of the interval stepped over last: most are alike.
+    last: (f64, f64, f64),
 }
 
 impl GaussMarkov {
     /// A process in its stationary state.
     #[must_use]
     pub fn new(deviation: f64, correlation_s: f64, dice: &mut Dice) -> Self {
-        Self { deviation, correlation_s, value: deviation * dice.normal() }
+        Self { deviation, correlation_s, value: deviation * dice.normal(), last: (0.0, 1.0, 0.0) }
     }
 
     /// Moves on by `span_s` and gives the new value.
     pub fn step(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
-        let decay = (-span_s / self.correlation_s).exp();
-        self.value = decay * self.value + (1.0 - decay * decay).max(0.0).sqrt() * self.deviation * dice.normal();
+        // A process that is none needs no chance.
+        if self.deviation == 0.0 {
+            return 0.0;
+        }
+        if self.last.0 != span_s {
+            let decay = (-span_s / self.correlation_s).exp();
+            self.last = (span_s, decay, (1.0 - decay * decay).max(0.0).sqrt() * self.deviation);
+        }
+        let (_, decay, noise) = self.last;
+        self.value = decay * self.value + noise * dice.normal();
         self.value
+    }
+
+    /// Moves on by `span_s` and gives the mean over it. With `x = span/T` and `e = e^-x`, the end and the integral have,
+    /// given the start `v`, means `e v` and `T (1 - e) v`, variances `s^2 (1 - e^2)` and
+    /// `s^2 T^2 (2 x - 3 + 4 e - e^2)`, and covariance `s^2 T (1 - e)^2`.
+    pub fn mean(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
+        if self.deviation == 0.0 || span_s <= 0.0 {
+            return self.value;
+        }
+        let x = span_s / self.correlation_s;
+        let (e, fallen) = ((-x).exp(), -(-x).exp_m1());
+        let end_deviation = (fallen * (1.0 + e)).sqrt();
+        let covariance = fallen * fallen;
+        // The closed form cancels for short spans; its series to the fifth power is good to 1e-9 there.
+        let integral_variance = if x < 1e-2 {
+            x.powi(3) * (2.0 / 3.0 - 0.5 * x + 7.0 / 30.0 * x * x)
+        } else {
+            2.0 * x - 3.0 + 4.0 * e - e * e
+        };
+        let (first, second) = (dice.normal(), dice.normal());
+        let along = covariance / end_deviation;
+        let across = (integral_variance - along * along).max(0.0).sqrt();
+        let start = self.value;
+        self.value = e * start + self.deviation * end_deviation * first;
+        (fallen * start + self.deviation * (along * first + across * second)) / x
     }
 
     /// The value now.
     #[must_use]
     pub fn value(&self) -> f64 {
         self.value
-    }
-
-    /// Standard deviation of the mean over `span_s` of a process of deviation 1:
-    /// `2/x^2 (x - 1 + e^-x)` with `x = span/T`, under the root.
-    #[must_use]
-    pub fn deviation_of_mean(span_s: f64, correlation_s: f64) -> f64 {
-        let x = span_s / correlation_s;
-        (2.0 / (x * x) * (x - 1.0 + (-x).exp())).sqrt()
     }
 }

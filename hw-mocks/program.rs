@@ -13,8 +13,9 @@ use clap::Parser;
 use nix::sys::signal::{SigSet, Signal};
 
 use crate::bench::{Options, Speed, Truth};
-use crate::driver::{BenchGone, RunningBench};
+use crate::driver::{BenchGone, RunningBench, TableError};
 use crate::personality::{Personality, boards};
+use crate::turntable::Direction;
 use crate::world::{Axis, Sign};
 
 /// Largest personality file that is read: they are a page long.
@@ -25,6 +26,9 @@ switch N on|off   flip DIP switch 1 to 5
 heading DEG       point the reference axis (X for Z up), clockwise from north
 up AXIS           lay the module down: x+ x- y+ y- z+ z-
 turn AXIS DPS     turn steadily about x, y or z, in deg/s
+orient WHERE AXIS DEG  turntable: an axis (x+ ..) up, north or polar, the next one at a heading
+rotate DEG S      turntable: turn by an angle in so many seconds
+spin DPS          turntable: turn on and on; stop: end whatever it does
 sleep T s|ms      wait for so much bench time; later commands wait too
 truth             what really is
 can               where the CAN bus is: slcan:PATH or an interface
@@ -216,6 +220,9 @@ fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
     let done = |outcome: Result<(), BenchGone>| {
         outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
     };
+    let moved = |outcome: Result<(), TableError>| {
+        outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
+    };
     match words.as_slice() {
         [] => Ok(Answer::Text("ok".to_owned())),
         ["quit"] => Ok(Answer::Quit),
@@ -235,6 +242,19 @@ fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
             let (axis, _) = parse_signed_axis(&format!("{axis}+"))?;
             done(control.set_turn(axis, parse_number(rate)?))
         }
+        ["orient", along, axis, heading] => {
+            let along = match *along {
+                "up" => Direction::Up,
+                "north" => Direction::North,
+                "polar" => Direction::Polar,
+                other => return Err(format!("\"{other}\" is not one of up, north, polar")),
+            };
+            let (axis, sign) = parse_signed_axis(axis)?;
+            moved(control.orient(along, axis, sign, parse_number(heading)?))
+        }
+        ["rotate", angle, span] => moved(control.rotate(parse_number(angle)?, parse_number(span)?)),
+        ["spin", rate] => moved(control.spin(parse_number(rate)?)),
+        ["stop"] => moved(control.stop()),
         ["sleep", span, unit @ ("s" | "ms")] => {
             let span_s = parse_number(span)? * if *unit == "s" { 1.0 } else { 1e-3 };
             Duration::try_from_secs_f64(span_s).map(Answer::Sleep).map_err(|error| error.to_string())

@@ -3,7 +3,7 @@
 use gnc_protocol::message::{StreamStart, StreamStopReply};
 use gnc_protocol::serial::on_wire;
 use gnc_protocol::stream::{Format, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId};
-use gnc_protocol::wire::Wire;
+use gnc_protocol::wire::{Wire, Writer};
 
 use crate::devices::calibration::Compensation;
 use crate::requests::samples_per_frame;
@@ -20,7 +20,7 @@ pub(crate) struct Stream {
     /// Samples (bytes) so far; dropped ones count.
     produced: u32,
     dropped: u32,
-    pending: Vec<u8>,
+    pending: Writer,
     pending_count: u16,
     first: u32,
     first_time_us: u64,
@@ -41,7 +41,7 @@ impl Stream {
             started_ns,
             produced: 0,
             dropped: 0,
-            pending: Vec::new(),
+            pending: Writer::default(),
             pending_count: 0,
             first: 0,
             first_time_us: 0,
@@ -82,15 +82,16 @@ impl Stream {
 
     /// Adds a sample of the IMU, raw or compensated; gives a frame when one is full.
     pub(crate) fn add_sample(&mut self, sample: &impl Wire, time_us: u64) -> Option<StreamFrame> {
-        let bytes = sample.to_payload().unwrap_or_default();
-        self.add(&bytes, 1, time_us);
+        self.add(1, time_us);
+        // A frame is closed before its samples outgrow it.
+        let _ = sample.put(&mut self.pending);
         (self.pending_count >= self.per_frame || self.is_complete()).then(|| self.take_frame()).flatten()
     }
 
     /// Adds an edge of the 1PPS, which travels at once.
     pub(crate) fn add_pps(&mut self, capture: &PpsCapture, time_us: u64) -> Option<StreamFrame> {
-        let bytes = capture.to_payload().unwrap_or_default();
-        self.add(&bytes, 1, time_us);
+        self.add(1, time_us);
+        let _ = capture.put(&mut self.pending);
         self.take_frame()
     }
 
@@ -99,17 +100,18 @@ impl Stream {
         let room = if self.count == 0 { bytes.len() } else { (self.count - self.produced.min(self.count)) as usize };
         let bytes = &bytes[..bytes.len().min(room)];
         let frame = |chunk: &[u8]| {
-            self.add(chunk, chunk.len() as u16, time_us);
+            self.add(chunk.len() as u16, time_us);
+            let _ = self.pending.bytes(chunk);
             self.take_frame()
         };
         bytes.chunks(MAX_SAMPLE_BYTES).filter_map(frame).collect()
     }
 
-    fn add(&mut self, bytes: &[u8], count: u16, time_us: u64) {
+    /// Counts what is put into the frame next.
+    fn add(&mut self, count: u16, time_us: u64) {
         if self.pending_count == 0 {
             (self.first, self.first_time_us) = (self.produced, time_us);
         }
-        self.pending.extend_from_slice(bytes);
         self.pending_count += count;
         self.produced = self.produced.wrapping_add(u32::from(count));
     }
@@ -127,9 +129,9 @@ impl Stream {
             board_time_us: self.first_time_us,
             dropped: self.dropped,
         };
-        // A frame is closed before its samples outgrow it.
-        let samples = std::mem::take(&mut self.pending).iter().copied().collect();
-        Some(StreamFrame { head, samples })
+        let mut frame = StreamFrame { head, samples: Default::default() };
+        let _ = frame.samples.extend_from_slice(&std::mem::take(&mut self.pending).finish());
+        Some(frame)
     }
 
     /// A frame for which the line had no room.

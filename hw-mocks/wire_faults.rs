@@ -75,6 +75,11 @@ impl FaultyWire {
         Self { rates, clean, dice, begun, queue, overtaken: None, echo, harmed: false }
     }
 
+    /// Whether it hands bytes on untouched and at once, so that they need not pass through it.
+    pub(crate) fn is_clean(&self) -> bool {
+        self.clean && self.queue.is_empty()
+    }
+
     /// Bytes go in, cut anywhere.
     pub(crate) fn push(&mut self, bytes: &[u8], now: Duration) {
         if self.clean {

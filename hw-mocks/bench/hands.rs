@@ -46,7 +46,7 @@ impl Bench {
     /// themselves.
     ///
     /// # Errors
-    /// As [`Turntable::orient`], and so the next ones.
+    /// As [`crate::turntable::Turntable::orient`], and so the next ones.
     pub fn orient(&mut self, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient(&mut self.board.world, along, (axis, sign), heading_deg, now_s)
@@ -55,7 +55,7 @@ impl Bench {
     /// Begins to lay the module down in any attitude: `up` is a direction in the module's axes.
     ///
     /// # Errors
-    /// As [`Turntable::orient_up`].
+    /// As [`crate::turntable::Turntable::orient_up`].
     pub fn orient_up(&mut self, up: [f64; 3], heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient_up(&mut self.board.world, up, heading_deg, now_s)
@@ -64,7 +64,7 @@ impl Bench {
     /// Begins a rotation about the table's axis.
     ///
     /// # Errors
-    /// As [`Turntable::rotate`].
+    /// As [`crate::turntable::Turntable::rotate`].
     pub fn rotate(&mut self, angle_deg: f64, span_s: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.rotate(&mut self.board.world, angle_deg, span_s, now_s)
@@ -73,7 +73,7 @@ impl Bench {
     /// Begins to spin about the table's axis.
     ///
     /// # Errors
-    /// As [`Turntable::spin`].
+    /// As [`crate::turntable::Turntable::spin`].
     pub fn spin(&mut self, rate_dps: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.spin(&mut self.board.world, rate_dps, now_s)

@@ -9,8 +9,10 @@ use gnc_protocol::stream::{PpsCapture, StreamFrame, StreamId};
 use super::finish::body;
 use super::{CAPTURE_NS, SimulatedBoard};
 use crate::devices::gnss::{EPOCHS_HZ, LATENCY_S};
+use crate::devices::inertial::noise::STEP_S;
 use crate::requests::{self, samples_per_frame};
 use crate::streams::{Stream, format_of, stream_bytes};
+use crate::world::Influence;
 
 impl SimulatedBoard {
     pub(super) fn start_stream(&mut self, start: &StreamStart) -> Result<Payload, Fault> {
@@ -121,6 +123,21 @@ impl SimulatedBoard {
     /// Takes the samples up to now before the world changes: those of a frame that is not full yet wait for it.
     pub(crate) fn take_samples(&mut self) {
         self.run_streams();
+        self.still = None;
+    }
+
+    /// What acts on the module. While it lies still only its temperature moves, and that as slowly as the sensors' own
+    /// noise: both are worked out once in a step.
+    fn influence(&mut self, now_s: f64) -> Influence {
+        let step = (now_s / STEP_S) as i64;
+        match self.still {
+            Some((known, influence)) if known == step => influence,
+            _ => {
+                let influence = self.world.influence(now_s);
+                self.still = self.world.motion.is_still(now_s).then_some((step, influence));
+                influence
+            }
+        }
     }
 
     fn run_stream(&mut self, index: usize) {
@@ -137,11 +154,13 @@ impl SimulatedBoard {
     }
 
     fn run_imu(&mut self, stream: &mut Stream) {
+        let (rate_hz, skew_s) = (stream.rate_hz() as f64, self.module.sensors.skew_s());
         while !stream.is_complete() && stream.next_imu_ns() <= self.now_ns {
             let time_ns = stream.next_imu_ns();
             let now_s = self.true_s(time_ns);
-            let influence = self.world.influence(now_s);
-            let sample = self.module.sensors.sample(&influence, now_s, stream.rate_hz() as f64);
+            let influence = self.influence(now_s);
+            let field_of_y = (skew_s != 0.0).then(|| self.world.influence(now_s + skew_s).field_gauss);
+            let sample = self.module.sensors.sample_skewed(&influence, field_of_y, now_s, rate_hz);
             let time_us = self.board_us(time_ns);
             let full = match &stream.compensation {
                 Some(compensation) => {

@@ -23,7 +23,7 @@ use crate::requests::{
     self, MS, Task, Work, check, check_can_load, check_load, device, needs_power, one_sample_a_frame, prepare, uses,
 };
 use crate::streams::{Stream, stream_bytes};
-use crate::world::World;
+use crate::world::{Influence, World};
 
 /// Resolution of the board's capture timer.
 const CAPTURE_NS: u64 = 10;
@@ -55,6 +55,8 @@ pub struct SimulatedBoard {
     pub module: Module,
     /// Counters of the link, kept up to date by whoever owns the link.
     pub link_counters: LinkCountersReply,
+    /// What acts on the module in a step of time in which it lies still.
+    still: Option<(i64, Influence)>,
     /// Whether too many samples wait for the line: new ones are dropped and counted.
     pub line_full: bool,
     /// Bytes of samples that the line takes now; whoever owns the link sets it anew before each look at the outputs.
@@ -95,6 +97,7 @@ impl SimulatedBoard {
             module: Module::new(personality, serial_number, seed),
             world,
             link_counters: LinkCountersReply::default(),
+            still: None,
             line_full: false,
             line_room: usize::MAX,
             now_ns: 0,
@@ -153,6 +156,13 @@ impl SimulatedBoard {
     #[must_use]
     pub fn has_work(&self) -> bool {
         !self.jobs.is_empty() || !self.streams.is_empty() || self.is_booting()
+    }
+
+    /// Whether samples of the IMU are streamed and nothing else is under way.
+    #[must_use]
+    pub(crate) fn only_streams(&self) -> bool {
+        let samples = |stream: &Stream| matches!(stream.id, StreamId::Imu | StreamId::Compensated);
+        self.streams.iter().any(samples) && self.jobs.is_empty() && !self.is_booting() && self.outputs.is_empty()
     }
 
     /// Whether it does not listen yet after a restart.
@@ -246,6 +256,7 @@ impl SimulatedBoard {
         }
         self.powered = on;
         let now_s = self.true_s(self.now_ns);
+        self.still = None;
         self.world.set_powered(on, now_s);
         if on {
             self.module.power_on(now_s);

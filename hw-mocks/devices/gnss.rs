@@ -31,6 +31,8 @@ pub struct GnssFaults {
     pub covered_after_fix_s: Option<f64>,
     /// The 1PPS line is broken.
     pub pps_open: bool,
+    /// Scatter of the 1PPS edges beside the usual one, 1 sigma.
+    pub pps_jitter_s: f64,
 }
 
 /// The receiver. Times are seconds since the bench was started.
@@ -133,7 +135,7 @@ impl Receiver {
 
     /// Scatter of the 1PPS edge of a whole second, if there is one on the line.
     pub fn pps_scatter_s(&mut self, now_s: f64) -> Option<f64> {
-        let scatter_s = 15e-9 * self.pps_dice.normal();
+        let scatter_s = 15e-9_f64.hypot(self.faults.pps_jitter_s) * self.pps_dice.normal();
         (self.has_fix(now_s) && !self.faults.pps_open).then_some(scatter_s)
     }
 

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use nalgebra::Vector3;
 use toml::Spanned;
 
 use super::{Model, RebootTrigger, raw};
@@ -13,13 +12,12 @@ use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
 use crate::devices::gnss::GnssFaults;
-use crate::devices::inertial::{SensorFaults, SensorModels, TriadFaults, TriadModel};
+use crate::devices::inertial::{SensorFaults, SensorModels};
 use crate::devices::lines::LineFaults;
 use crate::devices::memory::MemoryFaults;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
-use crate::turntable::TableModel;
 use crate::wire_faults::{WireFaults, WireRates};
 use crate::world::Axis;
 
@@ -50,11 +48,17 @@ pub(super) struct Mistake {
     pub(super) message: String,
 }
 
-fn mistake<T>(value: &Spanned<T>, message: String) -> Mistake {
+pub(super) fn mistake<T>(value: &Spanned<T>, message: String) -> Mistake {
     Mistake { span: value.span(), message }
 }
 
-fn number(value: Option<&Spanned<f64>>, name: &str, low: f64, high: f64, default: f64) -> Result<f64, Mistake> {
+pub(super) fn number(
+    value: Option<&Spanned<f64>>,
+    name: &str,
+    low: f64,
+    high: f64,
+    default: f64,
+) -> Result<f64, Mistake> {
     let Some(spanned) = value else { return Ok(default) };
     let number = *spanned.get_ref();
     // A NaN lies in no range.
@@ -93,7 +97,7 @@ fn short_text(value: Option<&Spanned<String>>, name: &str, most: usize, default:
     }
 }
 
-fn axis(value: &Spanned<String>) -> Result<Axis, Mistake> {
+pub(super) fn axis(value: &Spanned<String>) -> Result<Axis, Mistake> {
     match value.get_ref().as_str() {
         "x" => Ok(Axis::X),
         "y" => Ok(Axis::Y),
@@ -102,7 +106,7 @@ fn axis(value: &Spanned<String>) -> Result<Axis, Mistake> {
     }
 }
 
-fn axes(values: &[Spanned<String>]) -> Result<[bool; 3], Mistake> {
+pub(super) fn axes(values: &[Spanned<String>]) -> Result<[bool; 3], Mistake> {
     let mut set = [false; 3];
     for value in values {
         set[axis(value)?.index()] = true;
@@ -164,12 +168,14 @@ impl raw::Personality {
             sensors: SensorModels {
                 gyro: self.gyro.model(d.sensors.gyro, 1.0 / 3600.0)?,
                 accel: self.accel.model(d.sensors.accel, 1e-3)?,
+                mag: self.mag.model(d.sensors.mag, 1.0)?,
                 ..d.sensors
             },
             sensor_faults: SensorFaults {
-                gyro: self.gyro.faults()?,
-                accel: self.accel.faults()?,
-                mag: self.mag.faults()?,
+                gyro: self.gyro.faults(1.0 / 3600.0)?,
+                accel: self.accel.faults(1e-3)?,
+                mag: self.mag.faults(1.0)?,
+                mag_y_skew_us: number(self.mag.y_skew_us.as_ref(), "y_skew_us", -1e6, 1e6, 0.0)?,
             },
             calibration: self.calibration.check()?,
             gnss: self.gnss.check()?,
@@ -250,49 +256,6 @@ impl raw::Flash {
     }
 }
 
-impl raw::Triad {
-    fn model(&self, default: TriadModel, unit: f64) -> Result<TriadModel, Mistake> {
-        match (&self.bias_stability, &self.bias_repeatability) {
-            (None, None) => Ok(default),
-            (Some(stability), Some(repeatability)) => {
-                let stability = number(Some(stability), "bias_stability", 0.0, 1e6, 0.0)?;
-                let repeatability = number(Some(repeatability), "bias_repeatability", 0.0, 1e6, 0.0)?;
-                Ok(default.with_published(stability * unit, repeatability * unit))
-            }
-            (Some(alone), None) | (None, Some(alone)) => {
-                let message = "bias_stability and bias_repeatability belong together: the noise follows from both";
-                Err(mistake(alone, message.to_owned()))
-            }
-        }
-    }
-
-    fn faults(&self) -> Result<TriadFaults, Mistake> {
-        let mut offset = Vector3::zeros();
-        if let Some(values) = &self.offset {
-            for (axis, value) in values.iter().enumerate() {
-                offset[axis] = number(Some(value), "offset", -1e4, 1e4, 0.0)?;
-            }
-        }
-        let swapped = match &self.swapped_axes {
-            None => None,
-            Some([one, other]) => {
-                let pair = (axis(one)?, axis(other)?);
-                if pair.0 == pair.1 {
-                    return Err(mistake(other, "an axis cannot be swapped with itself".to_owned()));
-                }
-                Some(pair)
-            }
-        };
-        Ok(TriadFaults {
-            stuck: axes(&self.stuck_axes)?,
-            dead: axes(&self.dead_axes)?,
-            swapped,
-            noise_factor: number(self.noise_factor.as_ref(), "noise_factor", 0.0, 1e6, 1.0)?,
-            offset,
-        })
-    }
-}
-
 impl raw::Calibration {
     fn check(&self) -> Result<CalibrationFaults, Mistake> {
         // The coefficients take 300 bytes.
@@ -322,6 +285,7 @@ impl raw::Gnss {
                 .map(|after| number(Some(after), "covered_after_fix_s", 0.0, 1e6, 0.0))
                 .transpose()?,
             pps_open: self.pps_open,
+            pps_jitter_s: number(self.pps_jitter_ns.as_ref(), "pps_jitter_ns", 0.0, 1e4, 0.0)? * 1e-9,
         })
     }
 }
@@ -344,58 +308,6 @@ impl raw::Io {
             open: self.open.iter().map(|line| small(line, "line", 0, 3)).collect::<Result<_, _>>()?,
             stuck: self.stuck.iter().map(stuck).collect::<Result<_, _>>()?,
             flip_every_bits: count(spi.flip_every_bits.as_ref(), "flip_every_bits")?,
-        })
-    }
-}
-
-/// Each of some numbers, or the defaults.
-fn numbers<const N: usize>(
-    values: Option<&[Spanned<f64>; N]>,
-    name: &str,
-    most: f64,
-    default: [f64; N],
-) -> Result<[f64; N], Mistake> {
-    let mut checked = default;
-    for (place, value) in values.into_iter().flatten().enumerate() {
-        checked[place] = number(Some(value), name, -most, most, 0.0)?;
-    }
-    Ok(checked)
-}
-
-impl raw::Turntable {
-    fn check(&self, d: TableModel) -> Result<TableModel, Mistake> {
-        // A degree, beyond which it is no error of a table but another attitude.
-        const MOST_ARCSEC: f64 = 3600.0;
-        let both =
-            |value: &Option<Spanned<f64>>, name, most: f64, default| number(value.as_ref(), name, -most, most, default);
-        let spread =
-            |value: &Option<Spanned<f64>>, name, default| number(value.as_ref(), name, 0.0, MOST_ARCSEC, default);
-        Ok(TableModel {
-            axis_error_arcsec: numbers(
-                self.axis_error_arcsec.as_ref(),
-                "axis_error_arcsec",
-                MOST_ARCSEC,
-                d.axis_error_arcsec,
-            )?,
-            heading_error_arcsec: both(
-                &self.heading_error_arcsec,
-                "heading_error_arcsec",
-                10.0 * MOST_ARCSEC,
-                d.heading_error_arcsec,
-            )?,
-            mounting_deg: numbers(self.mounting_deg.as_ref(), "mounting_deg", 10.0, d.mounting_deg)?,
-            attitude_error_arcsec: spread(
-                &self.attitude_error_arcsec,
-                "attitude_error_arcsec",
-                d.attitude_error_arcsec,
-            )?,
-            repeatability_arcsec: spread(&self.repeatability_arcsec, "repeatability_arcsec", d.repeatability_arcsec)?,
-            angle_error_ppm: both(&self.angle_error_ppm, "angle_error_ppm", 1e5, d.angle_error_ppm)?,
-            angle_error_arcsec: spread(&self.angle_error_arcsec, "angle_error_arcsec", d.angle_error_arcsec)?,
-            rate_error_ppm: both(&self.rate_error_ppm, "rate_error_ppm", 1e5, d.rate_error_ppm)?,
-            wobble_arcsec: spread(&self.wobble_arcsec, "wobble_arcsec", d.wobble_arcsec)?,
-            lever_arm_mm: numbers(self.lever_arm_mm.as_ref(), "lever_arm_mm", 1000.0, d.lever_arm_mm)?,
-            slew_s: number(self.slew_s.as_ref(), "slew_s", 0.0, 600.0, d.slew_s)?,
         })
     }
 }

@@ -11,6 +11,7 @@
 //! [expect.functional]                  # ignored by the bench
 //! outcome = "failed"
 //! items = ["sdram"]
+//! figures = ["mismatches_march_c"]
 //!
 //! [module]                             # what it says about itself
 //! serial_number = "GNC-7"              # else the one that was scanned
@@ -54,8 +55,17 @@
 //! erase_factor = 10.0                  # times as long as usual
 //!
 //! [gyro]                               # [accel] alike, in mg and g; [mag] without noise figures, in gauss
-//! bias_stability_dph = 4.5995
+//! bias_stability_dph = [4.5995, 5.12, 4.07] # of X, Y, Z, or one number for all; so with all that has a unit
 //! bias_repeatability_dph = 1.2403
+//! turn_on_dph = [90.0, 0.8, 0.7]       # instead of what follows from the two
+//! flicker_dph = [25.0, 0.4, 0.4]       # the same
+//! drift_dph_per_h = [120.0, 0.0, 0.0]  # from each power-on on
+//! scale_turn_on = [0.005, 0.0, 0.0]    # relative deviation of the scale factor from power-on to power-on
+//! coupling_turn_on = 0.005             # deviation of the response of X to the Y axis, alike
+//! deadband_dps = [0.03, 0.0, 0.0]      # smaller rates give nothing
+//! step_dps = 0.0                       # the signal moves in such steps, under its noise
+//! range_dps = [200.0, 0.0, 0.0]        # beyond it the code is the end of the converter; 0: the converter's own
+//! response = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] # rows are sensors
 //! stuck_axes = ["x"]
 //! dead_axes = ["y"]
 //! swapped_axes = ["x", "z"]
@@ -66,12 +76,16 @@
 //! lost_bit = { byte = 100, bit = 3, after_power_cycle = true } # of every one that is stored
 //! transposed = true                    # the firmware compensates by the matrices' columns
 //!
+//! [mag]
+//! y_skew_us = 1000.0                   # Y is sampled so much later than X and Z
+//!
 //! [gnss]
 //! no_sky = true
 //! repeater_north_m = 500.0             # the signals are those of a place so far away
 //! repeater_east_m = 0.0
 //! covered_after_fix_s = 1.0
 //! pps_open = true
+//! pps_jitter_ns = 300.0                # deviation, beside the usual one
 //!
 //! [ad]
 //! unwired_switches = [2]
@@ -150,6 +164,8 @@
 
 mod check;
 mod raw;
+mod sensors;
+mod table;
 
 use std::collections::BTreeMap;
 
@@ -195,6 +211,9 @@ pub struct Expectation {
     /// The items that do not pass.
     #[serde(default)]
     pub items: Vec<String>,
+    /// The measured figures that do not pass; empty where the items say all. Names are the plan's and mean nothing here.
+    #[serde(default)]
+    pub figures: Vec<String>,
 }
 
 /// Why a text is no personality.

@@ -135,15 +135,57 @@ pub(super) struct BadBit {
     pub(super) level: Spanned<u32>,
 }
 
-/// Three sensors. Units: gyro deg/s with stability and repeatability in deg/h; accel g with those in mg; mag
-/// gauss, without them.
+/// A number for all three axes, or one for each.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PerAxis(pub(super) [f64; 3]);
+
+impl<'de> Deserialize<'de> for PerAxis {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        // By hand, since an untagged enum loses the place in the file.
+        struct Numbers;
+        impl<'de> serde::de::Visitor<'de> for Numbers {
+            type Value = PerAxis;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a number, or three for X, Y and Z")
+            }
+            fn visit_f64<E>(self, value: f64) -> Result<PerAxis, E> {
+                Ok(PerAxis([value; 3]))
+            }
+            fn visit_i64<E>(self, value: i64) -> Result<PerAxis, E> {
+                Ok(PerAxis([value as f64; 3]))
+            }
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, sequence: A) -> Result<PerAxis, A::Error> {
+                <[f64; 3]>::deserialize(serde::de::value::SeqAccessDeserializer::new(sequence)).map(PerAxis)
+            }
+        }
+        deserializer.deserialize_any(Numbers)
+    }
+}
+
+/// Three sensors. Units: gyro deg/s with what belongs to the bias in deg/h; accel g with that in mg; mag gauss.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Triad {
     #[serde(alias = "bias_stability_dph", alias = "bias_stability_mg")]
-    pub(super) bias_stability: Option<Spanned<f64>>,
+    pub(super) bias_stability: Option<Spanned<PerAxis>>,
     #[serde(alias = "bias_repeatability_dph", alias = "bias_repeatability_mg")]
-    pub(super) bias_repeatability: Option<Spanned<f64>>,
+    pub(super) bias_repeatability: Option<Spanned<PerAxis>>,
+    #[serde(alias = "turn_on_dph", alias = "turn_on_mg")]
+    pub(super) turn_on: Option<Spanned<PerAxis>>,
+    #[serde(alias = "flicker_dph", alias = "flicker_mg")]
+    pub(super) flicker: Option<Spanned<PerAxis>>,
+    #[serde(alias = "drift_dph_per_h", alias = "drift_mg_per_h")]
+    pub(super) drift: Option<Spanned<PerAxis>>,
+    pub(super) scale_turn_on: Option<Spanned<PerAxis>>,
+    pub(super) coupling_turn_on: Option<Spanned<f64>>,
+    #[serde(alias = "deadband_dps", alias = "deadband_g", alias = "deadband_gauss")]
+    pub(super) deadband: Option<Spanned<PerAxis>>,
+    #[serde(alias = "step_dps", alias = "step_g", alias = "step_gauss")]
+    pub(super) step: Option<Spanned<PerAxis>>,
+    #[serde(alias = "range_dps", alias = "range_g", alias = "range_gauss")]
+    pub(super) range: Option<Spanned<PerAxis>>,
+    pub(super) response: Option<[[Spanned<f64>; 3]; 3]>,
+    pub(super) y_skew_us: Option<Spanned<f64>>,
     pub(super) stuck_axes: Vec<Spanned<String>>,
     pub(super) dead_axes: Vec<Spanned<String>>,
     pub(super) swapped_axes: Option<[Spanned<String>; 2]>,
@@ -176,6 +218,7 @@ pub(super) struct Gnss {
     pub(super) repeater_east_m: Option<Spanned<f64>>,
     pub(super) covered_after_fix_s: Option<Spanned<f64>>,
     pub(super) pps_open: bool,
+    pub(super) pps_jitter_ns: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

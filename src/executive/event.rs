@@ -178,7 +178,10 @@ pub struct RunHeader {
     pub plan: PlanInfo,
     /// The run whose raw record was judged again; absent where something was captured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub recomputed: Option<Recomputed>,
+    pub recomputed: Option<EarlierRun>,
+    /// The run that broke off and whose captures were taken over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resumed: Option<EarlierRun>,
     /// Names of the chosen items; `None` for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop this run is; `None` outside of loops.
@@ -267,9 +270,9 @@ pub struct PlanInfo {
     pub sha256: String,
 }
 
-/// The run whose raw record was judged again.
+/// A run to which this one goes back.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Recomputed {
+pub struct EarlierRun {
     /// Name of its folder.
     pub run: String,
     /// SHA-256 of its journal.
@@ -329,6 +332,10 @@ pub struct Power {
     pub voltage_v: Option<f64>,
     /// Measured current, if the supply tells.
     pub current_a: Option<f64>,
+    /// The calibration that the module keeps, at power-on: its checksum, "none" or "damaged"; absent where the board knows
+    /// of none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
 }
 
 /// What the slave says about a fault; every text is from outside.

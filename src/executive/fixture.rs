@@ -96,6 +96,7 @@ pub(crate) fn header() -> RunHeader {
         plan: PlanInfo { name: "small".to_owned(), version: "1.0".to_owned(), sha256: "00".repeat(32) },
         site: None,
         recomputed: None,
+        resumed: None,
         selection: None,
         looped: None,
     }
@@ -145,6 +146,7 @@ pub(crate) fn small_run(header: RunHeader) -> Run {
         supply: "slave board".to_owned(),
         voltage_v: Some(5.01),
         current_a: None,
+        calibration: None,
     }));
     assert_eq!(run.settle(&job), Next::Run { item: 0, attempt: 1 });
     let values = [

@@ -187,6 +187,20 @@ impl Plan {
         self.sources.iter().map(|source| (source.name.as_str(), source.text.as_bytes()))
     }
 
+    /// Checks what only the one who carries an item out knows: `look` gives what is wrong with it, and what to try.
+    ///
+    /// # Errors
+    /// All that is wrong, each at the id of its item.
+    pub fn check(self, look: impl Fn(&PlanItem) -> Vec<(String, &'static str)>) -> Result<Plan, Mistakes> {
+        let mut mistakes = Mistakes::default();
+        for item in &self.items {
+            for (what, hint) in look(item) {
+                mistakes.add(|| self.mistake_at(item, what, hint));
+            }
+        }
+        mistakes.or(self)
+    }
+
     /// A mistake at the id of an item.
     pub(crate) fn mistake_at(&self, item: &PlanItem, what: String, hint: &str) -> Mistake {
         match self.sources.get(item.place.source) {

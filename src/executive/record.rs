@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::bench::Site;
 use crate::catalogue::ItemId;
 use crate::event::{
-    AttemptError, Bench, BenchKind, Board, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program, Recomputed,
+    AttemptError, Bench, BenchKind, Board, EarlierRun, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program,
     StopHow,
 };
 use crate::measurement::Measurement;
@@ -37,7 +37,10 @@ pub struct RunRecord {
     pub site: Option<Site>,
     /// The run whose raw record was judged again; absent where something was captured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub recomputed: Option<Recomputed>,
+    pub recomputed: Option<EarlierRun>,
+    /// The run that broke off and whose captures were taken over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resumed: Option<EarlierRun>,
     /// Which station.
     pub station: String,
     /// Who tested.
@@ -171,6 +174,7 @@ impl RunRecord {
             plan: header.plan,
             site: header.site,
             recomputed: header.recomputed,
+            resumed: header.resumed,
             station: header.station,
             operator: header.operator,
             program: header.program,

@@ -8,8 +8,12 @@
 //! `cos(alpha)`, which keeps a second harmonic of alpha^2 / 4 in the roll angle, and multiplies `sin(alpha)` with the y
 //! that is not yet scaled. Its figures are given beside the fit.
 
+use nalgebra::SMatrix;
+
 use crate::{Refusal, quadric, series};
 
+/// What the correction means.
+pub const EQUATION: &str = "y' = ky (y - dy), x' = [(x - dx) - y' sin_alpha] / sqrt(1 - sin_alpha^2)";
 /// Whole turns that a record must hold.
 pub const TURNS: f64 = 3.0;
 /// Largest sector without a point, degrees.
@@ -117,6 +121,8 @@ pub struct Ellipse {
     pub condition: f64,
     /// Standard uncertainties (delta method).
     pub sd: Spread,
+    /// Covariance of centre (2), semi-axes (2), rotation (degrees), `dx, dy` (the centre again), `ky`, `sin_alpha`.
+    pub covariance: SMatrix<f64, 9, 9>,
     /// Degrees of freedom.
     pub dof: usize,
 }
@@ -157,12 +163,13 @@ pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Ref
     let correction = Correction { dx, dy, ky, sin_alpha };
     let coverage = Coverage::of(x, y, &correction);
     coverage.check()?;
-    let sd = fit.spread(|surface| {
+    let covariance = fit.spread(|surface| {
         let mut f = figures(surface);
         // Near the ends of the range the angle may jump by 180 degrees between neighbours.
         f[4] = rotation_deg + (f[4] - rotation_deg + 90.0).rem_euclid(180.0) - 90.0;
         f
     });
+    let sd: [f64; 9] = std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt());
     let q = fit.surface.form.try_inverse().unwrap_or_else(|| nalgebra::Matrix2::repeat(f64::NAN));
     let radius = q[(0, 0)].sqrt();
     let extremes = extremes(x, y);
@@ -191,6 +198,7 @@ pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Ref
             rotation_deg: sd[4],
             correction: Correction { dx: sd[5], dy: sd[6], ky: sd[7], sin_alpha: sd[8] },
         },
+        covariance,
         dof: fit.used - 5,
     })
 }

@@ -8,9 +8,12 @@
 //! The residual is no acceptance test: a wrong fit to nearly planar data can have the smaller one. Coverage and
 //! condition decide.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, SMatrix, SymmetricEigen, Vector3};
 
 use crate::{Refusal, quadric, series};
+
+/// What the correction means.
+pub const EQUATION: &str = "corrected = matrix (raw - centre), |corrected| = field";
 
 /// Least [`Ellipsoid::coverage`].
 pub const COVERAGE_LIMIT: f64 = 0.1;
@@ -51,6 +54,8 @@ pub struct Ellipsoid {
     pub matrix_sd: Matrix3<f64>,
     /// Standard uncertainty of the field; 0 where it was given.
     pub field_sd: f64,
+    /// Covariance of centre (3), upper triangle of the matrix by rows (6) and field.
+    pub covariance: SMatrix<f64, 10, 10>,
     /// Degrees of freedom.
     pub dof: usize,
 }
@@ -78,7 +83,13 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
     for (name, values) in crate::AXES.into_iter().zip([x, y, z]) {
         series::unsaturated(name, values, saturation)?;
     }
-    let fit = quadric::fit::<3, 9>(&[x, y, z], ("ellipsoid", "hyperboloid"))?;
+    let fit = quadric::fit::<3, 9>(&[x, y, z], ("ellipsoid", "hyperboloid")).map_err(|refusal| match refusal {
+        // What a nearly planar record makes of a fit is chance; what it lacks is the third dimension.
+        Refusal::Diverged { .. } | Refusal::NotClosed { .. } | Refusal::Noisy { .. } => {
+            flat([x, y, z]).unwrap_or(refusal)
+        }
+        other => other,
+    })?;
     let given = field;
     let (matrix, field) = correction(&fit.surface, given);
     let semi_axes: Vector3<f64> = fit.surface.principal().0.map(|v: f64| v.powf(-0.5));
@@ -88,7 +99,7 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
     if coverage.is_nan() || coverage < COVERAGE_LIMIT {
         return poor("evenness of the directions", coverage, format!("at least {COVERAGE_LIMIT}"));
     }
-    let sd = fit.spread(|surface| {
+    let covariance = fit.spread(|surface| {
         let (m, f) = correction(surface, given);
         let axes = surface.principal().0.map(|v: f64| v.powf(-0.5));
         let c = surface.centre;
@@ -108,6 +119,7 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
             axes[2],
         ]
     });
+    let sd: [f64; 13] = std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt());
     let worst = [0, 1, 2, 10, 11, 12].iter().map(|&k| sd[k]).fold(0.0, f64::max) / smallest;
     if worst.is_nan() || worst > UNCERTAINTY_LIMIT {
         return poor("uncertainty of centre or axes over the radius", worst, format!("at most {UNCERTAINTY_LIMIT}"));
@@ -130,6 +142,7 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
         centre_sd: Vector3::new(sd[0], sd[1], sd[2]),
         matrix_sd: Matrix3::new(sd[3], sd[4], sd[5], sd[4], sd[6], sd[7], sd[5], sd[7], sd[8]),
         field_sd: sd[9],
+        covariance: covariance.fixed_view::<10, 10>(0, 0).into_owned(),
         dof: fit.used - 9,
     })
 }
@@ -150,6 +163,25 @@ pub fn fit_algebraic(x: &[f64], y: &[f64], z: &[f64]) -> Result<(Vector3<f64>, M
         detail: format!("eigenvalues of its form {:?}", e.eigenvalues),
     })?;
     Ok((surface.centre, correction(&surface, None).0))
+}
+
+/// Thickness of the cloud of points over its width (roots of the extreme eigenvalues of its covariance): below this a fit
+/// that fails has failed for want of coverage.
+const FLAT_LIMIT: f64 = 0.3;
+
+fn flat(points: [&[f64]; 3]) -> Option<Refusal> {
+    let mean = points.map(crate::stats::mean);
+    let covariance = Matrix3::from_fn(|a, b| {
+        let products = points[a].iter().zip(points[b]).map(|(u, v)| (u - mean[a]) * (v - mean[b]));
+        products.sum::<f64>()
+    });
+    let values = SymmetricEigen::new(covariance).eigenvalues;
+    let value = (values.min().max(0.0) / values.max()).sqrt();
+    (value < FLAT_LIMIT).then(|| Refusal::Coverage {
+        what: "thickness of the cloud of points over its width",
+        value,
+        needed: format!("at least {FLAT_LIMIT}, unless an ellipsoid fits"),
+    })
 }
 
 /// Evenness and one-sidedness of the corrected directions.

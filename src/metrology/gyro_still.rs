@@ -6,9 +6,12 @@
 //! horizontal part needs the heading of each position; where that is not known nothing is corrected and its bound is
 //! given as a type-B contribution.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix4, Vector3};
 
 use crate::{Refusal, earth, position::Position, series, six_position::TriadFit, stats};
+
+/// What the parameters mean.
+pub const EQUATION: &str = "w_out = w + bias + g_sensitivity f; rad/s and m/s^2";
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +24,8 @@ pub struct StillGyro {
     pub bias_sd_rps: Vector3<f64>,
     /// Standard uncertainty of `g_sensitivity` (type A).
     pub g_sensitivity_sd: Matrix3<f64>,
+    /// Covariance of one sensor's row of `g_sensitivity` and its bias (type A); alike for all, which are independent.
+    pub covariance: Matrix4<f64>,
     /// Largest error of each bias from the horizontal earth rate where headings are unknown, rad/s; 0 where known.
     pub bias_heading_bound_rps: f64,
     /// The same for each element of `g_sensitivity`.
@@ -40,6 +45,12 @@ impl StillGyro {
     #[must_use]
     pub fn coverage_factor(&self) -> f64 {
         stats::coverage_factor(0.95, self.dof as f64)
+    }
+
+    /// Expanded uncertainties (95 %, type A) of bias and g-sensitivity. The bounds for unknown headings come on top.
+    #[must_use]
+    pub fn expanded(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        (self.bias_sd_rps * self.coverage_factor(), self.g_sensitivity_sd * self.coverage_factor())
     }
 }
 
@@ -71,7 +82,8 @@ pub fn calibrate(
     let n = still.len();
     let dof = 3 * n - 12;
     let squares: f64 = fit.residuals.iter().map(Vector3::norm_squared).sum();
-    let sd = |k: usize| (squares / dof as f64 * fit.cofactor[(k, k)]).sqrt();
+    let covariance: Matrix4<f64> = fit.cofactor.fixed_view::<4, 4>(0, 0) * (squares / dof as f64);
+    let sd = |k: usize| covariance[(k, k)].sqrt();
     // Worst case: every position contributes the full horizontal rate with the worst sign. For a parameter
     // `a = sum w_r y_r` that is the 1-norm of w, bounded by sqrt(n) of its 2-norm, which is the cofactor.
     let bound = |k: usize| {
@@ -82,6 +94,7 @@ pub fn calibrate(
         g_sensitivity: fit.matrix,
         bias_sd_rps: Vector3::repeat(sd(3)),
         g_sensitivity_sd: Matrix3::from_fn(|_, j| sd(j)),
+        covariance,
         bias_heading_bound_rps: bound(3),
         g_sensitivity_heading_bound: (0..3).map(bound).fold(0.0, f64::max),
         residual_rms_rps: (squares / (3 * n) as f64).sqrt(),

@@ -11,6 +11,7 @@
 //!   factor of a 95 % interval.
 
 pub mod allan;
+pub mod correlated;
 pub mod earth;
 pub mod ellipse;
 pub mod ellipsoid;
@@ -26,8 +27,10 @@ pub mod six_position;
 pub mod stability;
 pub mod stats;
 pub mod tilt;
+pub mod triad;
 pub mod zero_bias;
 
+pub use linear::TriadCovariance;
 pub use refusal::Refusal;
 
 /// Names of the three axes of a triad, in order.

@@ -1,6 +1,6 @@
 //! Linear least squares by singular values of the column-scaled design.
 
-use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
+use nalgebra::{DMatrix, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
 
 use crate::Refusal;
 
@@ -54,20 +54,30 @@ pub(crate) fn least_squares(
     Ok(LeastSquares { solution, residuals, cofactor: &half * half.transpose(), condition })
 }
 
-/// Standard uncertainties of an inverted triad (delta method). For `output = M input + b` and `K = M^-1`,
-/// `dK = -K dM K` and a bias `v = -+K b` has `dv = K (dM, db) (v, 1)` up to signs: element `(i, j)` of K varies as
-/// `sum_s K_is^2 * k_j' C_s k_j` with `C_s` the covariance of sensor s in `[M_s b_s]` and `k_j` column j of K.
-pub(crate) fn inverse_sd(
+/// Covariance of the twelve parameters of an inverted triad: the matrix by rows, then the bias.
+pub type TriadCovariance = SMatrix<f64, 12, 12>;
+
+/// Covariance of an inverted triad (delta method). For `output = M input + b`, `K = M^-1` and a bias `v = -+K b` it is
+/// `d[K v]_ij = -sum_s K_is (dM_s, db_s) k_j` up to signs, with k_j column j of K (and a 0), or `(v, 1)` for the bias. The
+/// sensors s are independent of each other, with covariances C_s in `[M_s b_s]`.
+pub(crate) fn inverse_covariance(
     inverse: &Matrix3<f64>,
     bias: &Vector4<f64>,
     covariance: &[Matrix4<f64>; 3],
-) -> (Matrix3<f64>, Vector3<f64>) {
-    let spread = |i: usize, v: &Vector4<f64>| -> f64 {
-        (0..3).map(|s| inverse[(i, s)].powi(2) * (v.transpose() * covariance[s] * v)[0]).sum::<f64>().sqrt()
-    };
-    let matrix =
-        Matrix3::from_fn(|i, j| spread(i, &Vector4::new(inverse[(0, j)], inverse[(1, j)], inverse[(2, j)], 0.0)));
-    (matrix, Vector3::from_fn(|i, _| spread(i, bias)))
+) -> TriadCovariance {
+    let column = |j: usize| if j < 3 { inverse.column(j).push(0.0) } else { *bias };
+    // Parameter p as row i and column j of [K v].
+    let place = |p: usize| if p < 9 { (p / 3, p % 3) } else { (p - 9, 3) };
+    SMatrix::from_fn(|p, q| {
+        let ((i, j), (k, l)) = (place(p), place(q));
+        (0..3).map(|s| inverse[(i, s)] * inverse[(k, s)] * (column(j).transpose() * covariance[s] * column(l))[0]).sum()
+    })
+}
+
+/// Standard uncertainties of the matrix and the bias.
+pub(crate) fn standard_uncertainties(covariance: &TriadCovariance) -> (Matrix3<f64>, Vector3<f64>) {
+    let sd = |p: usize| covariance[(p, p)].max(0.0).sqrt();
+    (Matrix3::from_fn(|i, j| sd(3 * i + j)), Vector3::from_fn(|i, _| sd(9 + i)))
 }
 
 #[cfg(test)]

@@ -29,6 +29,17 @@ pub struct Position {
     pub rows: usize,
 }
 
+impl Position {
+    /// A position whose mean is already known, from its label.
+    ///
+    /// # Errors
+    /// [`Refusal::UnknownLabel`] (row 0).
+    pub fn of_mean(label: &str, mean: Vector3<f64>, rows: usize) -> Result<Self, Refusal> {
+        let up = up_of(label).ok_or_else(|| Refusal::UnknownLabel { label: label.to_owned(), row: 0 })?;
+        Ok(Self { label: label.to_owned(), up, mean, rows })
+    }
+}
+
 /// What counts as still.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
@@ -193,14 +204,23 @@ fn stillness(
         if values.len() < MOTION_ROWS {
             continue;
         }
-        let means: Vec<f64> = values.chunks_exact(values.len() / MOTION_BLOCKS).map(stats::mean).collect();
-        let spread = means.iter().copied().fold(f64::MIN, f64::max) - means.iter().copied().fold(f64::MAX, f64::min);
-        let noise = limits.noise_factor * noise * (MOTION_BLOCKS as f64 / values.len() as f64).sqrt();
-        let limit = noise.max(limits.motion * response);
-        // The smallest double of the record's size: a noiseless record is still.
-        if spread > limit.max(1e-12 * means[0].abs()) {
+        series::unsaturated(&format!("{} of position {label}", AXES[axis]), values, None)?;
+        if let Some((spread, noise, limit)) = wander(values, response, limits) {
             return Err(Refusal::Moved { position: label.clone(), channel: AXES[axis], spread, noise, limit });
         }
     }
     Ok(())
+}
+
+/// Spread of the block means of one position, what its white noise explains, and the limit, where that is exceeded.
+pub(crate) fn wander(values: &[f64], response: f64, limits: &Limits) -> Option<(f64, f64, f64)> {
+    if values.len() < MOTION_ROWS {
+        return None;
+    }
+    let means: Vec<f64> = values.chunks_exact(values.len() / MOTION_BLOCKS).map(stats::mean).collect();
+    let spread = means.iter().copied().fold(f64::MIN, f64::max) - means.iter().copied().fold(f64::MAX, f64::min);
+    let noise = limits.noise_factor * stats::white_sd(values) * (MOTION_BLOCKS as f64 / values.len() as f64).sqrt();
+    let limit = noise.max(limits.motion * response);
+    // The smallest double of the record's size: a noiseless record is still.
+    (spread > limit.max(1e-12 * means[0].abs())).then_some((spread, noise, limit))
 }

@@ -10,7 +10,10 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3};
 
-use crate::{AXES, Refusal, earth, linear, position, series, stats};
+use crate::{AXES, Refusal, TriadCovariance, earth, linear, position, series, stats, triad};
+
+/// What the parameters mean.
+pub const EQUATION: &str = "w = matrix N - bias; w in rad/s";
 
 /// Rest that a record must hold before and after the rotation, s.
 pub const REST_S: f64 = 0.5;
@@ -98,12 +101,17 @@ pub struct Calibration {
     pub matrix_sd: Matrix3<f64>,
     /// Standard uncertainty of `bias_rps`.
     pub bias_sd_rps: Vector3<f64>,
+    /// Covariance of `matrix` (by rows) and `bias_rps` (type A).
+    pub covariance: TriadCovariance,
     /// Largest error of the bias from the earth's rotation that is not corrected, rad/s.
     pub earth_bound_rps: f64,
     /// Windows of the runs, in the order x+ x- y+ y- z+ z-.
     pub windows: Vec<Window>,
     /// `|I+ + I- - T b| / |I+ - I-|` of each axis, b from rest.
     pub mismatch: Vector3<f64>,
+    /// Residuals of the integrals of the three sensors over each window, as angles, rad. All 0 with a vertical axis, where
+    /// every integral goes into a parameter.
+    pub residuals_rad: Vec<Vector3<f64>>,
     /// Root mean square of the residuals, as an angle, rad.
     pub residual_rms_rad: f64,
     /// Condition number of the scaled design.
@@ -117,6 +125,31 @@ impl Calibration {
     #[must_use]
     pub fn coverage_factor(&self) -> f64 {
         stats::coverage_factor(0.95, self.dof)
+    }
+
+    /// Expanded uncertainties (95 %, type A) of response and bias. Errors of angle and clock that both senses share come
+    /// on top.
+    #[must_use]
+    pub fn expanded(&self) -> (Matrix3<f64>, Vector3<f64>) {
+        (self.response_sd * self.coverage_factor(), self.bias_sd_rps * self.coverage_factor())
+    }
+
+    /// Response of sensor i to axis j relative to its own axis, `S_ij / S_ii`, relative to the fixture.
+    #[must_use]
+    pub fn coupling(&self) -> Matrix3<f64> {
+        triad::coupling(&self.response)
+    }
+
+    /// As [`crate::six_position::Calibration::nonorthogonality_rad`].
+    #[must_use]
+    pub fn nonorthogonality_rad(&self) -> Vector3<f64> {
+        triad::nonorthogonality_rad(&self.response)
+    }
+
+    /// Rate of an output, rad/s.
+    #[must_use]
+    pub fn compensate(&self, output: &Vector3<f64>) -> Vector3<f64> {
+        self.matrix * output - self.bias_rps
     }
 }
 
@@ -138,8 +171,9 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     for (r, run) in runs.iter().enumerate() {
         series::channels(&AXES, &run.channels)?;
         for (name, values) in AXES.iter().zip(run.channels) {
-            if options.saturation.is_some() {
-                series::unsaturated(name, values, options.saturation)?;
+            match options.saturation {
+                Some(_) => series::unsaturated(name, values, options.saturation)?,
+                None => series::unclipped(&format!("{name} of run {}", run.label), values)?,
             }
         }
         found.push(Found::search(run, r / 2, options.rate_hz)?);
@@ -195,7 +229,8 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         (Vector3::from_fn(|i, _| squares / 6.0 * response[(i, i)].powi(2)), 6.0)
     };
     let covariance = [0, 1, 2].map(|i| cofactor[i] * variance[i]);
-    let (matrix_sd, bias_sd_rps) = linear::inverse_sd(&matrix, &(-bias_rps).push(1.0), &covariance);
+    let parameters = linear::inverse_covariance(&matrix, &(-bias_rps).push(1.0), &covariance);
+    let (matrix_sd, bias_sd_rps) = linear::standard_uncertainties(&parameters);
     Ok(Calibration {
         response,
         offset_lsb,
@@ -205,13 +240,20 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         offset_sd_lsb: Vector3::from_fn(|i, _| covariance[i][(3, 3)].sqrt()),
         matrix_sd,
         bias_sd_rps,
+        covariance: negated_bias(parameters),
         earth_bound_rps: if options.axis == Axis::Unknown { earth::EARTH_RATE_RPS } else { 0.0 },
         windows,
         mismatch,
+        residuals_rad: (0..6).map(|r| Vector3::from_fn(|i, _| residuals[(r, i)] / response[(i, i)])).collect(),
         residual_rms_rad: (squares / 18.0).sqrt(),
         condition,
         dof,
     })
+}
+
+/// The covariance of `-epsilon` as that of epsilon.
+fn negated_bias(covariance: TriadCovariance) -> TriadCovariance {
+    TriadCovariance::from_fn(|p, q| if (p < 9) == (q < 9) { covariance[(p, q)] } else { -covariance[(p, q)] })
 }
 
 /// The runs in the order of the labels, each once.

@@ -142,6 +142,7 @@ impl Clock {
 pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<(), Refusal> {
     const REPEATS: usize = 20;
     const RATIO: usize = 6;
+    const FINE: f64 = 0.2;
     let refuse = |value, samples| Err(Refusal::Saturated { channel: channel.to_owned(), value, samples });
     if let Some(limit) = limit {
         let samples = values.iter().filter(|v| v.abs() >= limit).count();
@@ -156,8 +157,33 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
         let next =
             values.iter().map(|v| inside * v).filter(|v| *v < inside * extreme).fold(f64::NEG_INFINITY, f64::max);
         let at_next = values.iter().filter(|v| inside * **v == next).count();
-        if at_extreme > RATIO * at_next {
+        // Of noise about the size of a code the extreme may be the usual value; a cut one has many codes below it.
+        if at_extreme > RATIO * at_next && (inside * extreme - next) < FINE * stats::mean_sd(values).1 {
             return refuse(extreme, at_extreme);
+        }
+    }
+    Ok(())
+}
+
+/// No plateau of a record that begins at rest stands still at the extreme while the record is noisy elsewhere: a rotation
+/// that is cut at the end of the range shows the same value sample after sample, one inside the range the noise of rest.
+///
+/// # Errors
+/// [`Refusal::Saturated`].
+pub fn unclipped(channel: &str, values: &[f64]) -> Result<(), Refusal> {
+    // So many equal neighbours are no chance unless the noise is below the resolution, which then shows elsewhere too.
+    const PLATEAU: usize = 20;
+    const RATIO: usize = 4;
+    let (low, high) = range(values);
+    for extreme in [high, low].into_iter().filter(|e| (e - values[0]).abs() > 0.5 * (high - low)) {
+        let (mut at_extreme, mut elsewhere) = (0, 0);
+        for stretch in values.chunk_by(|a, b| a == b) {
+            let longest = if stretch[0] == extreme { &mut at_extreme } else { &mut elsewhere };
+            *longest = stretch.len().max(*longest);
+        }
+        if at_extreme >= PLATEAU && at_extreme > RATIO * elsewhere && at_extreme < values.len() {
+            let samples = values.iter().filter(|v| **v == extreme).count();
+            return Err(Refusal::Saturated { channel: channel.to_owned(), value: extreme, samples });
         }
     }
     Ok(())
@@ -204,6 +230,20 @@ mod tests {
     }
 
     #[test]
+    fn a_plateau_at_the_end_of_the_range_is_found_and_one_inside_is_not() {
+        let noise = |i: usize| ((i * 7919 % 101) as f64 - 50.0) * 0.1;
+        let turn = |i: usize| if (200..400).contains(&i) { 3000.0 } else { 0.0 };
+        let record = |limit: f64| -> Vec<f64> { (0..600).map(|i| (turn(i) + noise(i)).min(limit)).collect() };
+        assert!(unclipped("x", &record(9999.0)).is_ok());
+        let refusal = unclipped("x", &record(2990.0)).unwrap_err().to_string();
+        assert_eq!(refusal, "x is saturated: 200 samples at 2990");
+        // Noise below the resolution: rest and plateau stand still alike.
+        let coarse: Vec<f64> = record(9999.0).iter().map(|v| (v / 100.0).round()).collect();
+        assert!(unclipped("x", &coarse).is_ok());
+        assert!(unclipped("x", &[1.0; 50]).is_ok());
+    }
+
+    #[test]
     fn a_cut_sine_is_found_and_a_whole_one_in_codes_is_not() {
         let sine = |top: f64, codes: f64| -> Vec<f64> {
             (0..6000).map(|i| (f64::from(i) * 0.0137).sin() * codes).map(|v| v.min(top * codes).round()).collect()
@@ -213,5 +253,8 @@ mod tests {
         let refusal = unsaturated("x", &sine(0.95, 1000.0), None).unwrap_err();
         assert!(matches!(refusal, Refusal::Saturated { value: 950.0, samples: 500..700, .. }), "{refusal}");
         assert!(unsaturated("x", &sine(2.0, 1000.0), Some(999.0)).is_err());
+        // A still sensor whose noise is below a code shows nearly always one value.
+        let still: Vec<f64> = (0..1000).map(|i| if i % 12 == 0 { 4.0 } else { 5.0 }).collect();
+        assert!(unsaturated("x", &still, None).is_ok());
     }
 }

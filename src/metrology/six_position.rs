@@ -6,7 +6,10 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::{AXES, Refusal, linear, position::Position, series, stats};
+use crate::{AXES, Refusal, TriadCovariance, linear, position::Position, series, stats, triad};
+
+/// What the parameters mean.
+pub const EQUATION: &str = "f = matrix N + bias; f in m/s^2, +g on the axis that points up at rest";
 
 /// A position that misses the fit by more than this part of gravity (2.9 degrees) has a wrong label or pose.
 pub const POSE_LIMIT: f64 = 0.05;
@@ -28,6 +31,8 @@ pub struct Calibration {
     pub matrix_sd: Matrix3<f64>,
     /// Standard uncertainty of `bias_mps2`.
     pub bias_sd_mps2: Vector3<f64>,
+    /// Covariance of `matrix` (by rows) and `bias_mps2`; the means of the positions are its only source (type A).
+    pub covariance: TriadCovariance,
     /// `Ka` of the print's regression.
     pub matrix_as_printed: Matrix3<f64>,
     /// `nabla` of the print's regression, m/s^2.
@@ -46,21 +51,32 @@ impl Calibration {
     /// Response of sensor i to axis j relative to its own axis, `M_ij / M_ii`, relative to the fixture.
     #[must_use]
     pub fn coupling(&self) -> Matrix3<f64> {
-        Matrix3::from_fn(|i, j| self.response[(i, j)] / self.response[(i, i)])
+        triad::coupling(&self.response)
     }
 
     /// Departures of the angles between the sensing axes xy, xz, yz from 90 degrees, rad (positive: less than 90).
     /// They do not depend on how the module sits in the socket.
     #[must_use]
     pub fn nonorthogonality_rad(&self) -> Vector3<f64> {
-        let row = |i: usize| self.response.row(i).normalize();
-        Vector3::new(row(0).dot(&row(1)).asin(), row(0).dot(&row(2)).asin(), row(1).dot(&row(2)).asin())
+        triad::nonorthogonality_rad(&self.response)
     }
 
     /// Factor of the 95 % intervals: `U = factor * sd` (Student's t).
     #[must_use]
     pub fn coverage_factor(&self) -> f64 {
         stats::coverage_factor(0.95, self.dof as f64)
+    }
+
+    /// Expanded uncertainties (95 %) of matrix and bias.
+    #[must_use]
+    pub fn expanded(&self) -> (Matrix3<f64>, Vector3<f64>) {
+        (self.matrix_sd * self.coverage_factor(), self.bias_sd_mps2 * self.coverage_factor())
+    }
+
+    /// Specific force of an output, m/s^2.
+    #[must_use]
+    pub fn compensate(&self, output: &Vector3<f64>) -> Vector3<f64> {
+        self.matrix * output + self.bias_mps2
     }
 }
 
@@ -95,7 +111,8 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
     let dof = 3 * positions.len() - 12;
     let variance = squares / dof as f64;
     let covariance = [0, 1, 2].map(|i| fit.cofactor.fixed_view::<4, 4>(0, 0) * (variance * own[i] * own[i]));
-    let (matrix_sd, bias_sd_mps2) = linear::inverse_sd(&matrix, &bias_mps2.push(1.0), &covariance);
+    let covariance = linear::inverse_covariance(&matrix, &bias_mps2.push(1.0), &covariance);
+    let (matrix_sd, bias_sd_mps2) = linear::standard_uncertainties(&covariance);
     let (matrix_as_printed, bias_as_printed_mps2) = as_printed(positions, gravity_mps2)?;
     let total: f64 = residuals_mps2.iter().map(Vector3::norm_squared).sum();
     Ok(Calibration {
@@ -106,6 +123,7 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
         offset_lsb: fit.offset,
         matrix_sd,
         bias_sd_mps2,
+        covariance,
         matrix_as_printed,
         bias_as_printed_mps2,
         residual_rms_mps2: (total / (3 * positions.len()) as f64).sqrt(),

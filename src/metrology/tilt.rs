@@ -8,7 +8,11 @@
 
 use statrs::function::erf::erfc;
 
-use crate::{Refusal, series};
+use crate::{
+    Refusal,
+    position::{self, Limits},
+    series, stats,
+};
 
 /// Offset and gain of a sensor: `out = offset + gain * actual`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +51,45 @@ pub fn flip(plus: (f64, f64), minus: (f64, f64), gravity: f64) -> Result<Flip, R
     Ok(Flip { offset: f64::midpoint(plus.0, minus.0), gain, offset_sd: spread, gain_sd: spread / gravity })
 }
 
+/// [`flip`] from the rows of a record, labelled `+` (the axis up) and `-`, each in one block.
+///
+/// # Errors
+/// [`Refusal::Lengths`], [`Refusal::NotFinite`], [`Refusal::TooFew`] below two rows of a position;
+/// [`Refusal::UnknownLabel`], [`Refusal::Missing`], [`Refusal::SplitLabel`]; [`Refusal::Moved`] for a position that moves
+/// by more than 2 mrad and its noise; otherwise as [`flip`].
+pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> Result<Flip, Refusal> {
+    const LABELS: [&str; 2] = ["+", "-"];
+    if labels.len() != values.len() {
+        return Err(Refusal::Lengths { left: labels.len(), right: values.len() });
+    }
+    series::finite("a", values)?;
+    if let Some(row) = labels.iter().position(|l| !LABELS.contains(&l.as_ref())) {
+        return Err(Refusal::UnknownLabel { label: labels[row].as_ref().to_owned(), row: row + 1 });
+    }
+    let blocks = position::blocks(labels)?;
+    let mut sides = [(0.0, 0.0); 2];
+    for (side, label) in sides.iter_mut().zip(LABELS) {
+        let Some(block) = blocks.iter().find(|b| labels[b.start].as_ref() == label) else {
+            return Err(Refusal::Missing { labels: label.to_owned() });
+        };
+        let rows = &values[block.clone()];
+        if rows.len() < 2 {
+            return Err(Refusal::TooFew { what: format!("position {label}"), got: rows.len(), needed: 2 });
+        }
+        let (mean, sd) = stats::mean_sd(rows);
+        *side = (mean, sd / (rows.len() as f64).sqrt());
+    }
+    let found = flip(sides[0], sides[1], gravity)?;
+    for block in &blocks {
+        let limits = Limits::ACCELEROMETER;
+        if let Some((spread, noise, limit)) = position::wander(&values[block.clone()], found.gain * gravity, &limits) {
+            let position = labels[block.start].as_ref().to_owned();
+            return Err(Refusal::Moved { position, channel: "a", spread, noise, limit });
+        }
+    }
+    Ok(found)
+}
+
 /// Offset over temperature, `a t^2 + b t + c`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TemperatureCurve {
@@ -64,6 +107,19 @@ pub struct TemperatureCurve {
     pub cold_remainder: f64,
     /// Temperatures of the three points, rising, degC.
     pub temperatures_c: [f64; 3],
+}
+
+/// [`temperature_curve`] from a table.
+///
+/// # Errors
+/// As [`temperature_curve`]; [`Refusal::Lengths`]; [`Refusal::Parameter`] for another number of points than three.
+pub fn temperature_rows(temperatures_c: &[f64], offsets: &[f64]) -> Result<TemperatureCurve, Refusal> {
+    series::channels(&["temperature", "offset"], &[temperatures_c, offsets])?;
+    let ([cold, ambient, hot], [a, b, c]) = (temperatures_c, offsets) else {
+        let value = temperatures_c.len() as f64;
+        return Err(Refusal::Parameter { name: "number of points", value, expected: "3: cold, ambient and hot" });
+    };
+    temperature_curve([(*cold, *a), (*ambient, *b), (*hot, *c)])
 }
 
 /// Three-point calibration of the offset over temperature: cold, ambient (25 +- 5 degC) and hot. The print's three steps
@@ -254,6 +310,31 @@ mod tests {
     }
 
     #[test]
+    fn a_flip_from_rows() {
+        let rows = |moving: f64| -> Vec<f64> {
+            (0..400)
+                .map(|i| {
+                    let noise = f64::from(i * 7919 % 101 - 50) * 1e-4;
+                    if i < 200 { 1.035 + noise + moving * f64::from(i) } else { -0.985 + noise }
+                })
+                .collect()
+        };
+        let labels: Vec<&str> = (0..400).map(|i| if i < 200 { "+" } else { "-" }).collect();
+        let f = flip_rows(&labels, &rows(0.0), 1.0).unwrap();
+        assert!((f.offset - 0.025).abs() < 1e-3 && (f.gain - 1.01).abs() < 1e-3 && f.gain_sd < 3e-4, "{f:?}");
+        let check = |labels: &[&str], values: &[f64], expected: &str| {
+            let refusal = flip_rows(labels, values, 1.0).unwrap_err().to_string();
+            assert!(refusal.contains(expected), "{refusal}");
+        };
+        check(&labels, &rows(1e-4), "position + moved");
+        check(&labels[..200], &rows(0.0)[..200], "missing: -");
+        check(&labels[..201], &rows(0.0)[..201], "position -: 1 samples, needs at least 2");
+        check(&["+", "-", "+"], &[1.0, -1.0, 1.0], "`+` stands in two separated blocks");
+        check(&["+", "up"], &[1.0, -1.0], "unknown label `up` in row 2");
+        check(&["+", "-"], &[1.0, f64::NAN], "a: sample 1 is NaN");
+    }
+
+    #[test]
     fn a_parabola_through_three_temperatures() {
         let truth = |t: f64| 2e-3 * t * t - 0.3 * t + 7.0;
         let c = temperature_curve([(85.0, truth(85.0)), (-40.0, truth(-40.0)), (25.0, truth(25.0))]).unwrap();
@@ -261,6 +342,11 @@ mod tests {
             assert!((c.offset(t) - truth(t)).abs() < 1e-10 && (c.a * t * t + c.b * t + c.c - truth(t)).abs() < 1e-10);
         }
         assert!((c.uncertainty_factor(25.0) - 1.0).abs() < 1e-12 && c.uncertainty_factor(120.0) > 2.0);
+        let text = |r: Result<_, Refusal>| r.map(|_: TemperatureCurve| ()).unwrap_err().to_string();
+        assert_eq!(
+            text(temperature_rows(&[1.0; 4], &[1.0; 4])),
+            "number of points is 4, expected 3: cold, ambient and hot"
+        );
         assert!(temperature_curve([(85.0, 1.0), (-40.0, 1.0), (10.0, 1.0)]).is_err());
         assert!(temperature_curve([(25.0, 1.0), (-40.0, 1.0), (25.0, 1.0)]).is_err());
     }

@@ -20,6 +20,8 @@ use crate::cli::{OnFailArg, RunArgs, complain, refuse};
 use crate::control::Control;
 use crate::files;
 use crate::fixture::{Fixture, Operator};
+use crate::records;
+use crate::resume::Resumed;
 use crate::runner::journal::Journal;
 use crate::runner::{self, Ending, Live, Order, chain};
 use crate::serial_number;
@@ -97,13 +99,17 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         Control::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     let job =
         Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let mut header = header(args, plan, &setup, serial_number);
+    let resumed = args.resume.as_deref().map(|run| taken_up(run, &setup.records, &header)).transpose()?;
+    header.resumed = resumed.as_ref().map(Resumed::earlier);
     let mut order = Order {
         job,
-        header: header(args, plan, &setup, serial_number),
+        header,
         target: setup.target,
         can: setup.can,
         fixture: setup.fixture,
         site: setup.site,
+        resumed,
         one_by_one: args.one_by_one,
     };
     // The simulated bench ends with this scope.
@@ -145,6 +151,17 @@ fn counts(ends: &[Outcome]) -> String {
     let count = |outcome: &Outcome| ends.iter().filter(|end| *end == outcome).count();
     let present = Outcome::ALL.iter().filter(|outcome| count(outcome) > 0);
     present.map(|outcome| format!("{} {outcome}", count(outcome))).collect::<Vec<_>>().join(", ")
+}
+
+/// The run that is taken up again, if it is like the one that is to begin.
+fn taken_up(run: &std::path::Path, records: &std::path::Path, header: &RunHeader) -> Result<Resumed, Refusal> {
+    let runs = records::resolve(records, run).map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
+    let [folder] = runs.as_slice() else {
+        let shown = gnc_executive::printable::quoted(&run.to_string_lossy());
+        let what = format!("{} runs are named by {shown}", runs.len());
+        return Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"));
+    };
+    Resumed::read(folder, header).map_err(|error| Refusal::new(chain(&error), error.try_this()))
 }
 
 async fn one_round(
@@ -196,6 +213,7 @@ pub(crate) fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: 
         },
         site: setup.site.clone(),
         recomputed: None,
+        resumed: None,
         selection: args.only.clone(),
         looped: None,
     }

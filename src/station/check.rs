@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::plan::Plan;
 
 use crate::auto::Refusal;
 use crate::cli::{USAGE, refuse};
-use crate::{files, setup};
+use crate::{files, motion, setup};
 
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCode {
     let abilities = match abilities(bench, sim) {
@@ -19,15 +20,15 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
     let mut wrong = 0;
     for path in plans {
         let checked = files::plan(path).and_then(|plan| {
-            let items = plan.items().len();
+            let (items, time) = (plan.items().len(), bench_time(&plan));
             match abilities {
                 Some(abilities) => Job::new(plan, abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?,
-                None => return Ok((items, ", not held against any bench")),
+                None => return Ok((items, time, ", not held against any bench")),
             };
-            Ok((items, ""))
+            Ok((items, time, ""))
         });
         let _ = match checked {
-            Ok((items, remark)) => writeln!(out, "{}: {items} items, no mistake{remark}", path.display()),
+            Ok((items, time, remark)) => writeln!(out, "{}: {items} items, no mistake{remark}{time}", path.display()),
             Err(refusal) => {
                 wrong += 1;
                 let hint =
@@ -37,6 +38,23 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
         };
     }
     if wrong > 0 { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
+}
+
+/// What the items that capture take, each with its own words; nothing where there are none.
+fn bench_time(plan: &Plan) -> String {
+    let mut lines = String::new();
+    let mut whole_s = 0.0;
+    for item in plan.items() {
+        if let Ok(Some(program)) = motion::program(item.id, &item.params) {
+            whole_s += program.span_s() * f64::from(item.repeats);
+            lines.push_str(&format!("\n  {}: {program}", item.name));
+        }
+    }
+    if lines.is_empty() {
+        lines
+    } else {
+        format!("{lines}\n  together {} of bench time for captures", motion::Span(whole_s))
+    }
 }
 
 /// `None` if no bench is named and none is here: the language alone is checked then.

@@ -59,6 +59,20 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "records")]
         records: PathBuf,
     },
+    /// Writes the raw samples of a run as text.
+    Export {
+        /// Its folder, whole or below the records folder.
+        run: PathBuf,
+        /// The form.
+        #[arg(long, value_enum, default_value = "csv")]
+        format: crate::export::Format,
+        /// The folder that is made for it; RUN-export here, if not given.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// The records folder.
+        #[arg(long, value_name = "DIR", default_value = "records")]
+        records: PathBuf,
+    },
     /// Looks through the records.
     Records {
         #[command(subcommand)]
@@ -166,6 +180,9 @@ pub struct RunArgs {
     /// Whether a bad item ends the run and its loop, whatever the plan says.
     #[arg(long, value_name = "stop|continue")]
     pub on_fail: Option<OnFailArg>,
+    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
+    pub resume: Option<PathBuf>,
     /// Runs one item after the other, also where the plan's items could run at once.
     #[arg(long)]
     pub one_by_one: bool,
@@ -206,6 +223,9 @@ pub fn main() -> ExitCode {
             crate::check::run(&plans, bench.as_deref(), sim)
         }
         Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
+        Some(Command::Export { run, format, out, records }) => {
+            crate::export::run(&run, &records, format, out.as_deref())
+        }
         Some(Command::Records { what, records }) => crate::records::run(&what, &records),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
         None => crate::tui::run(&cli.run),

@@ -8,12 +8,15 @@ use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
 
 use crate::auto::Refusal;
+use crate::motion;
 
 /// Reads and checks a plan with all that it includes.
 pub(crate) fn plan(path: &Path) -> Result<Plan, Refusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
-    Plan::read(&path.to_string_lossy(), bytes, &mut load).map_err(|mistakes| Refusal::new(mistakes, ""))
+    let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
+    // What it does with the module is known here alone.
+    plan.and_then(|plan| plan.check(motion::mistakes)).map_err(|mistakes| Refusal::new(mistakes, ""))
 }
 
 /// Reads and checks a bench file.

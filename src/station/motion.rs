@@ -3,14 +3,18 @@
 //! Pure data from an item's parameters, so that the plan check and the log can say beforehand how long it takes and how
 //! fast it turns.
 
+mod check;
 mod programs;
+mod resume;
 pub mod watch;
 
 use std::fmt;
 
 use crate::capture::{About, Pose};
 use crate::turntable::Lie;
+pub use check::mistakes;
 pub use programs::program;
+pub use resume::Action;
 
 /// A step of a program.
 #[derive(Debug, Clone, PartialEq)]
@@ -109,6 +113,15 @@ impl Program {
 }
 
 impl Step {
+    /// What it captures, if it does.
+    #[must_use]
+    pub fn about(&self) -> Option<&About> {
+        match self {
+            Self::Capture { about, .. } | Self::Turn { about, .. } | Self::Receiver { about, .. } => Some(about),
+            _ => None,
+        }
+    }
+
     /// Bench time that it takes for certain.
     #[must_use]
     pub fn span_s(&self) -> f64 {

@@ -5,6 +5,7 @@ mod calibration;
 mod can;
 mod capturing;
 mod cpu;
+mod download;
 mod flash;
 mod gnss;
 mod identity;
@@ -25,6 +26,7 @@ use crate::figures::{FigureError, Findings};
 use crate::fixture::{Fixture, FixtureError};
 use crate::link::can::{CanOpenError, CanTarget};
 use crate::motion::watch::Spoilt;
+use crate::resume::{ResumeError, Resumed};
 use crate::runner::report::Report;
 use crate::store::StoreError;
 use crate::store::captures::CapturesError;
@@ -42,6 +44,8 @@ pub struct Bench<'a> {
     pub can: Option<&'a CanTarget>,
     /// What the items that ended before this attempt found, in the order of the plan, each with its name.
     pub earlier: Vec<(String, Findings)>,
+    /// The run whose captures are taken over; a second attempt captures anew.
+    pub resumed: Option<&'a Resumed>,
 }
 
 /// Why a procedure came to no end.
@@ -109,6 +113,9 @@ pub enum Trouble {
     /// No figure comes from the captures.
     #[error(transparent)]
     Figure(#[from] FigureError),
+    /// What an earlier run captured cannot be taken over.
+    #[error(transparent)]
+    Resume(#[from] ResumeError),
     /// Nothing could be worked out from the captures: a mistake in this program.
     #[error("nothing could be worked out: {why}")]
     Analysis {
@@ -184,6 +191,7 @@ impl Trouble {
             }
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),
+            Self::Resume(error) => error.try_this(),
             Self::Analysis { .. } => "keep the raw samples and report this",
             Self::Captures(error) => error.source.try_this(),
             Self::CanOpen(error) => error.try_this(),
@@ -227,6 +235,7 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         ItemId::Spi => spi::run(bench, params, report).await,
         ItemId::Sci => sci::run(bench, params, report).await,
         ItemId::Can => can::run(bench, report).await,
+        ItemId::CalibrationDownload => download::run(bench, params, report).await,
         ItemId::SixPosition
         | ItemId::GyroStill
         | ItemId::Rotation
@@ -242,7 +251,6 @@ pub async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Repo
         | ItemId::MagnetometerEllipse
         | ItemId::MagnetometerEllipsoid
         | ItemId::GnssAccuracy
-        | ItemId::CalibrationDownload
         | ItemId::CalibrationCheck => calibration::run(item, bench, params, report).await,
     }
 }

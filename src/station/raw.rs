@@ -6,7 +6,7 @@
 //! | topic | message | one for each |
 //! | --- | --- | --- |
 //! | `/capture` | `gnc.CaptureMark` | begin and end of a capture: what it is of, and at its end what was lost where |
-//! | `/imu` | `gnc.ImuSample` | sample: number in the capture, board time, counts as they came |
+//! | `/imu` | `gnc.ImuSample` | sample: counts as they came; log time is its board time, sequence its number in the capture |
 //! | `/gnss` | `gnc.GnssBytes` | piece of the receiver's bytes |
 //! | `/pps` | `gnc.PpsEdge` | edge of the 1PPS |
 //!
@@ -20,7 +20,7 @@ mod schema;
 mod writer;
 
 pub use reader::{RawError, RawRecord, Unfinished, read};
-pub use writer::{Piece, RawWriter};
+pub use writer::{Piece, RawWriter, pieces};
 
 /// Numbers of the four channels, which are those of their schemas as well.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

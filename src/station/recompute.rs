@@ -8,14 +8,14 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_executive::event::{Event, PlanInfo, Recomputed};
+use gnc_executive::event::{EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::printable::printable;
 use gnc_executive::state::RunState;
 
 use crate::cli::{complain, refuse};
 use crate::files;
-use crate::records::{no_such, resolve};
+use crate::records;
 use crate::runner::chain;
 use crate::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
 use again::Again;
@@ -33,13 +33,10 @@ Exit codes without --plan:
 Exit codes with --plan: those of a run, by the verdict under the other plan.";
 
 /// Judges a run again; with another plan into a new folder beside it.
-pub(crate) fn run(run: &Path, records: &Path, plan: Option<&Path>) -> ExitCode {
-    let folder = match resolve(records, run) {
-        Ok(mut folders) => match folders.pop() {
-            Some(newest) => newest,
-            None => return no_such(run),
-        },
-        Err(error) => return refuse(chain(&error), error.try_this()),
+pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
+    let folder = match records::one(within, run) {
+        Ok(folder) => folder,
+        Err(refused) => return refused,
     };
     let done = match plan {
         None => same(&folder),
@@ -73,7 +70,7 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
 fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     let plan = files::plan(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = Run::read(folder)?;
-    let of = Recomputed {
+    let of = EarlierRun {
         run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         journal_sha256: digest::of_file(&folder.join(JOURNAL))?,
     };

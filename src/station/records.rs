@@ -138,6 +138,21 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
     Ok(reader::list(records)?.into_iter().filter(of_module).map(|found| found.path).collect())
 }
 
+/// The one run that the user named.
+///
+/// # Errors
+/// The exit code, after a word to the user: there is none, there are several, or they cannot be read.
+pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
+    match resolve(records, named) {
+        Err(error) => Err(refuse(crate::runner::chain(&error), error.try_this())),
+        Ok(mut runs) if runs.len() <= 1 => runs.pop().ok_or_else(|| no_such(named)),
+        Ok(runs) => {
+            let what = format!("there are {} runs of {}", runs.len(), printable(&named.to_string_lossy()));
+            Err(refuse(what, "name one by its folder; `gnc-station records list` shows them"))
+        }
+    }
+}
+
 pub(crate) fn no_such(named: &Path) -> ExitCode {
     let what = format!("there is no run {}", printable(&named.to_string_lossy()));
     refuse(what, "name a run's folder or a serial number; `gnc-station records list` shows what is there")

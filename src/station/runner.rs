@@ -32,6 +32,7 @@ use crate::fixture::Fixture;
 use crate::link::Target;
 use crate::link::can::CanTarget;
 use crate::procedure::{self, Bench, Trouble};
+use crate::resume::Resumed;
 use crate::store::StoreError;
 use crate::turntable;
 use connection::connect;
@@ -61,6 +62,8 @@ pub struct Order {
     pub fixture: Fixture,
     /// Where the bench stands.
     pub site: Option<Site>,
+    /// The run that is taken up again.
+    pub resumed: Option<Resumed>,
     /// One item after the other, also where they could run at once.
     pub one_by_one: bool,
 }
@@ -358,6 +361,7 @@ impl Run<'_> {
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
             earlier: self.earlier(),
+            resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;

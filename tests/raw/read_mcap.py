@@ -29,8 +29,7 @@ def captures(path):
                     yield label, samples, decoded
                     label = None
                 elif channel.topic == "/imu":
-                    assert decoded.number == len(samples), f"{label}: sample {decoded.number} after {len(samples)}"
-                    assert message.log_time == decoded.board_time_us * 1000
+                    assert message.sequence == len(samples), f"{label}: sample {message.sequence} after {len(samples)}"
                     samples.append((decoded.gyro_x, decoded.gyro_y, decoded.gyro_z))
         except EndOfFile:
             print(f"{path}: has no end")

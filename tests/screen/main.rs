@@ -96,6 +96,8 @@ fn an_operator_tests_a_module() {
     assert!(terminal.text().contains("failed"), "{}", terminal.text());
     assert!(terminal.text().contains("wrong_reads"), "{}", terminal.text());
 
+    // The row is there before the run has ended.
+    terminal.wait_for("F4 Repeat");
     // T-2 was scanned: its run is another module's, so first the label of T-1 again.
     terminal.types(b"T-1\r");
     terminal.wait_for("tested today at");
@@ -105,6 +107,8 @@ fn an_operator_tests_a_module() {
     terminal.wait_for("Close the lid.");
     terminal.types(b"\r");
     terminal.wait_for("look at: A line reads another level");
+    // The row is there before the run has ended.
+    terminal.wait_for("F4 Repeat");
     terminal.types(F4);
     terminal.wait_for("Close the lid.");
     terminal.types(ESC);

@@ -134,11 +134,14 @@ fn compensated(host: &mut Host, rate_hz: u16, count: u32) -> Vec<CompensatedSamp
     host.frames.clear();
     let start = host.ask(&StreamStart { stream: 4, rate_hz, count, samples_per_frame: 0 });
     assert_eq!((start.format, start.samples_per_frame), (4, (rate_hz / 20).clamp(1, 10) as u8));
-    let mut all: Vec<CompensatedSample> = Vec::new();
-    while all.len() < count as usize {
+    let all = loop {
+        // Some may have come with the answer.
+        let all: Vec<CompensatedSample> = host.streamed(4).iter().flat_map(samples).collect();
+        if all.len() >= count as usize {
+            break all;
+        }
         host.run_until(|frame| frame.header.kind == gnc_protocol::Kind::Stream);
-        all = host.streamed(4).iter().flat_map(samples).collect();
-    }
+    };
     assert_eq!(host.ask(&StreamStop { stream: 4 }).produced, count);
     all
 }

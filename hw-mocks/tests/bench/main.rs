@@ -23,6 +23,8 @@ mod personalities;
 #[cfg(test)]
 mod pty;
 #[cfg(test)]
+mod sensor_faults;
+#[cfg(test)]
 mod sensors;
 #[cfg(test)]
 mod turntable;

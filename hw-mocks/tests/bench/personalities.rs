@@ -1,6 +1,10 @@
 //! Personality files: what comes with the library is well formed, what is wrong is refused with its place.
 
+use hw_mocks::devices::inertial::SensorModels;
+use hw_mocks::devices::inertial::model::PUBLISHED;
 use hw_mocks::{Personality, boards};
+
+use crate::host::Host;
 
 const ITEMS: [&str; 14] = [
     "identity",
@@ -36,6 +40,39 @@ fn embedded_boards_are_well_formed_and_expect_known_items() {
             _ => {}
         }
         assert!(expected.items.iter().all(|item| ITEMS.contains(&item.as_str())), "{name}");
+    }
+}
+
+/// What a whole acceptance finds is in the file beside what the functional table finds: a bad module fails one of them
+/// in items that are named, and the five good ones pass both.
+#[test]
+fn boards_for_acceptance_say_how_they_end() {
+    let mut bad = 0;
+    for (name, text) in boards() {
+        let personality = Personality::from_toml(name, text).unwrap();
+        let Some(expected) = personality.expect.get("acceptance") else { continue };
+        assert_eq!(
+            personality.expect["functional"].outcome, "passed",
+            "{name}: acceptance begins with the functional table"
+        );
+        match expected.outcome.as_str() {
+            "passed" => assert!(expected.items.is_empty() && expected.figures.is_empty(), "{name}"),
+            "failed" => {
+                bad += 1;
+                assert!(!expected.items.is_empty() && !expected.figures.is_empty(), "{name}");
+            }
+            other => panic!("{name}: {other}"),
+        }
+    }
+    assert_eq!(bad, 16);
+}
+
+/// The files of the five modules hold the figures of the table.
+#[test]
+fn the_five_modules_are_those_of_the_table() {
+    for (name, published) in ["good", "good-2", "good-3", "good-4", "good-5"].iter().zip(&PUBLISHED) {
+        let host = Host::powered(name);
+        assert_eq!(host.bench.truth().sensors, SensorModels::published(published), "{name}");
     }
 }
 
@@ -82,6 +119,12 @@ fn mistakes_are_told_with_line_and_column() {
 
 #[test]
 fn units_in_names_are_those_of_the_sensor() {
+    refused("[gyro]\nturn_on_dph = [1.0, -2.0, 0.0]\n", "mine:2:15: turn_on -2 is not in 0 to 1000000");
+    refused("[mag]\nresponse = [[1, 0, 0], [0, nan, 0], [0, 0, 1]]\n", "mine:2:28: response NaN is not in -100 to 100");
+    refused("[turntable]\nslew_s = 1e9\n", "mine:2:10: slew_s 1000000000 is not in 0 to 600");
+    refused("[calibration]\nlost_bit = { byte = 300, bit = 0 }\n", "mine:2:21: byte 300 is not in 0 to 299");
+    let two = Personality::from_toml("mine", "[gyro]\ndrift_dph_per_h = [1, 2]\n").unwrap_err();
+    assert!(two.to_string().contains("an array of length 3"), "{two}");
     for text in ["[accel]\noffset_g = [0.0, 0.0, 0.025]\n", "[gyro]\noffset_dps = [1, 0, 0]\n"] {
         assert!(Personality::from_toml("mine", text).is_ok(), "{text}");
     }

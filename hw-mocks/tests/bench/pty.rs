@@ -25,12 +25,14 @@ struct PtyHost {
     decoder: Decoder,
     request: u16,
     came: Vec<Frame>,
+    keep_alive_at: Instant,
 }
 
 impl PtyHost {
     fn open(path: &std::path::Path) -> Self {
         let port = std::fs::OpenOptions::new().read(true).write(true).open(path).unwrap();
-        let mut host = Self { port, decoder: Decoder::default(), request: 0, came: Vec::new() };
+        let mut host =
+            Self { port, decoder: Decoder::default(), request: 0, came: Vec::new(), keep_alive_at: Instant::now() };
         host.hello();
         host
     }
@@ -49,10 +51,9 @@ impl PtyHost {
 
     fn wait(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
         let end = Instant::now() + PATIENCE;
-        let mut keep_alive_at = Instant::now() + KEEP_ALIVE_EVERY;
         loop {
-            if Instant::now() >= keep_alive_at {
-                keep_alive_at = Instant::now() + KEEP_ALIVE_EVERY;
+            if Instant::now() >= self.keep_alive_at {
+                self.keep_alive_at = Instant::now() + KEEP_ALIVE_EVERY;
                 self.send(Kind::Event, 0, event::KEEP_ALIVE, Payload::new());
             }
             if let Some(index) = self.came.iter().position(&wanted) {
@@ -149,7 +150,7 @@ fn hostile_bytes_never_end_the_bench() {
             kind: Kind::ALL[(dice.word() % 8) as usize],
             flags: Flags(dice.word() as u8),
             request: 1000 + round,
-            message: (dice.word() % 0x24) as u16,
+            message: (dice.word() % 0x28) as u16,
             sequence: dice.word() as u16,
         };
         bytes.extend(encode(&Frame { header, payload: Payload::from_slice(&payload).unwrap() }));
@@ -237,7 +238,12 @@ fn program_serves_takes_commands_and_ends() {
     assert_eq!(program.say("switch 1 on"), "ok");
     assert_eq!(program.say("switch 9 on"), "error switch 9 is not one of 1 to 5");
     assert_eq!(program.say("up y-"), "ok");
+    assert_eq!(program.say("orient polar z+ 0"), "ok");
+    assert_eq!(program.say("rotate 1080 5"), "error the turntable is moving; stop it first");
     assert_eq!(program.say("sleep 1000 s"), "ok");
+    assert_eq!(program.say("rotate 1080 5"), "ok");
+    assert_eq!(program.say("stop"), "ok");
+    assert_eq!(program.say("orient down z+ 0"), "error \"down\" is not one of up, north, polar");
     assert_eq!(program.say("heading north"), "error \"north\" is no number");
     assert_eq!(program.say("jump"), "error \"jump\" is no command; help lists them");
     writeln!(program.child.stdin.as_mut().unwrap(), "quit").unwrap();

@@ -36,7 +36,7 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     let Some(id) = ItemId::from_id(id) else {
         let hint = match nearest(id, ItemId::ALL.iter().map(|item| item.as_str())) {
             Some(id) => format!("did you mean \"{id}\"?"),
-            None => format!("the items are {}", ItemId::ALL.map(ItemId::as_str).join(", ")),
+            None => "`docs/plan.schema.json` lists the items; an editor that reads it offers them".to_owned(),
         };
         walk.mistake(id_span, format!("unknown item {}", quoted(id)), hint);
         return None;

@@ -13,7 +13,7 @@ fn one_line_for_each_item() {
     let lines: Vec<String> = record().items.iter().map(item_line).collect();
     insta::assert_snapshot!(lines.join("\n"), @r#"
     marginal  identity             1.25 s  supply_current 0.468 A (0.4655 .. 0.5145 A)
-    failed    sdram                1.50 s  mismatches_solid 4096 (== 0) and 1 more
+    failed    sdram                1.75 s  mismatches_solid 4096 (== 0) and 1 more
     errored   imu                  1.75 s  attempt 2  the slave board restarted during the request
     skipped   io                           requires sdram, which failed
     "#);
@@ -48,7 +48,7 @@ fn the_verdict_never_hides_what_it_is_worth() {
     insta::assert_snapshot!(format!("{}\n{}", banners(&record).join("\n"), verdict_line(&record)), @r#"
     SIMULATED BENCH (boards/good\u{1b}.toml): no evidence about any module
     SELECTION (identity, sdram): not a pass of the module
-    ERRORED (simulated, selection)  ../\u{1b}[2JX  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.25 s
+    ERRORED (simulated, selection)  ../\u{1b}[2JX  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.50 s
     "#);
     assert!(log_txt(&record).starts_with("*** SIMULATED BENCH"));
     let lines: String = run.events.iter().take(8).map(|event| journal::line(event).unwrap()).collect();
@@ -78,8 +78,8 @@ fn the_log_holds_everything() {
     Bench         simulated, personality good-1, speed 1, seed 42
     Board         SB-7, firmware 1.4.0, protocol 1, boot 77, /dev/ttyUSB0 at 921600 bit/s
     Start         2026-11-22 14:30:15.000 +08:00
-    Elapsed       6.250 s
-    End           2026-11-22 14:30:21.250 +08:00
+    Elapsed       6.500 s
+    End           2026-11-22 14:30:21.500 +08:00
 
     marginal  identity             1.25 s  supply_current 0.468 A (0.4655 .. 0.5145 A)
       attempt 1: marginal, start 2026-11-22 14:30:15.750 +08:00, elapsed 1.00 s
@@ -87,24 +87,24 @@ fn the_log_holds_everything() {
         -         firmware 2.1\u{1b}[31m
         marginal  supply_current 0.468 A (0.4655 .. 0.5145 A)
 
-    failed    sdram                1.50 s  mismatches_solid 4096 (== 0) and 1 more
-      attempt 1: failed, start 2026-11-22 14:30:17.250 +08:00, elapsed 1.25 s
+    failed    sdram                1.75 s  mismatches_solid 4096 (== 0) and 1 more
+      attempt 1: failed, start 2026-11-22 14:30:17.250 +08:00, elapsed 1.50 s
         failed    mismatches_solid 4096 (== 0)
         -         words_tested 33554432
         failed    test_time 2.0000004 s (<= 2 s)
         board:    mismatch at 0x80001000: expected 0xffffffff, got 0xfffffffe (board time 1.23 s)
 
     errored   imu                  1.75 s  attempt 2  the slave board restarted during the request
-      attempt 1: errored, start 2026-11-22 14:30:19.000 +08:00, elapsed 0.50 s
+      attempt 1: errored, start 2026-11-22 14:30:19.250 +08:00, elapsed 0.50 s
         errored   gyro_x NaN (-2 .. 2 deg/s)
-      attempt 2: errored, start 2026-11-22 14:30:19.750 +08:00, elapsed 0.50 s
+      attempt 2: errored, start 2026-11-22 14:30:20.000 +08:00, elapsed 0.50 s
         error:    the slave board restarted during the request
 
     skipped   io                           requires sdram, which failed
 
     Notes
-      2026-11-22 14:30:20.000 +08:00       5.000 s  error    imu: the slave board restarted
-      2026-11-22 14:30:20.500 +08:00       5.500 s  info     supply off\u{7}
+      2026-11-22 14:30:20.250 +08:00       5.250 s  error    imu: the slave board restarted
+      2026-11-22 14:30:20.750 +08:00       5.750 s  info     supply off\u{7}
 
     Not good
     identity marginal
@@ -120,7 +120,7 @@ fn the_log_holds_everything() {
       error:    the slave board restarted during the request
                 try: check its supply
 
-    ERRORED (simulated)  DEMO-1  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.25 s
+    ERRORED (simulated)  DEMO-1  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.50 s
     *** SIMULATED BENCH (good-1): no evidence about any module ***
     "#);
 }

@@ -38,11 +38,19 @@ pub struct Coefficients {
 /// `sqrt(2 ln 2 / pi)`.
 const FLAT: f64 = 0.664_282;
 
-/// A term must carry this part of the variance at some averaging time to be called seen.
+/// A term must carry this part of the variance at some averaging time to be called seen ...
 const SEEN: f64 = 0.5;
+/// ... and exceed this many times what chance makes of it where it is absent. (Not its own standard deviation: a long
+/// averaging time has few degrees of freedom, so that this is always large, though the record may leave no doubt.)
+const CHANCE: f64 = 4.0;
 
-/// Weighted non-negative fit of the squared deviations. Weights come from the fitted curve and the degrees of freedom of
-/// each point, so that points that happen to be low do not weigh more.
+/// Coefficients of the five terms of `dev^2`.
+fn terms(tau_s: f64) -> [f64; 5] {
+    [3.0 / (tau_s * tau_s), 1.0 / tau_s, FLAT * FLAT, tau_s / 3.0, tau_s * tau_s / 2.0]
+}
+
+/// Weighted non-negative fit of the squared deviations. A term that the record does not show is left out, the least likely
+/// one first, and the rest is fitted again: it would take from a neighbour that is there.
 pub(super) fn fit(points: &[Point]) -> Coefficients {
     let usable: Vec<&Point> = points.iter().filter(|p| p.edf.is_finite() && p.edf > 0.5 && p.dev > 0.0).collect();
     let b_upper_bound = usable.iter().map(|p| p.dev / FLAT).reduce(f64::min);
@@ -50,40 +58,89 @@ pub(super) fn fit(points: &[Point]) -> Coefficients {
     if usable.len() < 2 {
         return coefficients;
     }
-    let terms = |tau: f64| [3.0 / (tau * tau), 1.0 / tau, FLAT * FLAT, tau / 3.0, tau * tau / 2.0];
-    let mut model: Vec<f64> = usable.iter().map(|p| p.dev * p.dev).collect();
-    let mut solution = [0.0; 5];
-    let mut free = Vec::new();
-    let mut cofactor = DMatrix::zeros(0, 0);
-    let mut design = DMatrix::zeros(0, 0);
-    for _ in 0..20 {
-        // Variance of a variance: 2 s^4 / edf.
-        let sigma: Vec<f64> = model.iter().zip(&usable).map(|(s2, p)| s2 * (2.0 / p.edf).sqrt()).collect();
-        design = DMatrix::from_fn(usable.len(), 5, |r, c| terms(usable[r].tau_s)[c] / sigma[r]);
-        let data = DVector::from_fn(usable.len(), |r, _| usable[r].dev.powi(2) / sigma[r]);
-        (solution, free, cofactor) = non_negative(&design, &data);
-        let before = model.clone();
-        model = usable.iter().map(|p| terms(p.tau_s).iter().zip(solution).map(|(t, s)| t * s).sum()).collect();
-        if model.iter().zip(&before).all(|(a, b)| (a / b - 1.0).abs() < 1e-9) {
-            break;
-        }
-    }
-    // Neighbouring deviations share their samples: covariance of the solution with correlated data.
-    let weighted = design.select_columns(&free) * &cofactor;
     let correlated = DMatrix::from_fn(usable.len(), usable.len(), |a, b| correlation(usable[a], usable[b]));
-    let covariance = weighted.transpose() * correlated * &weighted;
-    let mut found = [None; 5];
-    for (row, &c) in free.iter().enumerate() {
-        let share = usable.iter().zip(&model).map(|(p, s2)| terms(p.tau_s)[c] * solution[c] / s2).fold(0.0, f64::max);
-        let sd: f64 = covariance[(row, row)];
-        let sd = sd.max(0.0).sqrt();
-        if share >= SEEN && solution[c] > 2.0 * sd {
-            let (low, high) = ((solution[c] - sd).max(0.0).sqrt(), (solution[c] + sd).sqrt());
-            found[c] = Some(Coefficient { value: solution[c].sqrt(), low, high });
+    let mut allowed = vec![0, 1, 2, 3, 4];
+    while !allowed.is_empty() {
+        let solved = Solved::of(&usable, &allowed);
+        let seen: Vec<Seen> = (0..solved.free.len()).map(|row| solved.seen(row, &usable, &correlated)).collect();
+        let least =
+            seen.iter().zip(&solved.free).filter(|(s, _)| !s.plain).min_by(|a, b| a.0.odds.total_cmp(&b.0.odds));
+        if let Some((_, least)) = least {
+            allowed.retain(|c| c != least);
+            continue;
         }
+        let mut found = [None; 5];
+        for (s, &c) in seen.iter().zip(&solved.free) {
+            let square = solved.solution[c];
+            let (low, high) = ((square - s.sd).max(0.0).sqrt(), (square + s.sd).sqrt());
+            found[c] = Some(Coefficient { value: square.sqrt(), low, high });
+        }
+        [coefficients.q, coefficients.n, coefficients.b, coefficients.k, coefficients.r] = found;
+        break;
     }
-    [coefficients.q, coefficients.n, coefficients.b, coefficients.k, coefficients.r] = found;
     coefficients
+}
+
+/// A fit with some of the terms.
+struct Solved {
+    solution: [f64; 5],
+    /// Terms above zero.
+    free: Vec<usize>,
+    /// How each of these follows from the squared deviations, in units of their scatter.
+    estimator: DMatrix<f64>,
+    /// Fitted squares.
+    model: Vec<f64>,
+}
+
+/// What speaks for a term.
+struct Seen {
+    /// Standard deviation of the square of the coefficient.
+    sd: f64,
+    /// That square over what chance makes of it where it is absent.
+    odds: f64,
+    plain: bool,
+}
+
+impl Solved {
+    /// Weights come from the fitted curve and the degrees of freedom of each point, so that points that happen to be low
+    /// do not weigh more.
+    fn of(points: &[&Point], allowed: &[usize]) -> Self {
+        let mut model: Vec<f64> = points.iter().map(|p| p.dev * p.dev).collect();
+        let mut solved =
+            Self { solution: [0.0; 5], free: Vec::new(), estimator: DMatrix::zeros(0, 0), model: Vec::new() };
+        for _ in 0..20 {
+            // Variance of a variance: 2 s^4 / edf.
+            let sigma: Vec<f64> = model.iter().zip(points).map(|(s2, p)| s2 * (2.0 / p.edf).sqrt()).collect();
+            let design = DMatrix::from_fn(points.len(), 5, |r, c| terms(points[r].tau_s)[c] / sigma[r]);
+            let data = DMatrix::from_fn(points.len(), 1, |r, _| points[r].dev.powi(2) / sigma[r]);
+            let (solution, free, cofactor) = non_negative(&design, &data, allowed);
+            let estimator = (design.select_columns(&free) * cofactor).transpose();
+            let now: Vec<f64> =
+                points.iter().map(|p| terms(p.tau_s).iter().zip(solution).map(|(t, s)| t * s).sum()).collect();
+            let settled = now.iter().zip(&model).all(|(a, b)| (a / b - 1.0).abs() < 1e-9);
+            model.clone_from(&now);
+            solved = Self { solution, free, estimator, model: now };
+            // Without a term nothing is left to weigh.
+            if settled || model.iter().any(|m| *m <= 0.0) {
+                break;
+            }
+        }
+        solved
+    }
+
+    /// Neighbouring deviations share their samples, so the data are correlated.
+    fn seen(&self, row: usize, points: &[&Point], correlated: &DMatrix<f64>) -> Seen {
+        let c = self.free[row];
+        let part = |r: usize| terms(points[r].tau_s)[c] * self.solution[c] / self.model[r];
+        let spread = |scatter: &dyn Fn(usize) -> f64| -> f64 {
+            let w = DVector::from_fn(points.len(), |r, _| self.estimator[(row, r)] * scatter(r));
+            (w.transpose() * correlated * &w)[0].max(0.0).sqrt()
+        };
+        let share = (0..points.len()).map(part).fold(0.0, f64::max);
+        let (sd, chance) = (spread(&|_| 1.0), spread(&|r| 1.0 - part(r)));
+        let odds = self.solution[c] / chance;
+        Seen { sd, odds, plain: share >= SEEN && odds > CHANCE }
+    }
 }
 
 /// Correlation of two overlapping Allan variances by how many octaves their averaging times are apart; from simulation
@@ -108,16 +165,16 @@ fn correlation(a: &Point, b: &Point) -> f64 {
 
 /// Least squares with solution >= 0, over all subsets of the columns: with five of them that is the plainest way, and
 /// it finds the optimum. Returns the solution, the free columns and the cofactor of these.
-fn non_negative(design: &DMatrix<f64>, data: &DVector<f64>) -> ([f64; 5], Vec<usize>, DMatrix<f64>) {
+fn non_negative(design: &DMatrix<f64>, data: &DMatrix<f64>, allowed: &[usize]) -> ([f64; 5], Vec<usize>, DMatrix<f64>) {
     let mut best = ([0.0; 5], Vec::new(), DMatrix::zeros(0, 0));
     let mut best_squares = f64::INFINITY;
-    for subset in 1_u32..32 {
-        let columns: Vec<usize> = (0..5).filter(|c| subset & (1 << c) != 0).collect();
+    for subset in 1_u32..1 << allowed.len() {
+        let columns: Vec<usize> =
+            allowed.iter().enumerate().filter(|(bit, _)| subset & (1 << bit) != 0).map(|(_, c)| *c).collect();
         if columns.len() > design.nrows() {
             continue;
         }
-        let data = DMatrix::from_column_slice(data.len(), 1, data.as_slice());
-        let Ok(fit) = linear::least_squares("noise coefficients", &design.select_columns(&columns), &data) else {
+        let Ok(fit) = linear::least_squares("noise coefficients", &design.select_columns(&columns), data) else {
             continue;
         };
         let squares = fit.residuals.norm_squared();

@@ -57,7 +57,7 @@ pub(super) fn on_threads<T: Send, R: Send>(parts: impl IntoIterator<Item = T>, w
     let work = &work;
     thread::scope(|scope| {
         let handles: Vec<_> = parts.into_iter().map(|part| scope.spawn(move || work(part))).collect();
-        let joined = handles.into_iter().map(|handle| handle.join());
+        let joined = handles.into_iter().map(thread::ScopedJoinHandle::join);
         joined.map(|result| result.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     })
 }

@@ -65,7 +65,7 @@ fn surfaces(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
     spiked.iter_mut().step_by(1000).for_each(|v| *v = 1e4 * dice.normal());
     time("ellipse, 180,000 points: algebraic", 5.0, &mut || _ = black_box(ellipse::fit_algebraic(&x, &y)));
     time("ellipse: whole robust fit, 0.1 % spikes", 25.0, &mut || {
-        _ = black_box(ellipse::fit(&spiked, &y, None).unwrap())
+        _ = black_box(ellipse::fit(&spiked, &y, None).unwrap());
     });
     let points: Vec<[f64; 3]> = truth::directions(180_000)
         .iter()

@@ -1,5 +1,7 @@
 //! The algebraic fit: the start of the geometric one.
 
+#![allow(clippy::needless_range_loop, reason = "vectors of several arrays are walked together by one index")]
+
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, SymmetricEigen};
 use wide::f64x4;
 

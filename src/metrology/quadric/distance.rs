@@ -1,5 +1,7 @@
 //! One round of the fit of normal distances.
 
+#![allow(clippy::needless_range_loop, reason = "vectors of several arrays are walked together by one index")]
+
 use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
 use wide::f64x4;
 
@@ -148,10 +150,10 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
                 let (row, rest) = self.row(&feet, sigma);
                 // An outlier's numbers may be infinite, and 0 times that is no number: masked, not only weighted.
                 for p in 0..P {
-                    jacobian[p][g] = row[p] * w & used;
+                    jacobian[p][g] = (row[p] * w) & used;
                 }
-                residual[g] = rest * w & used;
-                weights += w * w & used;
+                residual[g] = (rest * w) & used;
+                weights += (w * w) & used;
             }
             squares = block::add_product(squares, &residual, &residual);
             for a in 0..P {

@@ -206,9 +206,9 @@ pub(crate) fn unpack<const D: usize, const P: usize>(parameters: &SVector<f64, P
 }
 
 impl<const D: usize, const P: usize> Fit<D, P> {
-    /// Standard deviations of figures computed from the surface (delta method, central differences of a hundredth of a
-    /// standard deviation).
-    pub(crate) fn spread<const N: usize>(&self, figures: impl Fn(&Surface<D>) -> [f64; N]) -> [f64; N] {
+    /// Covariance of figures computed from the surface (delta method, central differences of a hundredth of a standard
+    /// deviation).
+    pub(crate) fn spread<const N: usize>(&self, figures: impl Fn(&Surface<D>) -> [f64; N]) -> SMatrix<f64, N, N> {
         let at = |parameters: &SVector<f64, P>| {
             let local = unpack::<D, P>(parameters);
             figures(&Surface {
@@ -231,7 +231,6 @@ impl<const D: usize, const P: usize> Fit<D, P> {
                 jacobian[(k, p)] = (above[k] - below[k]) / (2.0 * h);
             }
         }
-        let covariance = jacobian * self.covariance * jacobian.transpose();
-        std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt())
+        jacobian * self.covariance * jacobian.transpose()
     }
 }

@@ -159,6 +159,9 @@ fn rotations() {
     refused(&|r| (0..4).for_each(|k| r[k].0 = ["y+", "y-", "x+", "x-"][k].to_owned()), "no rotation found");
     let no = |_: &mut Runs| {};
     rotation_refused(no, |o| o.saturation = Some(7000.0), "x is saturated");
+    // Both senses cut alike: they cancel, and only the plateau tells.
+    let clip = |r: &mut Runs| (0..2).for_each(|k| r[k].1[0].iter_mut().for_each(|v| *v = v.clamp(-7000.0, 7000.0)));
+    refused(&clip, "x of run x+ is saturated");
     rotation_refused(no, |o| o.nominal = Some((2500.0, 5.0)), "sensor x: response 1.99");
     rotation_refused(no, |o| o.rate_hz = f64::NAN, "rate (Hz) is NaN");
     rotation_refused(no, |o| o.turns = 0.0, "turns is 0");
@@ -258,7 +261,8 @@ fn ellipsoids() {
         for width in [0.02, 0.1, 0.25] {
             let [x, y, z] = sphere(|u| u[2].abs() < width, round, noise);
             let fit = ellipsoid::fit(&x, &y, &z, None, None);
-            assert!(fit.is_err(), "noise {noise}, width {width}: {fit:?}");
+            let refusal = fit.map_err(|e| e.to_string()).expect_err("a refusal");
+            assert!(refusal.contains("poor coverage"), "noise {noise}, width {width}: {refusal}");
         }
     }
     ellipsoid_refused(sphere(|u| u[2].abs() < 0.1, round, 0.01), "poor coverage");

@@ -135,6 +135,7 @@ fn header() -> RunHeader {
         plan: PlanInfo { name: "many".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
         site: None,
         recomputed: None,
+        resumed: None,
         selection: None,
         looped: None,
     }

@@ -7,8 +7,9 @@ use gnc_metrology::allan::{self, Coefficient, Input, Kind, Taus};
 use serde_json::{Value, json};
 
 use super::plot::{Mark, Panel, Series};
+use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 /// Which deviation.
@@ -75,7 +76,7 @@ fn taus(text: &str) -> Result<Taus, String> {
 impl Allan {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        let mut columns = Table::open(&self.file)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
         let values = columns.numbers.swap_remove(0);
         let input = if self.phase { Input::Phase } else { Input::Rate };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -92,16 +93,22 @@ impl Allan {
         let coefficient = |c: Option<Coefficient>| {
             c.map_or(Value::Null, |c| json!({ "value": c.value, "low": c.low, "high": c.high }))
         };
-        let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
+        let named = [
+            ("Q", "u s", c.q),
+            ("N", "u sqrt(s)", c.n),
+            ("B", "u", c.b),
+            ("K", "u / sqrt(s)", c.k),
+            ("R", "u / s", c.r),
+        ];
         let mut report = Report::new("allan");
         report
             .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
             .put("samples", "", values.len())
             .rows("points", &["tau_s", "dev", "n", "edf", "noise", "low", "high"], rows)
-            .put(
+            .named(
                 "coefficients",
-                "unit u of the rate: Q u s, N u sqrt(s), B u, K u/sqrt(s), R u/s",
-                named.iter().map(|(k, c)| ((*k).to_owned(), coefficient(*c))).collect::<serde_json::Map<_, _>>(),
+                &["value", "low", "high", "unit u of the rate"],
+                named.iter().map(|(k, unit, c)| (*k, *unit, coefficient(*c))).collect(),
             )
             .put("B_upper_bound", "smallest deviation / 0.664", json!(c.b_upper_bound))
             .put("interval", "", "68.3 %");
@@ -121,14 +128,8 @@ impl Allan {
                 series.push(Series::line(name, points().map(|(t, _)| (t, curve(c.value, t)))));
             }
         }
-        let panel = Panel {
-            title: format!("{:?} of {}", self.dev, self.column),
-            x: "averaging time, s".to_owned(),
-            y: "deviation".to_owned(),
-            log: (true, true),
-            square: false,
-            series,
-        };
+        let title = format!("{} of {}", format!("{:?}", self.dev).to_lowercase(), self.column);
+        let panel = Panel::new(title, "averaging time, s", "deviation", series).log();
         Ok(Outcome { report, panels: vec![panel] })
     }
 }

@@ -8,8 +8,9 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::plot::{Panel, Series};
+use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 #[derive(Debug, Args)]
@@ -23,14 +24,15 @@ pub(super) struct Ellipse {
 
 impl Ellipse {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
+        let columns =
+            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit(x, y, self.saturation)?;
         let correction =
             |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
         let mut report = Report::new("ellipse");
         report
-            .put("equation", "", "y' = ky (y - dy), x' = [(x - dx) - y' sin_alpha] / sqrt(1 - sin_alpha^2)")
+            .put("equation", "", ellipse::EQUATION)
             .put("centre", "unit of the record", json!(e.centre))
             .put("semi_axes", "major, minor", json!(e.semi_axes))
             .put("rotation_deg", "of the major axis, x towards y", e.rotation_deg)
@@ -50,6 +52,7 @@ impl Ellipse {
             .put("gap_deg", "largest sector without a point", e.gap_deg)
             .put("condition", "", e.condition)
             .put("dof", "", e.dof)
+            .hidden("covariance", matrix(&e.covariance))
             .put(
                 "sd",
                 "standard uncertainty, units as above",
@@ -65,20 +68,29 @@ impl Ellipse {
             let (a, b) = (e.semi_axes[0] * c, e.semi_axes[1] * s);
             (e.centre[0] + a * cos - b * sin, e.centre[1] + a * sin + b * cos)
         });
-        let panel = |title: &str, unit: &str, series| Panel {
-            title: title.to_owned(),
-            x: format!("x{unit}"),
-            y: format!("y{unit}"),
-            log: (false, false),
-            square: true,
-            series,
-        };
         let pairs = || x.iter().copied().zip(y.iter().copied());
         let circle = (0..=360).map(|d| f64::from(d).to_radians().sin_cos()).map(|(s, c)| (e.radius * c, e.radius * s));
-        let corrected = pairs().map(|(x, y)| e.correction.apply(x, y));
+        let corrected = || pairs().map(|(x, y)| e.correction.apply(x, y));
+        let radial =
+            corrected().map(|(u, v)| (v.atan2(u).to_degrees(), (u.hypot(v) - e.radius) / e.radius)).collect::<Vec<_>>();
+        // Spikes are counted, not shown: the curve would be a dot beside them.
+        let about = |centre: f64, half: f64| Some((centre - 1.3 * half, centre + 1.3 * half));
+        let limit = 8.0 * e.sigma / e.semi_axes[1];
+        let (major, [cx, cy]) = (e.semi_axes[0], e.centre);
         let panels = vec![
-            panel("Raw", "", vec![Series::dots("record", pairs()), Series::line("fit", outline)]),
-            panel("Corrected", "'", vec![Series::dots("record", corrected), Series::line("circle", circle)]),
+            Panel::new("Raw", "x", "y", vec![Series::dots("record", pairs()), Series::line("fit", outline)])
+                .square()
+                .within(about(cx, major), about(cy, major)),
+            Panel::new(
+                "Corrected",
+                "x'",
+                "y'",
+                vec![Series::dots("record", corrected()), Series::line("circle", circle)],
+            )
+            .square()
+            .within(about(0.0, e.radius), about(0.0, e.radius)),
+            Panel::new("Residuals", "direction, deg", "radius error / radius", vec![Series::dots("record", radial)])
+                .within(None, Some((-limit, limit))),
         ];
         Ok(Outcome { report, panels })
     }
@@ -98,12 +110,13 @@ pub(super) struct Ellipsoid {
 
 impl Ellipsoid {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns = Table::open(&self.file)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
+        let columns =
+            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
         let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
         let mut report = Report::new("ellipsoid");
         report
-            .put("equation", "", "corrected = matrix (raw - centre), |corrected| = field")
+            .put("equation", "", ellipsoid::EQUATION)
             .put("centre", "unit of the record", vector(&e.centre))
             .put("matrix", if self.field.is_some() { "" } else { "determinant 1" }, matrix(&e.matrix))
             .put("field", if self.field.is_some() { "given" } else { "" }, e.field)
@@ -115,6 +128,7 @@ impl Ellipsoid {
             .put("rejected", "points", e.rejected)
             .put("used", "points", e.used)
             .put("dof", "", e.dof)
+            .hidden("covariance", matrix(&e.covariance))
             .put(
                 "sd",
                 "standard uncertainty, units as above",
@@ -122,28 +136,33 @@ impl Ellipsoid {
             );
         let corrected: Vec<Vector3<f64>> =
             (0..x.len()).map(|i| e.matrix * (Vector3::new(x[i], y[i], z[i]) - e.centre)).collect();
-        let view = |title: &str, a: usize, b: usize| Panel {
-            title: title.to_owned(),
-            x: gnc_metrology::AXES[a].to_owned(),
-            y: gnc_metrology::AXES[b].to_owned(),
-            log: (false, false),
-            square: true,
-            series: vec![
-                Series::dots("raw", (0..x.len()).map(|i| ([x, y, z][a][i], [x, y, z][b][i]))),
-                Series::dots("corrected", corrected.iter().map(|c| (c[a], c[b]))),
-            ],
+        let raw: [&[f64]; 3] = [x, y, z];
+        // Spikes are counted, not shown: the cloud would be a dot beside them.
+        let about = |centre: f64, half: f64| Some((centre - 1.3 * half, centre + 1.3 * half));
+        let view = |a: usize, b: usize| {
+            let (p, q) = (gnc_metrology::AXES[a], gnc_metrology::AXES[b]);
+            let half = e.semi_axes[0];
+            let points = raw[a].iter().copied().zip(raw[b].iter().copied());
+            Panel::new(format!("Raw {p}-{q}"), p, q, vec![Series::dots("record", points)])
+                .square()
+                .within(about(e.centre[a], half), about(e.centre[b], half))
         };
-        let residuals = Panel {
-            title: "Residuals".to_owned(),
-            x: "row".to_owned(),
-            y: "|corrected| / field - 1".to_owned(),
-            log: (false, false),
-            square: false,
-            series: vec![Series::dots(
-                "record",
-                corrected.iter().enumerate().map(|(i, c)| (i as f64 + 1.0, c.norm() / e.field - 1.0)),
-            )],
+        let view_corrected = |a: usize, b: usize| {
+            let (p, q) = (gnc_metrology::AXES[a], gnc_metrology::AXES[b]);
+            let circle = (0..=360).map(|d| f64::from(d).to_radians().sin_cos());
+            let series = vec![
+                Series::dots("record", corrected.iter().map(|c| (c[a], c[b]))),
+                Series::line("field", circle.map(|(s, c)| (e.field * c, e.field * s))),
+            ];
+            Panel::new(format!("Corrected {p}-{q}"), p, q, series)
+                .square()
+                .within(about(0.0, e.field), about(0.0, e.field))
         };
-        Ok(Outcome { report, panels: vec![view("Seen along z", 0, 1), view("Seen along y", 0, 2), residuals] })
+        let errors = corrected.iter().enumerate().map(|(i, c)| (i as f64 + 1.0, c.norm() / e.field - 1.0));
+        let limit = 8.0 * e.sigma / e.semi_axes[2];
+        let residuals = Panel::new("Residuals", "row", "|corrected| / field - 1", vec![Series::dots("record", errors)])
+            .within(None, Some((-limit, limit)));
+        let panels = vec![view(0, 1), view(0, 2), residuals, view_corrected(0, 1), view_corrected(0, 2)];
+        Ok(Outcome { report, panels })
     }
 }

@@ -6,9 +6,12 @@
 mod allan;
 mod magnetometer;
 pub(crate) mod plot;
+mod record;
 mod report;
 mod spectrum;
 mod table;
+#[cfg(test)]
+mod tests;
 mod tilt;
 mod triad;
 mod zero_bias;
@@ -79,6 +82,8 @@ enum ComputeError {
     Refused(#[from] Refusal),
     #[error(transparent)]
     Unreadable(TableError),
+    #[error(transparent)]
+    Record(#[from] record::RecordError),
     #[error("{0}")]
     Usage(String),
     #[error("{path}:{line}:{column}: {message}")]
@@ -96,23 +101,30 @@ impl From<TableError> for ComputeError {
     }
 }
 
+impl Args {
+    /// The method's name and what it gave.
+    fn outcome(&self) -> (&'static str, Result<Outcome, ComputeError>) {
+        match &self.method {
+            Method::SixPosition(m) => ("six-position", m.compute()),
+            Method::GyroStill(m) => ("gyro-still", m.compute()),
+            Method::Rotation(m) => ("rotation", m.compute()),
+            Method::Ellipse(m) => ("ellipse", m.compute()),
+            Method::Ellipsoid(m) => ("ellipsoid", m.compute()),
+            Method::Allan(m) => ("allan", m.compute()),
+            Method::Psd(m) => ("psd", m.compute()),
+            Method::Stability(m) => ("stability", m.compute()),
+            Method::Flip(m) => ("flip", m.compute()),
+            Method::TiltTemperature(m) => ("tilt-temperature", m.compute()),
+            Method::TiltBudget(m) => ("tilt-budget", m.compute()),
+            Method::ZeroBias(m) => ("zero-bias", m.compute()),
+        }
+    }
+}
+
 /// Computes, prints and returns the exit code of the process.
 #[must_use]
 pub fn run(args: &Args) -> ExitCode {
-    let (name, outcome) = match &args.method {
-        Method::SixPosition(m) => ("six-position", m.compute()),
-        Method::GyroStill(m) => ("gyro-still", m.compute()),
-        Method::Rotation(m) => ("rotation", m.compute()),
-        Method::Ellipse(m) => ("ellipse", m.compute()),
-        Method::Ellipsoid(m) => ("ellipsoid", m.compute()),
-        Method::Allan(m) => ("allan", m.compute()),
-        Method::Psd(m) => ("psd", m.compute()),
-        Method::Stability(m) => ("stability", m.compute()),
-        Method::Flip(m) => ("flip", m.compute()),
-        Method::TiltTemperature(m) => ("tilt-temperature", m.compute()),
-        Method::TiltBudget(m) => ("tilt-budget", m.compute()),
-        Method::ZeroBias(m) => ("zero-bias", m.compute()),
-    };
+    let (name, outcome) = args.outcome();
     let outcome = outcome.and_then(|outcome| {
         if let Some(path) = &args.plot {
             write(path, &plot::svg(&outcome.panels))?;

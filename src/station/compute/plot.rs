@@ -38,30 +38,61 @@ impl Series {
 
 /// One pair of axes.
 pub(crate) struct Panel {
-    pub(crate) title: String,
-    pub(crate) x: String,
-    pub(crate) y: String,
-    /// Logarithmic axes, x and y.
-    pub(crate) log: (bool, bool),
+    title: String,
+    x: String,
+    y: String,
+    series: Vec<Series>,
+    /// Logarithmic axes, both.
+    log: bool,
     /// One scale for both axes, so that a circle looks like one.
-    pub(crate) square: bool,
-    pub(crate) series: Vec<Series>,
+    square: bool,
+    /// What is shown, x and y; points outside are counted in the title. `None`: all of them.
+    view: [Option<(f64, f64)>; 2],
+}
+
+impl Panel {
+    pub(crate) fn new(
+        title: impl Into<String>,
+        x: impl Into<String>,
+        y: impl Into<String>,
+        series: Vec<Series>,
+    ) -> Self {
+        Self { title: title.into(), x: x.into(), y: y.into(), series, log: false, square: false, view: [None; 2] }
+    }
+
+    pub(crate) fn log(self) -> Self {
+        Self { log: true, ..self }
+    }
+
+    pub(crate) fn square(self) -> Self {
+        Self { square: true, ..self }
+    }
+
+    /// Shows this part only, so that spikes do not hide the rest.
+    pub(crate) fn within(self, x: Option<(f64, f64)>, y: Option<(f64, f64)>) -> Self {
+        Self { view: [x, y], ..self }
+    }
 }
 
 /// Colours that differ in print and for most eyes.
 const COLOURS: [&str; 6] = ["#1b5e9b", "#d1495b", "#2e8b57", "#b8860b", "#6a4c93", "#555555"];
 
-/// The panels beside each other.
+/// The panels, up to three beside each other.
 pub(crate) fn svg(panels: &[Panel]) -> String {
     let mut text = String::new();
-    let width = WIDTH * panels.len() as f64;
+    let beside = match panels.len() {
+        4 => 2,
+        n => n.clamp(1, 3),
+    };
+    let (width, height) = (WIDTH * beside as f64, HEIGHT * panels.len().div_ceil(beside) as f64);
     let _ = writeln!(
         text,
-        r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{HEIGHT}" viewBox="0 0 {width} {HEIGHT}" font-family="sans-serif" font-size="12">"#
+        r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12">"#
     );
-    let _ = writeln!(text, r#"<rect width="{width}" height="{HEIGHT}" fill="white"/>"#);
+    let _ = writeln!(text, r#"<rect width="{width}" height="{height}" fill="white"/>"#);
     for (i, panel) in panels.iter().enumerate() {
-        let _ = writeln!(text, r#"<g transform="translate({} 0)">"#, WIDTH * i as f64);
+        let (right, down) = (WIDTH * (i % beside) as f64, HEIGHT * (i / beside) as f64);
+        let _ = writeln!(text, r#"<g transform="translate({right} {down})">"#);
         draw(&mut text, panel);
         text.push_str("</g>\n");
     }
@@ -79,7 +110,10 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(values: impl Iterator<Item = f64>, log: bool, from: f64, to: f64) -> Self {
+    fn of(values: impl Iterator<Item = f64>, view: Option<(f64, f64)>, log: bool, (from, to): (f64, f64)) -> Self {
+        if let Some((low, high)) = view.filter(|(low, high)| low < high) {
+            return Self { low, high, log: false, from, to };
+        }
         let map = |v: f64| if log { v.log10() } else { v };
         let (low, high) = values
             .map(map)
@@ -88,6 +122,11 @@ impl Scale {
         let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
         let pad = if high > low { 0.05 * (high - low) } else { 0.5 * low.abs().max(1.0) };
         Self { low: low - pad, high: high + pad, log, from, to }
+    }
+
+    fn shows(&self, v: f64) -> bool {
+        let v = if self.log { v.log10() } else { v };
+        (self.low..=self.high).contains(&v)
     }
 
     fn at(&self, v: f64) -> f64 {
@@ -132,8 +171,9 @@ fn draw(text: &mut String, panel: &Panel) {
     };
     let all = || panel.series.iter().flat_map(|s| s.points.iter().copied());
     let (left, right, top, bottom) = (LEFT, WIDTH - RIGHT, TOP, HEIGHT - BOTTOM);
-    let mut x = Scale::of(all().map(|p| p.0), panel.log.0, left, right);
-    let mut y = Scale::of(all().map(|p| p.1).chain(panel.series.iter().flat_map(bars)), panel.log.1, bottom, top);
+    let heights = all().map(|p| p.1).chain(panel.series.iter().flat_map(bars));
+    let mut x = Scale::of(all().map(|p| p.0), panel.view[0], panel.log, (left, right));
+    let mut y = Scale::of(heights, panel.view[1], panel.log, (bottom, top));
     if panel.square {
         let unit = ((x.high - x.low) / (right - left)).max((y.high - y.low) / (bottom - top));
         for (scale, length) in [(&mut x, right - left), (&mut y, bottom - top)] {
@@ -141,7 +181,11 @@ fn draw(text: &mut String, panel: &Panel) {
             (scale.low, scale.high) = (middle - unit * length / 2.0, middle + unit * length / 2.0);
         }
     }
-    let _ = writeln!(text, r#"<text x="{left}" y="20" font-size="14">{}</text>"#, escaped(&panel.title));
+    let outside = all().filter(|(a, b)| !(x.shows(*a) && y.shows(*b))).count();
+    let note = if outside > 0 { format!(", {outside} points outside") } else { String::new() };
+    let title = format!("{}{note}", panel.title);
+    let _ = writeln!(text, r#"<text x="{left}" y="22" font-size="14">{}</text>"#, escaped(&title));
+    legend(text, &panel.series, left + 9.0 * title.chars().count() as f64 + 20.0);
     for (v, label) in x.ticks() {
         let at = x.at(v);
         let _ = writeln!(text, r##"<path d="M{at:.1} {top} V{bottom}" stroke="#ddd"/>"##);
@@ -168,17 +212,22 @@ fn draw(text: &mut String, panel: &Panel) {
         escaped(&panel.y)
     );
     for (i, series) in panel.series.iter().enumerate() {
-        let colour = COLOURS[i % COLOURS.len()];
-        marks(text, series, colour, &x, &y);
-        let at = top + 16.0 + 16.0 * i as f64;
+        marks(text, series, COLOURS[i % COLOURS.len()], &x, &y);
+    }
+}
+
+/// Names of the series, above the axes.
+fn legend(text: &mut String, series: &[Series], from: f64) {
+    let mut at = from;
+    for (i, series) in series.iter().enumerate() {
         let _ = writeln!(
             text,
-            r#"<rect x="{}" y="{}" width="10" height="10" fill="{colour}"/><text x="{}" y="{at}">{}</text>"#,
-            left + 8.0,
-            at - 9.0,
-            left + 22.0,
+            r#"<rect x="{at}" y="13" width="10" height="10" fill="{}"/><text x="{}" y="22">{}</text>"#,
+            COLOURS[i % COLOURS.len()],
+            at + 14.0,
             escaped(&series.name)
         );
+        at += 7.0 * series.name.chars().count() as f64 + 28.0;
     }
 }
 
@@ -188,8 +237,8 @@ fn marks(text: &mut String, series: &Series, colour: &str, x: &Scale, y: &Scale)
         .points
         .iter()
         .step_by(stride)
+        .filter(|(a, b)| x.shows(*a) && y.shows(*b))
         .map(|(a, b)| (x.at(*a), y.at(*b)))
-        .filter(|(a, b)| a.is_finite() && b.is_finite())
         .collect();
     match &series.mark {
         Mark::Line => {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use gnc_metrology::Refusal;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{SMatrix, Vector3};
 use serde_json::{Map, Value, json};
 
 /// Named figures in the order in which people read them.
@@ -20,7 +20,17 @@ struct Entry {
 
 enum Body {
     Value(Value),
-    Rows { columns: &'static [&'static str], rows: Vec<Vec<Value>> },
+    Rows {
+        columns: &'static [&'static str],
+        rows: Vec<Vec<Value>>,
+    },
+    /// Objects of equal keys under a name each; a name, its unit and the object or null.
+    Named {
+        columns: &'static [&'static str],
+        rows: Vec<(&'static str, &'static str, Value)>,
+    },
+    /// For programs only.
+    Hidden(Value),
 }
 
 impl Report {
@@ -45,13 +55,33 @@ impl Report {
         self
     }
 
+    /// Adds objects of equal keys under a name each; the last column is that of their units.
+    pub(super) fn named(
+        &mut self,
+        key: &'static str,
+        columns: &'static [&'static str],
+        rows: Vec<(&'static str, &'static str, Value)>,
+    ) -> &mut Self {
+        self.entries.push(Entry { key, unit: String::new(), body: Body::Named { columns, rows } });
+        self
+    }
+
+    /// Adds what people do not read from a table.
+    pub(super) fn hidden(&mut self, key: &'static str, value: impl Into<Value>) -> &mut Self {
+        self.entries.push(Entry { key, unit: String::new(), body: Body::Hidden(value.into()) });
+        self
+    }
+
     /// One JSON object.
     pub(super) fn json(&self) -> String {
         let mut object = Map::new();
         object.insert("method".to_owned(), json!(self.method));
         for entry in &self.entries {
             let value = match &entry.body {
-                Body::Value(value) => value.clone(),
+                Body::Value(value) | Body::Hidden(value) => value.clone(),
+                Body::Named { rows, .. } => {
+                    rows.iter().map(|(name, _, value)| ((*name).to_owned(), value.clone())).collect()
+                }
                 Body::Rows { columns, rows } => rows
                     .iter()
                     .map(|row| columns.iter().map(|c| (*c).to_owned()).zip(row.iter().cloned()).collect::<Map<_, _>>())
@@ -72,6 +102,20 @@ impl Report {
             match &entry.body {
                 Body::Value(value) => show(&mut text, entry.key, &entry.unit, value, width),
                 Body::Rows { columns, rows } => grid(&mut text, entry.key, columns, rows),
+                Body::Named { columns, rows } => {
+                    let (figures, _) = columns.split_at(columns.len().saturating_sub(1));
+                    let cells = rows
+                        .iter()
+                        .map(|(name, unit, value)| {
+                            let figures = figures.iter().map(|c| value.get(c).cloned().unwrap_or(Value::Null));
+                            [json!(name)].into_iter().chain(figures).chain([json!(unit)]).collect()
+                        })
+                        .collect::<Vec<Vec<Value>>>();
+                    grid(&mut text, entry.key, &[&[""], *columns].concat(), &cells);
+                }
+                Body::Hidden(_) => {
+                    let _ = writeln!(text, "  {:<width$}  with --json", entry.key);
+                }
             }
         }
         text
@@ -88,8 +132,8 @@ pub(super) fn vector(v: &Vector3<f64>) -> Value {
     json!([v[0], v[1], v[2]])
 }
 
-pub(super) fn matrix(m: &Matrix3<f64>) -> Value {
-    (0..3).map(|i| json!([m[(i, 0)], m[(i, 1)], m[(i, 2)]])).collect()
+pub(super) fn matrix<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Value {
+    m.row_iter().map(|row| row.iter().map(|v| json!(v)).collect::<Value>()).collect()
 }
 
 fn show(text: &mut String, key: &str, unit: &str, value: &Value, width: usize) {
@@ -102,7 +146,8 @@ fn show(text: &mut String, key: &str, unit: &str, value: &Value, width: usize) {
         Value::Object(map) => {
             for (i, (name, item)) in map.iter().enumerate() {
                 let label = if i == 0 { key } else { "" };
-                show(text, &format!("{label:<width$}  {name:<8}"), unit, item, width);
+                let unit = if i == 0 { unit } else { "" };
+                show(text, &format!("{label:<width$}  {name:<13}"), unit, item, width + 15);
             }
         }
         _ => {

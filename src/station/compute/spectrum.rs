@@ -7,8 +7,9 @@ use gnc_metrology::{psd, stability};
 use serde_json::json;
 
 use super::plot::{Panel, Series};
+use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 /// One column of a record with a rate.
@@ -27,7 +28,7 @@ struct Source {
 impl Source {
     fn read(&self) -> Result<Vec<f64>, ComputeError> {
         let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        Ok(Table::open(&self.file)?.read(&wanted)?.numbers.swap_remove(0))
+        Ok(Record::open(&self.file, Triad::Gyro)?.read(&wanted)?.numbers.swap_remove(0))
     }
 }
 
@@ -50,14 +51,9 @@ impl Psd {
             .put("density", "unit^2 / Hz, one-sided", json!(psd.density))
             .put("segments", "Hann, 50 % overlap", psd.segments);
         let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied()).skip(1);
-        let panel = Panel {
-            title: format!("Spectrum of {}", self.source.column),
-            x: "frequency, Hz".to_owned(),
-            y: "density, unit^2 / Hz".to_owned(),
-            log: (true, true),
-            square: false,
-            series: vec![Series::line("Welch", points)],
-        };
+        let title = format!("Spectrum of {}", self.source.column);
+        let series = vec![Series::line("Welch", points)];
+        let panel = Panel::new(title, "frequency, Hz", "density, unit^2 / Hz", series).log();
         Ok(Outcome { report, panels: vec![panel] })
     }
 }
@@ -86,14 +82,8 @@ impl Stability {
             .put("tail_samples", "dropped", s.tail_samples)
             .put("block_means", "", json!(s.block_means));
         let points = s.block_means.iter().enumerate().map(|(i, m)| ((i as f64 + 0.5) * self.block, *m));
-        let panel = Panel {
-            title: format!("Block means of {}", self.source.column),
-            x: "time, s".to_owned(),
-            y: "mean of a block".to_owned(),
-            log: (false, false),
-            square: false,
-            series: vec![Series::dots("blocks", points)],
-        };
+        let title = format!("Block means of {}", self.source.column);
+        let panel = Panel::new(title, "time, s", "mean of a block", vec![Series::dots("blocks", points)]);
         Ok(Outcome { report, panels: vec![panel] })
     }
 }

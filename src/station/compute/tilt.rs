@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::{Refusal, stats, tilt};
+use gnc_metrology::tilt;
 use serde::Deserialize;
 use serde_json::json;
 
@@ -11,6 +11,9 @@ use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Table, TableError, Wanted};
 use super::{ComputeError, Outcome};
+
+/// Labels of a flip.
+const SIDES: [&str; 2] = ["+", "-"];
 
 #[derive(Debug, Args)]
 pub(super) struct Flip {
@@ -23,30 +26,26 @@ pub(super) struct Flip {
 
 impl Flip {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let wanted = Wanted { numbers: &["a"], label: Some(("position", &["+", "-"])), rate_hz: None };
+        let wanted = Wanted { numbers: &["a"], label: Some(("position", &SIDES)), rate_hz: None };
         let columns = Table::open(&self.file)?.read(&wanted)?;
-        let side = |code: u8| -> Result<(f64, f64), Refusal> {
-            let rows = columns.labels.iter().zip(&columns.numbers[0]).filter(|(l, _)| **l == code);
-            let values: Vec<f64> = rows.map(|(_, v)| *v).collect();
-            if values.is_empty() {
-                return Err(Refusal::Missing { labels: ["+", "-"][usize::from(code)].to_owned() });
-            }
-            gnc_metrology::series::finite("a", &values)?;
-            let (mean, sd) = stats::mean_sd(&values);
-            Ok((mean, sd / (values.len() as f64).sqrt()))
-        };
-        let (plus, minus) = (side(0)?, side(1)?);
-        let f = tilt::flip(plus, minus, self.gravity)?;
+        let labels: Vec<&str> = columns.labels.iter().map(|c| SIDES[usize::from(*c)]).collect();
+        let f = tilt::flip_rows(&labels, &columns.numbers[0], self.gravity)?;
         let mut report = Report::new("flip");
         report
             .put("equation", "", "actual = (out - offset) / gain")
             .put("offset", "unit of the record", f.offset)
             .put("gain", "unit of the record per unit of gravity", f.gain)
             .put("sd", "white noise alone", json!({ "offset": f.offset_sd, "gain": f.gain_sd }));
-        let points = [(self.gravity, plus.0), (-self.gravity, minus.0)];
+        let up = |code: u8| if code == 0 { self.gravity } else { -self.gravity };
+        let rows = || columns.labels.iter().zip(&columns.numbers[0]);
         let line = [-1.0, 1.0].map(|s| (s * self.gravity, f.offset + s * f.gain * self.gravity));
-        let panel = plain("Flip", "actual", "output", vec![Series::dots("means", points), Series::line("fit", line)]);
-        Ok(Outcome { report, panels: vec![panel] })
+        let fit = vec![Series::dots("rows", rows().map(|(l, a)| (up(*l), *a))), Series::line("fit", line)];
+        let residuals = rows().enumerate().map(|(i, (l, a))| (i as f64 + 1.0, f.actual(*a) - up(*l)));
+        let panels = vec![
+            Panel::new("Flip", "actual", "output", fit),
+            Panel::new("Residuals", "row", "(out - offset) / gain - actual", vec![Series::dots("rows", residuals)]),
+        ];
+        Ok(Outcome { report, panels })
     }
 }
 
@@ -62,15 +61,7 @@ impl TiltTemperature {
         let columns = Table::open(&self.file)?.read(&wanted)?;
         let points: Vec<(f64, f64)> =
             columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
-        let Ok(points) = <[(f64, f64); 3]>::try_from(points.as_slice()) else {
-            return Err(Refusal::TooFew {
-                what: "a parabola takes exactly three points".to_owned(),
-                got: points.len(),
-                needed: 3,
-            }
-            .into());
-        };
-        let c = tilt::temperature_curve(points)?;
+        let c = tilt::temperature_rows(&columns.numbers[0], &columns.numbers[1])?;
         let [cold, _, hot] = c.temperatures_c;
         let mut report = Report::new("tilt-temperature");
         report
@@ -88,7 +79,7 @@ impl TiltTemperature {
                 json!({ "below": c.uncertainty_factor(cold - 20.0), "above": c.uncertainty_factor(hot + 20.0) }),
             );
         let curve = (0..=100).map(|k| cold + (hot - cold) * f64::from(k) / 100.0).map(|t| (t, c.offset(t)));
-        let panel = plain(
+        let panel = Panel::new(
             "Offset over temperature",
             "degC",
             "offset",
@@ -158,10 +149,9 @@ impl TiltBudget {
                 .map(move |t| (t, tilt::tilt_error_deg(t, mg)))
         };
         let series = vec![Series::line("before", curve(before.sum_mg)), Series::line("after", curve(after.sum_mg))];
-        Ok(Outcome { report, panels: vec![plain("Tilt error of the linear sum", "tilt, deg", "error, deg", series)] })
+        Ok(Outcome {
+            report,
+            panels: vec![Panel::new("Tilt error of the linear sum", "tilt, deg", "error, deg", series)],
+        })
     }
-}
-
-fn plain(title: &str, x: &str, y: &str, series: Vec<Series>) -> Panel {
-    Panel { title: title.to_owned(), x: x.to_owned(), y: y.to_owned(), log: (false, false), square: false, series }
 }

@@ -9,8 +9,9 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::plot::{Panel, Series};
+use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::{Table, Wanted};
+use super::table::Wanted;
 use super::{ComputeError, Outcome};
 
 /// Gravity, given or from the place.
@@ -55,12 +56,12 @@ impl SixPosition {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let gravity = self.gravity.mps2()?;
         let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
-        let positions = still_positions(&self.file, 1.0, &limits)?.positions;
+        let positions = still_positions(&self.file, Triad::Accel, 1.0, &limits)?.positions;
         let c = six_position::calibrate(&positions, gravity)?;
         let k = c.coverage_factor();
         let mut report = Report::new("six-position");
         report
-            .put("equation", "", "f = matrix N + bias; f in m/s^2, +g on the axis that points up at rest")
+            .put("equation", "", six_position::EQUATION)
             .put("matrix", "m/s^2 per LSB", matrix(&c.matrix))
             .put("bias", "m/s^2", vector(&c.bias_mps2))
             .put("sensitivity", "LSB per m/s^2", vector(&c.response.diagonal()))
@@ -81,8 +82,9 @@ impl SixPosition {
             .put(
                 "expanded",
                 "95 %, units as above",
-                json!({ "matrix": matrix(&(c.matrix_sd * k)), "bias": vector(&(c.bias_sd_mps2 * k)) }),
+                json!({ "matrix": matrix(&c.expanded().0), "bias": vector(&c.expanded().1) }),
             )
+            .hidden("covariance", matrix(&c.covariance))
             .put(
                 "as_printed",
                 "regression of f on N, units as above",
@@ -139,13 +141,13 @@ impl GyroStill {
             None => 1.0,
         };
         let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
-        let Still { positions, north } = still_positions(&self.file, 1.0 / response, &limits)?;
+        let Still { positions, north } = still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits)?;
         let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
         let k = c.coverage_factor();
         let dph = 3600.0_f64.to_degrees();
         let mut report = Report::new("gyro-still");
         report
-            .put("equation", "", "w_out = w + bias + g_sensitivity f; rad/s and m/s^2")
+            .put("equation", "", gyro_still::EQUATION)
             .put("bias", "rad/s", vector(&c.bias_rps))
             .put("bias_dph", "deg/h", vector(&(c.bias_rps * dph)))
             .put("g_sensitivity", "(rad/s) per (m/s^2)", matrix(&c.g_sensitivity))
@@ -160,6 +162,12 @@ impl GyroStill {
                 json!({ "bias": vector(&c.bias_sd_rps), "g_sensitivity": matrix(&c.g_sensitivity_sd) }),
             )
             .put("coverage_factor", "95 %, Student t", k)
+            .put(
+                "expanded",
+                "95 %, type A, units as above",
+                json!({ "bias": vector(&c.expanded().0), "g_sensitivity": matrix(&c.expanded().1) }),
+            )
+            .hidden("covariance", matrix(&c.covariance))
             .put(
                 "heading_bound",
                 "type B: largest error where headings are unknown, units as above",
@@ -184,8 +192,8 @@ struct Still {
 }
 
 /// Reads still positions, outputs times a factor.
-fn still_positions(file: &std::path::Path, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
-    let table = Table::open(file)?;
+fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
+    let table = Record::open(file, triad)?;
     let directions = !table.has("position") && table.has("ux");
     let has_north = table.has("nx");
     let mut names = vec!["x", "y", "z"];
@@ -237,23 +245,22 @@ fn residual_panels(
     let rest = |i: usize| {
         Series::dots(AXES[i], residuals.iter().enumerate().map(|(n, r)| (n as f64 + 1.0, r[i])).collect::<Vec<_>>())
     };
+    let ends = positions.iter().flat_map(|p| expected(p).iter().copied().collect::<Vec<_>>());
+    let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let line = Series::line("equal", [(low, low), (high, high)]);
     vec![
-        Panel {
-            title: "Fit".to_owned(),
-            x: format!("{symbol} expected, {unit}"),
-            y: format!("{symbol} measured, {unit}"),
-            log: (false, false),
-            square: false,
-            series: (0..3).map(fit).collect(),
-        },
-        Panel {
-            title: "Residuals".to_owned(),
-            x: "position, in the order of the record".to_owned(),
-            y: format!("residual, {unit}"),
-            log: (false, false),
-            square: false,
-            series: (0..3).map(rest).collect(),
-        },
+        Panel::new(
+            "Fit",
+            format!("{symbol} expected, {unit}"),
+            format!("{symbol} measured, {unit}"),
+            (0..3).map(fit).chain([line]).collect(),
+        ),
+        Panel::new(
+            "Residuals",
+            "position, in the order of the record",
+            format!("residual, {unit}"),
+            (0..3).map(rest).collect(),
+        ),
     ]
 }
 
@@ -302,7 +309,7 @@ impl Rotation {
             (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
         };
         let wanted = Wanted { numbers: &["x", "y", "z"], label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
-        let columns = Table::open(&self.file)?.read(&wanted)?;
+        let columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         let blocks = position::blocks(&labels)?;
         let runs: Vec<rotation::Run> = blocks
@@ -340,7 +347,7 @@ impl Rotation {
             .collect();
         let mut report = Report::new("rotation");
         report
-            .put("equation", "", "w = matrix N - bias; w in rad/s")
+            .put("equation", "", rotation::EQUATION)
             .put("response", "S of N = S w + b, LSB per rad/s", matrix(&c.response))
             .put("matrix", "rad/s per LSB", matrix(&c.matrix))
             .put("bias", "rad/s, at this attitude", vector(&c.bias_rps))
@@ -357,26 +364,40 @@ impl Rotation {
                 }),
             )
             .put("coverage_factor", "95 %, Student t", k)
+            .put(
+                "expanded",
+                "95 %, units as above",
+                json!({ "response": matrix(&c.expanded().0), "bias": vector(&c.expanded().1) }),
+            )
+            .hidden("covariance", matrix(&c.covariance))
+            .put("coupling", "S_ij / S_ii, relative to the fixture", matrix(&c.coupling()))
+            .put("nonorthogonality_rad", "xy xz yz, rad", vector(&c.nonorthogonality_rad()))
             .put("earth_bound", "rad/s, earth rate that is not corrected in the bias", c.earth_bound_rps)
             .put("mismatch", "forth and back, relative", vector(&c.mismatch))
             .put("residual_rms", "rad", c.residual_rms_rad)
+            .put("residuals", "rad, by run x+ x- y+ y- z+ z-", c.residuals_rad.iter().map(vector).collect::<Vec<_>>())
             .put("condition", "", c.condition)
             .put("dof", "", c.dof);
         let rates = |run: &rotation::Run, i: usize| {
             let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / self.rate, *v));
             Series::line(AXES[i], points.collect::<Vec<_>>())
         };
-        let panels = runs
+        let window = |run: &rotation::Run| {
+            let found = c.windows.iter().find(|w| w.label == run.label);
+            let corners = found.map(|w| [w.start, w.start, w.end, w.end].map(|i| i as f64 / self.rate));
+            let peak = found.map_or(0.0, |w| w.peak_lsb);
+            Series::line("window", corners.into_iter().flatten().zip([0.0, peak, peak, 0.0]))
+        };
+        let mut panels: Vec<Panel> = runs
             .iter()
-            .map(|run| Panel {
-                title: format!("run {}", run.label),
-                x: "time, s".to_owned(),
-                y: "output".to_owned(),
-                log: (false, false),
-                square: false,
-                series: (0..3).map(|i| rates(run, i)).collect(),
+            .map(|run| {
+                let series = (0..3).map(|i| rates(run, i)).chain([window(run)]).collect();
+                Panel::new(format!("run {}", run.label), "time, s", "output", series)
             })
             .collect();
+        let rest =
+            |i: usize| Series::dots(AXES[i], c.residuals_rad.iter().enumerate().map(|(r, v)| (r as f64 + 1.0, v[i])));
+        panels.push(Panel::new("Residuals", "run, x+ x- y+ y- z+ z-", "angle, rad", (0..3).map(rest).collect()));
         Ok(Outcome { report, panels })
     }
 }

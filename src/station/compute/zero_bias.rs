@@ -93,13 +93,13 @@ impl ZeroBias {
                 }
                 let fused = kalman.as_mut().map(|k| k.step(rate, still));
                 if still {
+                    corrected.push((i as f64 / self.rate, out.rate));
                     before.push(rate);
                     if i - start >= settings.fusion {
                         after.push(out.rate);
                         by_kalman.extend(fused);
                     }
                 }
-                corrected.push((i as f64 / self.rate, out.rate));
                 biases.push((i as f64 / self.rate, out.bias));
             }
             if let Some(kalman) = kalman.filter(|k| k.sd().is_finite()) {
@@ -123,6 +123,14 @@ impl ZeroBias {
             (!values.is_empty()).then(|| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt())
         };
         let (before, after, fused) = (rms(3), rms(4), rms(7));
+        let by_cycle =
+            |column: usize| rows.iter().filter_map(|r| Some((r[0].as_f64()?, r[column].as_f64()?))).collect::<Vec<_>>();
+        let means = vec![Series::dots("before", by_cycle(3)), Series::dots("after", by_cycle(4))];
+        let rates = vec![Series::dots("corrected, at rest", corrected), Series::line("bias", biases)];
+        let panels = vec![
+            Panel::new(format!("Bias elimination of {}", self.column), "time, s", "rate", rates),
+            Panel::new("Means at rest", "power cycle", "rate", means),
+        ];
         let mut report = Report::new("zero-bias");
         report
             .put("noise", "of a sample, unit of the record", noise)
@@ -135,14 +143,6 @@ impl ZeroBias {
             .put("rms_after", "after the fusion", json!(after))
             .put("rms_inverse_variance", "with --repeatability and --instability", json!(fused))
             .put("stored", "", json!(stored.biases()));
-        let panel = Panel {
-            title: format!("Bias elimination of {}", self.column),
-            x: "time, s".to_owned(),
-            y: "rate".to_owned(),
-            log: (false, false),
-            square: false,
-            series: vec![Series::dots("corrected", corrected), Series::line("bias", biases)],
-        };
-        Ok(Outcome { report, panels: vec![panel] })
+        Ok(Outcome { report, panels })
     }
 }

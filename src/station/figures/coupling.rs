@@ -19,7 +19,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         "equation": "M_q Ka_1 (S_q Kg_1): coupling_ij = element ij over ii; of the calibrations after the first the largest",
         "label": "coupling relative to the fixture; nonorthogonality free of how the module sits in it",
     }));
-    let judged = all.iter().map(|series| Judged::of(series)).collect::<Result<Vec<_>, _>>()?;
+    let judged = all.iter().map(Judged::of).collect::<Result<Vec<_>, _>>()?;
     for judged in &judged {
         let name = judged.series.triad().name();
         let calibrations: Vec<_> = judged

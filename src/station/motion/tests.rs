@@ -7,13 +7,18 @@ use super::*;
 use crate::capture::Along;
 
 fn params(id: &str, params: &str) -> Params {
+    plan(id, params).items()[3].params.clone()
+}
+
+/// The plan with such an item behind what it needs.
+fn plan(id: &str, params: &str) -> Plan {
     let item = |id: &str, more: &str| format!("[[item]]\nid = \"{id}\"\nphase = \"setup\"\n{more}\n");
     // What the others work with comes first.
     let before = ["six-position", "gyro-still", "rotation"].map(|id| item(id, "")).concat();
     let it = item(id, &format!("name = \"it\"\nparams = {{ {params} }}"));
     let text = format!("name = \"p\"\nversion = \"1\"\n{before}{it}");
     let plan = Plan::read("p.toml", text.into_bytes(), &mut |_| Err("no include".into()));
-    plan.unwrap_or_else(|mistakes| panic!("{mistakes}")).items()[3].params.clone()
+    plan.unwrap_or_else(|mistakes| panic!("{mistakes}"))
 }
 
 fn of(id: ItemId, with: &str) -> Program {
@@ -194,4 +199,62 @@ fn the_end_of_a_turn_is_seen_in_the_samples() {
     let seen = (600..3000).step_by(12).find_map(|length| Some((length, watch.look(&samples[..length])?)));
     assert_eq!(seen, Some((2100, 2000)));
     assert_eq!(TurnWatch::new(2, 1000, &samples[..600]).look(&samples[..1500]), None, "it goes on");
+}
+
+/// By hand: 1080 / (5 - 0.5) = 240 and 1080 / (3 - 0.2) = 386 are within 400 deg/s, 1080 / (3 - 0.5) = 432 is not.
+#[test]
+fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
+    let check = |params: &str| -> Vec<String> {
+        mistakes(&plan("rotation", params).items()[3]).into_iter().map(|(what, _)| what).collect()
+    };
+    assert!(check("").is_empty());
+    assert!(check("span = \"3 s\", ramp = \"0.2 s\"").is_empty());
+    assert_eq!(
+        check("span = \"3 s\""),
+        [
+            "1080 deg in 3 s with ramps of 0.5 s go up to 1080 / (3 - 0.5) = 432 deg/s, and the gyroscopes' range is 400 deg/s"
+        ]
+    );
+    assert_eq!(check("span = \"1 s\", ramp = \"1 s\""), ["two ramps of 1 s do not fit into a turn of 1 s"]);
+    let late =
+        "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"six-position\"\nphase = \"setup\"\ntimeout = \"600 s\"\n";
+    let late =
+        Plan::read("p.toml", late.into(), &mut |_| Err("no include".into())).unwrap().check(mistakes).unwrap_err();
+    let text = late.to_string();
+    assert!(
+        text.contains(
+            "p.toml:4:6: six-position takes 31 min 00 s of bench time at least, and its timeout is 10 min 00 s"
+        ),
+        "{text}"
+    );
+}
+
+/// By hand: what a program still does when some of its captures are there.
+#[test]
+fn a_program_goes_on_where_it_broke_off() {
+    let left = |program: &Program, labels: &[&str]| -> Vec<String> {
+        let actions = program.after(|about| labels.contains(&about.label.as_str()));
+        let word = |action: &Action| match action {
+            Action::Take(step) => format!("take {}", step.about().unwrap().label),
+            Action::Do(step) => match step {
+                Step::Lay(lie) => format!("lay {}", lie.to_string().split_whitespace().nth(4).unwrap_or_default()),
+                Step::PowerCycle { .. } => "cycle".into(),
+                step => step.about().map(|about| about.label.clone()).unwrap_or_default(),
+            },
+        };
+        actions.iter().map(word).filter(|word| !word.is_empty()).collect()
+    };
+    let six = of(ItemId::SixPosition, "");
+    assert_eq!(left(&six, &[]).len(), 12, "nothing is there");
+    let rest = left(&six, &["x+", "x-", "y+", "y-", "z+"]);
+    assert_eq!(rest, ["take x+", "take x-", "take y+", "take y-", "take z+", "lay -Z", "z-"]);
+    assert_eq!(left(&six, &["x+", "x-", "y+", "y-", "z+", "z-"]).last().unwrap(), "take z-");
+    let turns = of(ItemId::Rotation, "");
+    let rest = left(&turns, &["x+ rotation", "x- rotation", "y+ rotation"]);
+    assert_eq!(rest[2..], ["lay +Y", "take y+ rotation", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
+    let runs = of(ItemId::BiasRepeatability, "runs = 3");
+    assert_eq!(left(&runs, &["run 1"]), ["take run 1", "lay +Z", "cycle", "run 2", "cycle", "run 3"]);
+    let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
+    let rest = left(&whole, &["calibration 1 x+", "calibration 1 x-"]);
+    assert_eq!(rest[..3], ["cycle", "lay +X", "calibration 1 x+"], "a power-on belongs to one series");
 }

@@ -16,7 +16,7 @@ pub(super) async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report
 
 /// Works out the figures on a thread of its own: the conversation with the board, whose watchdog waits for two seconds
 /// and no longer, goes on meanwhile.
-async fn analyse(
+pub(super) async fn analyse(
     item: ItemId,
     bench: &Bench<'_>,
     params: &Params,

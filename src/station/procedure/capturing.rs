@@ -13,8 +13,8 @@ use super::{Bench, Report, Trouble};
 use crate::board::stream::{Closed, Losses, Stream};
 use crate::capture::{About, Capture, Pose, Receiver};
 use crate::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use crate::motion::{Program, REST_BEFORE_S, Step, Uses};
-use crate::raw::Piece;
+use crate::motion::{Action, Program, REST_BEFORE_S, Step, Uses};
+use crate::raw::{Piece, pieces};
 use crate::store::RawFile;
 use crate::turntable::{self, Turntable};
 
@@ -31,14 +31,36 @@ const TURN_ROOM: usize = 1 << 14;
 pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_>) -> Result<Vec<Capture>, Trouble> {
     let table = turntable::of(bench.fixture, report);
     let table = table.as_ref();
+    let taken = taken(bench, report).await?;
     let mut captor = Captor { bench, report, table, raw: report.raw()?, captures: Vec::new() };
     let mut progress = Progress { done_s: 0.0, whole_s: program.span_s() };
-    for step in &program.steps {
-        captor.carry_out(step, &progress).await?;
-        progress.done_s += step.span_s();
+    let mut over = 0;
+    for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
+        match action {
+            Action::Do(step) => captor.carry_out(step, &progress).await?,
+            Action::Take(step) => {
+                let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
+                captor.take_over(found).await?;
+                over += 1;
+            }
+        }
+        progress.done_s += action.step().span_s();
+    }
+    if over > 0 {
+        report.note(&format!("{over} captures were taken over from the run that broke off")).await?;
     }
     captor.raw.finish().await?;
     Ok(captor.captures)
+}
+
+/// What an earlier run captured of this item, read beside the conversation with the board.
+async fn taken(bench: &Bench<'_>, report: &Report<'_>) -> Result<Vec<Capture>, Trouble> {
+    let Some(resumed) = bench.resumed else { return Ok(Vec::new()) };
+    let (resumed, item) = (resumed.clone(), report.item().to_owned());
+    match tokio::task::spawn_blocking(move || resumed.captures(&item)).await {
+        Ok(captures) => Ok(captures?),
+        Err(_) => Err(Trouble::Analysis { why: "reading the earlier captures came to grief".into() }),
+    }
 }
 
 /// How far a program is, for people.
@@ -85,6 +107,16 @@ impl Captor<'_> {
                 receiver::capture(self, about, *timeout_s, *span_s, progress).await
             }
         }
+    }
+
+    /// Files what was captured before.
+    async fn take_over(&mut self, capture: Option<&Capture>) -> Result<(), Trouble> {
+        let Some(capture) = capture else { return Ok(()) };
+        for piece in pieces(capture) {
+            self.raw.write(piece).await?;
+        }
+        self.captures.push(capture.clone());
+        Ok(())
     }
 
     async fn capture(&mut self, about: &About, uses: Uses, until: Until, progress: &Progress) -> Result<(), Trouble> {

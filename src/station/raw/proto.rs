@@ -1,4 +1,4 @@
-//! As much of protobuf's wire format as four flat messages need (protobuf.dev, "Encoding"): varints, doubles, bytes.
+//! As much of protobuf's wire format as four flat messages need (protobuf.dev, "Encoding"): varints, fixed numbers, bytes.
 
 /// Bytes of the longest varint: 64 bits in groups of seven.
 const LONGEST_VARINT: usize = 10;
@@ -24,6 +24,13 @@ impl Fields<'_> {
     pub(super) fn signed(&mut self, field: u32, value: i32) -> &mut Self {
         let zigzag = (value << 1) ^ (value >> 31);
         self.unsigned(field, u64::from(zigzag.cast_unsigned()))
+    }
+
+    /// `sfixed32`.
+    pub(super) fn fixed(&mut self, field: u32, value: i32) -> &mut Self {
+        self.key(field, FIXED_32);
+        self.0.extend_from_slice(&value.to_le_bytes());
+        self
     }
 
     /// `double`.
@@ -60,8 +67,7 @@ pub(super) enum Value<'a> {
     Varint(u64),
     Double(f64),
     Bytes(&'a [u8]),
-    /// Four bytes, which none of our messages has; kept so that later versions may.
-    Fixed32,
+    Fixed(i32),
 }
 
 impl<'a> Value<'a> {
@@ -76,6 +82,10 @@ impl<'a> Value<'a> {
     pub(super) fn signed(self) -> Option<i32> {
         let zigzag = self.narrow::<u32>()?;
         Some((zigzag >> 1).cast_signed() ^ -((zigzag & 1).cast_signed()))
+    }
+
+    pub(super) fn fixed(self) -> Option<i32> {
+        if let Self::Fixed(value) = self { Some(value) } else { None }
     }
 
     pub(super) fn double(self) -> Option<f64> {
@@ -104,7 +114,7 @@ pub(super) fn next<'a>(rest: &mut &'a [u8]) -> Option<Option<(u32, Value<'a>)>> 
             let length = usize::try_from(take_varint(rest)?).ok()?;
             Value::Bytes(rest.split_off(..length)?)
         }
-        FIXED_32 => rest.split_off(..4).map(|_| Value::Fixed32)?,
+        FIXED_32 => Value::Fixed(i32::from_le_bytes(*rest.split_off(..4)?.first_chunk()?)),
         _ => return None,
     };
     Some(Some((u32::try_from(key >> 3).ok()?, value)))

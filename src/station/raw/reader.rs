@@ -2,13 +2,14 @@
 
 use std::io::{self, Read};
 
+use gnc_protocol::stream::ImuSample;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::Topic;
 use super::mark::Mark;
-use super::sample::{Numbered, get_bytes, get_edge};
+use super::sample::{get_bytes, get_edge, get_sample};
 use crate::board::stream::Losses;
 use crate::capture::{About, Capture, Receiver, Said};
 
@@ -175,10 +176,10 @@ impl Found {
                 None => Err(self.foreign(format!("{name} cannot be read"))),
             },
             Topic::Imu => {
-                let Some(numbered) = Numbered::get(data) else {
+                let Some(sample) = get_sample(data) else {
                     return Err(self.foreign(format!("{name} cannot be read")));
                 };
-                self.sample(numbered)
+                self.sample(sample)
             }
             Topic::Gnss => {
                 let Some((board_time_us, bytes)) = get_bytes(data) else {
@@ -232,13 +233,13 @@ impl Found {
         Ok(())
     }
 
-    fn sample(&mut self, numbered: Numbered) -> Result<(), RawError> {
+    fn sample(&mut self, sample: ImuSample) -> Result<(), RawError> {
         self.samples += 1;
         if self.samples > MOST_SAMPLES {
             return Err(RawError::TooMuch { most: MOST_SAMPLES, what: "samples" });
         }
         let capture = self.open("gnc.ImuSample")?;
-        capture.samples.push(numbered.sample);
+        capture.samples.push(sample);
         Ok(())
     }
 

@@ -4,43 +4,30 @@ use gnc_protocol::stream::ImuSample;
 
 use super::proto::{Fields, Value, next};
 
-/// A sample of the IMU with its place in the capture.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Numbered {
-    pub(super) number: u32,
-    pub(super) board_time_us: u64,
-    pub(super) sample: ImuSample,
+/// `gnc.ImuSample`. Its number and its board time are those of the message, so that they are not told twice.
+pub(super) fn put_sample(out: &mut Vec<u8>, sample: &ImuSample) {
+    let mut fields = Fields(out);
+    for (field, value) in (1..).zip(sample.gyro.iter().chain(&sample.accel).chain(&sample.mag)) {
+        // Noise fills two bytes or three, which four of a fixed number and a packer beat.
+        fields.fixed(field, *value);
+    }
+    fields.signed(10, sample.gyro_temperature.into()).signed(11, sample.accel_temperature.into());
 }
 
-impl Numbered {
-    pub(super) fn put(&self, out: &mut Vec<u8>) {
-        let ImuSample { gyro, accel, mag, gyro_temperature, accel_temperature } = self.sample;
-        let mut fields = Fields(out);
-        fields.unsigned(1, self.number.into()).unsigned(2, self.board_time_us);
-        for (field, value) in (3..).zip(gyro.into_iter().chain(accel).chain(mag)) {
-            fields.signed(field, value);
+/// `None` if it is no such message.
+pub(super) fn get_sample(mut rest: &[u8]) -> Option<ImuSample> {
+    let mut sample = ImuSample::default();
+    while let Some((field, value)) = next(&mut rest)? {
+        match field {
+            1..=3 => sample.gyro[field as usize - 1] = value.fixed()?,
+            4..=6 => sample.accel[field as usize - 4] = value.fixed()?,
+            7..=9 => sample.mag[field as usize - 7] = value.fixed()?,
+            10 => sample.gyro_temperature = narrow(value)?,
+            11 => sample.accel_temperature = narrow(value)?,
+            _ => {}
         }
-        fields.signed(12, gyro_temperature.into()).signed(13, accel_temperature.into());
     }
-
-    /// `None` if it is no such message.
-    pub(super) fn get(mut rest: &[u8]) -> Option<Self> {
-        let mut found = Self::default();
-        while let Some((field, value)) = next(&mut rest)? {
-            let sample = &mut found.sample;
-            match field {
-                1 => found.number = value.narrow()?,
-                2 => found.board_time_us = value.unsigned()?,
-                3..=5 => sample.gyro[field as usize - 3] = value.signed()?,
-                6..=8 => sample.accel[field as usize - 6] = value.signed()?,
-                9..=11 => sample.mag[field as usize - 9] = value.signed()?,
-                12 => sample.gyro_temperature = narrow(value)?,
-                13 => sample.accel_temperature = narrow(value)?,
-                _ => {}
-            }
-        }
-        Some(found)
-    }
+    Some(sample)
 }
 
 fn narrow(value: Value<'_>) -> Option<i16> {

@@ -11,6 +11,7 @@ enum Type {
     String = 9,
     Bytes = 12,
     Uint32 = 13,
+    Sfixed32 = 15,
     Sint32 = 17,
 }
 
@@ -19,7 +20,7 @@ const OPTIONAL: u64 = 1;
 
 /// Fields in the order of their numbers, from 1, as `docs/raw.proto` has them.
 fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
-    use Type::{Bytes, Double, Sint32, String, Uint32, Uint64};
+    use Type::{Bytes, Double, Sfixed32, Sint32, String, Uint32, Uint64};
     match topic {
         Topic::Capture => &[
             ("edge", Uint32),
@@ -41,17 +42,15 @@ fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
             ("lost_on_line", Uint32),
         ],
         Topic::Imu => &[
-            ("number", Uint32),
-            ("board_time_us", Uint64),
-            ("gyro_x", Sint32),
-            ("gyro_y", Sint32),
-            ("gyro_z", Sint32),
-            ("accel_x", Sint32),
-            ("accel_y", Sint32),
-            ("accel_z", Sint32),
-            ("mag_x", Sint32),
-            ("mag_y", Sint32),
-            ("mag_z", Sint32),
+            ("gyro_x", Sfixed32),
+            ("gyro_y", Sfixed32),
+            ("gyro_z", Sfixed32),
+            ("accel_x", Sfixed32),
+            ("accel_y", Sfixed32),
+            ("accel_z", Sfixed32),
+            ("mag_x", Sfixed32),
+            ("mag_y", Sfixed32),
+            ("mag_z", Sfixed32),
             ("gyro_temperature", Sint32),
             ("accel_temperature", Sint32),
         ],

@@ -200,7 +200,7 @@ fn one_changed_bit_is_noticed() {
             }
             // What is not covered by the checksum of a chunk is no sample.
             Ok(found) => {
-                assert!(found.captures == whole.captures || found.cut_off || found.captures.is_empty(), "{index}")
+                assert!(found.captures == whole.captures || found.cut_off || found.captures.is_empty(), "{index}");
             }
         }
     }

@@ -8,10 +8,10 @@ use mcap::{McapResult, WriteOptions};
 
 use super::Topic;
 use super::mark::Mark;
-use super::sample::{Numbered, put_bytes, put_edge};
+use super::sample::{put_bytes, put_edge, put_sample};
 use super::schema::descriptor_set;
 use crate::board::stream::Losses;
-use crate::capture::About;
+use crate::capture::{About, Capture, Said};
 
 /// What comes of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,8 +100,8 @@ impl<W: Write + Seek> RawWriter<W> {
                 for (index, sample) in (0u32..).zip(samples) {
                     let board_time_us =
                         board_time_us.saturating_add(u64::from(index) * 1_000_000 / u64::from(rate_hz.max(1)));
-                    let number = first.saturating_add(index);
-                    Numbered { number, board_time_us, sample }.put(&mut self.message);
+                    put_sample(&mut self.message, &sample);
+                    self.sequence[Topic::Imu as usize - 1] = first.saturating_add(index);
                     self.message(Topic::Imu, nanoseconds(board_time_us))?;
                 }
                 Ok(())
@@ -143,6 +143,28 @@ impl<W: Write + Seek> RawWriter<W> {
         self.message.clear();
         written
     }
+}
+
+/// Samples of a piece that is made of a whole capture.
+const PIECE: usize = 1000;
+
+/// A whole capture, piece by piece.
+pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
+    let Capture { about, first_us, samples, losses, receiver } = capture;
+    let (rate_hz, first_us) = (about.rate_hz, *first_us);
+    let begin = Piece::Begin { about: about.clone(), board_time_us: first_us };
+    let parts = samples.chunks(PIECE).enumerate().map(move |(index, part)| {
+        let first = u32::try_from(index * PIECE).unwrap_or(u32::MAX);
+        let board_time_us = first_us.saturating_add(u64::from(first) * 1_000_000 / u64::from(rate_hz.max(1)));
+        Piece::Imu { first, board_time_us, rate_hz, samples: part.to_vec() }
+    });
+    let said = receiver.said.iter().map(|said| {
+        let Said { board_time_us, bytes } = said.clone();
+        Piece::Gnss { board_time_us, bytes }
+    });
+    let pulses = Piece::Pps(receiver.pulses_ns.clone());
+    let end = Piece::End { losses: *losses, board_time_us: first_us };
+    std::iter::once(begin).chain(parts).chain(said).chain([pulses, end])
 }
 
 /// Good for 584 years of board time.

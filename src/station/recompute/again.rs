@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gnc_executive::event::{AttemptError, Event, EventKind, Program, Recomputed};
+use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, Program};
 use gnc_executive::measurement::{Measurement, Reading, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
@@ -46,7 +46,7 @@ impl Again {
 }
 
 /// Judges all events of a run by a plan. `of` names the run where the plan is another one.
-pub(super) fn judge(run: &Run, plan: &Plan, of: Option<Recomputed>) -> Result<Again, RunError> {
+pub(super) fn judge(run: &Run, plan: &Plan, of: Option<EarlierRun>) -> Result<Again, RunError> {
     check_items(run, plan)?;
     let again = Again {
         events: Vec::with_capacity(run.events.len()),
@@ -88,7 +88,7 @@ fn check_items(run: &Run, plan: &Plan) -> Result<(), RunError> {
 struct Judge<'a> {
     run: &'a Run,
     plan: &'a Plan,
-    of: Option<Recomputed>,
+    of: Option<EarlierRun>,
     again: Again,
     findings: BTreeMap<usize, Findings>,
     /// Of each item the attempt that runs or ran last: its number, and what was recorded of it.
@@ -176,6 +176,8 @@ impl Judge<'_> {
                 }
                 self.recorded(position).measured = measured;
                 for details in self.recorded(position).details.clone() {
+                    // Later items may work with it.
+                    self.findings.insert(position, Findings { measured: Vec::new(), details: details.clone() });
                     self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details });
                 }
             }
@@ -351,7 +353,10 @@ fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Op
 fn value_of(measurement: &Measurement) -> Value {
     let unit = measurement.unit.unwrap_or(Unit::Count);
     match (&measurement.value, measurement.raw.as_deref()) {
-        (Reading::Number(number), _) => Value::number(*number, unit),
+        (Reading::Number(number), _) => match measurement.uncertainty {
+            Some(uncertainty) => Value::estimate(*number, unit, uncertainty),
+            None => Value::number(*number, unit),
+        },
         (Reading::Text(text), _) => Value::text(text.clone()),
         (Reading::Null, Some("NaN")) => Value::number(f64::NAN, unit),
         (Reading::Null, Some("inf")) => Value::number(f64::INFINITY, unit),

@@ -38,22 +38,22 @@ pub(super) fn of_details(before: &[Value], now: &[Value]) -> Vec<String> {
         found.push(format!("{} details, and there were {}", now.len(), before.len()));
     }
     for (was, is) in before.iter().zip(now) {
-        walk(String::new(), was, is, &mut found);
+        walk("", was, is, &mut found);
     }
     shorten(found)
 }
 
-fn walk(place: String, was: &Value, is: &Value, found: &mut Vec<String>) {
+fn walk(place: &str, was: &Value, is: &Value, found: &mut Vec<String>) {
     match (was, is) {
         (Value::Object(a), Value::Object(b)) => {
             for key in a.keys().chain(b.keys().filter(|key| !a.contains_key(*key))) {
                 let (was, is) = (a.get(key).unwrap_or(&Value::Null), b.get(key).unwrap_or(&Value::Null));
-                walk(format!("{place}/{key}"), was, is, found);
+                walk(&format!("{place}/{key}"), was, is, found);
             }
         }
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
             for (index, (was, is)) in a.iter().zip(b).enumerate() {
-                walk(format!("{place}/{index}"), was, is, found);
+                walk(&format!("{place}/{index}"), was, is, found);
             }
         }
         _ if json(was) == json(is) => {}

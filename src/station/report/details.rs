@@ -3,8 +3,9 @@
 //!
 //! | key | shown as |
 //! | --- | --- |
-//! | `plots`: list of `{title, x, y, log: [x, y], square, series: [{name, mark: dots, line or bars, points: [[x, y]], bars: [[low, high]]}]}` | a picture |
-//! | a list of objects with the same keys, an uncertainty budget for one | a table with a column for each key |
+//! | `plots`: list of `{title, x, y, log, square, series: [{name, mark: dots, line or bars, points: [[x, y]], bars: [[low, high]]}]}` | a picture |
+//! | an object of `{figure: {contributions: [..], u, U, k, dof, probability, unit}}` | an uncertainty budget |
+//! | a list of objects with the same keys | a table with a column for each key |
 //! | a list of lists of numbers | a matrix |
 //! | anything else | a line |
 
@@ -15,6 +16,8 @@ use super::markup::Page;
 use super::number;
 use crate::compute::plot::{Mark, Panel, Series, svg};
 
+/// The key that makes an object one figure's uncertainty budget.
+const CONTRIBUTIONS: &str = "contributions";
 /// Rows of a table; an analysis that lists more has the rest in the record.
 const MOST_ROWS: usize = 60;
 
@@ -40,6 +43,10 @@ pub(super) fn show(page: &mut Page, details: &Value) {
 
 fn entry(page: &mut Page, name: &str, value: &Value) {
     match value {
+        Value::Object(map) if map.values().any(|value| value.get(CONTRIBUTIONS).is_some()) => {
+            page.element("h4", "", &heading(name));
+            budget(page, map);
+        }
         Value::Object(map) => {
             page.element("h4", "", &heading(name));
             facts(page, map);
@@ -54,6 +61,35 @@ fn entry(page: &mut Page, name: &str, value: &Value) {
         }
         other => page.element("p", "", &format!("{}: {}", heading(name), inline(other))),
     }
+}
+
+/// An uncertainty budget: of each figure its contributions, then what they come to together.
+fn budget(page: &mut Page, figures: &Map<String, Value>) {
+    page.open("table", "");
+    page.row(
+        "th",
+        &["Figure", "Contribution", "Type", "Distribution", "u", "Unit", "Sensitivity", "Degrees of freedom"],
+    );
+    for (figure, budget) in figures {
+        let contributions = budget.get(CONTRIBUTIONS).and_then(Value::as_array);
+        for contribution in contributions.into_iter().flatten() {
+            let cell = |key: &str| contribution.get(key).map(inline).unwrap_or_default();
+            page.open("tr", "");
+            page.element("td", "", &heading(figure));
+            for key in ["name", "type", "distribution"] {
+                page.element("td", "", &cell(key));
+            }
+            page.element("td", "number", &cell("u"));
+            page.element("td", "", &cell("unit"));
+            page.element("td", "number", &cell("sensitivity"));
+            page.element("td", "number", &cell("dof"));
+            page.close("tr");
+        }
+        let part = |key: &str| budget.get(key).map(inline).unwrap_or_default();
+        let together = format!("together U = {}, k = {}, probability {}", part("U"), part("k"), part("probability"));
+        page.row("td", &[&heading(figure), &together, "", "", &part("u"), &part("unit"), "", &part("dof")]);
+    }
+    page.close("table");
 }
 
 /// Names and values, those of nested objects with their path.
@@ -136,7 +172,7 @@ struct Plot {
     title: String,
     x: String,
     y: String,
-    log: (bool, bool),
+    log: bool,
     square: bool,
     series: Vec<PlotSeries>,
 }
@@ -161,6 +197,8 @@ impl From<Plot> for Panel {
             },
             points: series.points,
         });
-        Self { title: plot.title, x: plot.x, y: plot.y, log: plot.log, square: plot.square, series: series.collect() }
+        let panel = Self::new(plot.title, plot.x, plot.y, series.collect());
+        let panel = if plot.log { panel.log() } else { panel };
+        if plot.square { panel.square() } else { panel }
     }
 }

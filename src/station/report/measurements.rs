@@ -16,12 +16,13 @@ pub(super) fn table(page: &mut Page, measurements: &[Measurement]) {
         return;
     }
     page.open("table", "");
-    page.row("th", &["Measurement", "Value", "Limit", "", "Outcome"]);
+    page.row("th", &["Measurement", "Value", "Uncertainty", "Limit", "", "Outcome"]);
     for measurement in measurements {
         page.open("tr", measurement.outcome.map_or("", class));
         let repeat = measurement.repeat.map(|repeat| format!(" ({repeat})")).unwrap_or_default();
         page.element("td", "", &format!("{}{repeat}", measurement.name));
         page.element("td", "number", &measurement.value_text());
+        page.element("td", "number", &measurement.uncertainty_text());
         page.element("td", "number", &measurement.limit_text());
         page.picture_cell(&gauge(measurement).unwrap_or_default());
         page.element("td", "outcome", measurement.outcome.map_or("information", word));

@@ -28,6 +28,7 @@ fn record(serial_number: &str) -> RunRecord {
         plan: PlanInfo { name: "functional".to_owned(), version: "1.0".to_owned(), sha256: "0".repeat(64) },
         site: None,
         recomputed: None,
+        resumed: None,
         selection: None,
         looped: None,
     };
@@ -100,13 +101,23 @@ fn details_are_tables_matrices_and_pictures() {
     record.items[0].attempts[0].details = vec![json!({
         "equation": "f = M N + b",
         "matrix": [[1.0, 0.25], [0.0, 1.0]],
-        "budget": [{ "source": HOSTILE, "value": 1.5e-7 }, { "source": "angle", "type": "B" }],
-        "plots": [{ "title": HOSTILE, "x": "s", "y": "deg/h", "log": [true, true],
+        "points": [{ "source": HOSTILE, "value": 1.5e-7 }, { "source": "angle", "type": "B" }],
+        "budget": { "scale_x": { "contributions": [{ "name": "table angle", "type": "B", "u": 2.5 }], "U": 5.0, "k": 2.0 } },
+        "plots": [{ "title": HOSTILE, "x": "s", "y": "deg/h", "log": true,
                     "series": [{ "name": "x", "mark": "bars", "points": [[1.0, 2.0]], "bars": [[1.5, 2.5]] }] }],
         "nothing": null,
     })];
     let page = html(&record, &[]);
-    for expected in ["f = M N + b", ">0.25<", "1.50000e-7", "<svg", "not available", ">type<"] {
+    for expected in [
+        "f = M N + b",
+        ">0.25<",
+        "1.50000e-7",
+        "table angle",
+        "together U = 5, k = 2",
+        "<svg",
+        "not available",
+        ">type<",
+    ] {
         assert!(page.contains(expected), "{expected} is missing");
     }
     assert!(!page.contains("<script"));

@@ -5,13 +5,15 @@ use std::time::Duration;
 use chrono::Utc;
 use gnc_executive::event::{Board as BoardEvent, EventKind, Level, Power};
 use gnc_protocol::PROTOCOL_VERSION;
+use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{MakeSafe, ModulePower};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
 use super::{Run, chain};
-use crate::board::{Board, BoardError, Readings};
+use crate::board::{Board, BoardError, Desk, Readings};
 use crate::link::{Link, LinkError, Target};
+use crate::resume::ResumeError;
 use crate::store::StoreError;
 
 /// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
@@ -44,6 +46,17 @@ pub(super) async fn connect(target: &Target, readings: &watch::Sender<Readings>)
 pub(super) fn nonce() -> u32 {
     let now = Utc::now();
     now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
+}
+
+/// The calibration that the module keeps. A board that knows of none, or cannot say, is no worse for it.
+async fn calibration(desk: &Desk<'_>) -> Option<String> {
+    let reply = desk.call(&CalibrationRead {}).await.ok()?;
+    let state = CalibrationState::from_number(reply.state)?;
+    Some(match state {
+        CalibrationState::None => "none".to_owned(),
+        CalibrationState::Valid => format!("{:08x}", reply.checksum),
+        CalibrationState::Damaged => "damaged".to_owned(),
+    })
 }
 
 impl Run<'_> {
@@ -79,9 +92,13 @@ impl Run<'_> {
                     supply: "slave board".into(),
                     voltage_v: Some(f64::from(supply.supply_uv) * 1e-6),
                     current_a: Some(f64::from(supply.supply_ua) * 1e-6),
+                    calibration: calibration(&desk).await,
                 };
+                let fits = self.takes_up(&power);
                 self.journal.emit(EventKind::Power(power)).await?;
-                Ok(true)
+                let Err(unlike) = fits else { return Ok(true) };
+                self.note(Level::Error, format!("{}; {}", chain(&unlike), unlike.try_this()), item).await?;
+                Ok(false)
             }
             Ok(Err(error)) => {
                 let text = format!("the module cannot be switched on: {}; {}", chain(&error), error.try_this());
@@ -89,6 +106,13 @@ impl Run<'_> {
                 Ok(false)
             }
         }
+    }
+
+    /// Whether board and module are those of the run that is taken up again.
+    fn takes_up(&self, power: &Power) -> Result<(), ResumeError> {
+        let Some(resumed) = &self.order.resumed else { return Ok(()) };
+        let firmware = self.journal.look(|state| state.board().map(|board| board.firmware.clone()));
+        resumed.fits(firmware.as_deref(), power.calibration.as_deref())
     }
 
     /// Module off, streams stopped, lines released.
@@ -101,7 +125,13 @@ impl Run<'_> {
         let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
         match safe {
             Ok(Ok(())) => {
-                let power = Power { on: false, supply: "slave board".into(), voltage_v: None, current_a: None };
+                let power = Power {
+                    on: false,
+                    supply: "slave board".into(),
+                    voltage_v: None,
+                    current_a: None,
+                    calibration: None,
+                };
                 self.journal.emit(EventKind::Power(power)).await?;
             }
             Ok(Err(_)) | Err(_) => {

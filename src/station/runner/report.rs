@@ -121,6 +121,7 @@ impl<'a> Report<'a> {
             supply: "slave board".into(),
             voltage_v: measured.map(|(uv, _)| f64::from(uv) * 1e-6),
             current_a: measured.map(|(_, ua)| f64::from(ua) * 1e-6),
+            calibration: None,
         };
         Ok(self.journal.emit(EventKind::Power(power)).await?)
     }

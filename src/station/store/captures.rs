@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::{item_folder, raw_file};
+use super::{StoreError, digest, item_folder, raw_file};
 use crate::raw::{self, RawError, RawRecord};
 
 /// Why captures cannot be read back.
@@ -20,6 +20,16 @@ pub struct CapturesError {
 #[must_use]
 pub fn path(folder: &Path, position: usize, item: &str, attempt: u32, repeat: u32) -> PathBuf {
     folder.join(item_folder(position, item)).join(raw_file(attempt, repeat))
+}
+
+/// All raw files of a run, in the order of its items.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let files = digest::files_below(folder)?;
+    let raw = files.into_iter().filter(|file| file.extension().is_some_and(|extension| extension == "mcap"));
+    Ok(raw.map(|file| folder.join(file)).collect())
 }
 
 /// Reads a raw file.

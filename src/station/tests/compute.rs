@@ -287,9 +287,9 @@ fn tilt_and_zero_bias() {
     let v =
         good("position,a\n+,1.035\n+,1.035\n-,-0.985\n-,-0.985\n", "flip r.csv", &["equation", "offset", "gain", "sd"]);
     near(&v["gain"], 1.01);
-    bad("position,a\n+,1\n", "flip r.csv", 1, "missing: -");
+    bad("position,a\n+,1\n+,1\n", "flip r.csv", 1, "missing: -");
     good("temperature,offset\n-40,5\n25,1\n85,3\n", "tilt-temperature r.csv", &["a", "b", "c"]);
-    bad("temperature,offset\n-40,5\n25,1\n", "tilt-temperature r.csv", 1, "exactly three points");
+    bad("temperature,offset\n-40,5\n25,1\n", "tilt-temperature r.csv", 1, "number of points is 2, expected 3");
     let example = include_str!("../../../docs/tilt-budget.toml");
     let v = good(example, "tilt-budget r.csv", &["before.sum_mg", "after.tilt_at_range_deg"]);
     near(&v["before"]["sum_mg"], 129.0);

@@ -76,6 +76,7 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
             can: None,
             fixture: Fixture::Absent,
             site: None,
+            resumed: None,
             one_by_one: false,
         };
         let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
@@ -109,6 +110,7 @@ fn header() -> RunHeader {
         plan: PlanInfo { name: "short".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
         site: None,
         recomputed: None,
+        resumed: None,
         selection: None,
         looped: None,
     }

@@ -136,7 +136,13 @@ impl Scene {
             link: "/dev/pts/7 at 921600 bit/s".into(),
         }));
         let supply = "slave board".to_owned();
-        self.event(EventKind::Power(Power { on: true, supply, voltage_v: Some(5.01), current_a: Some(0.487) }));
+        self.event(EventKind::Power(Power {
+            on: true,
+            supply,
+            voltage_v: Some(5.01),
+            current_a: Some(0.487),
+            calibration: None,
+        }));
     }
 
     pub(crate) fn event(&mut self, kind: EventKind) {
@@ -240,7 +246,7 @@ fn noon() -> DateTime<FixedOffset> {
 }
 
 fn items() -> Vec<PlannedItem> {
-    let each = ItemId::ALL.into_iter().map(|id| PlannedItem {
+    let each = ItemId::ALL.into_iter().take(FUNCTIONAL).map(|id| PlannedItem {
         name: id.as_str().to_owned(),
         id,
         title: id.spec().title.to_owned(),
@@ -250,6 +256,9 @@ fn items() -> Vec<PlannedItem> {
     });
     each.collect()
 }
+
+/// Items of the functional table, which stand first in the catalogue.
+pub(crate) const FUNCTIONAL: usize = 14;
 
 fn header(serial_number: &str) -> RunHeader {
     RunHeader {
@@ -261,6 +270,7 @@ fn header(serial_number: &str) -> RunHeader {
         bench: Bench::simulated("good", "1", 1),
         site: None,
         recomputed: None,
+        resumed: None,
         plan: PlanInfo { name: "functional".into(), version: "1.0".into(), sha256: "00".repeat(32) },
         selection: None,
         looped: None,

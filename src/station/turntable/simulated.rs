@@ -28,12 +28,12 @@ impl Simulated {
         &'a self,
         what: &'static str,
         begin: impl FnOnce(&Control) -> Result<(), TableError> + 'a,
-        wait: impl FnOnce(Control) -> Result<(), TableError> + Send + 'static,
+        wait: impl FnOnce(&Control) -> Result<(), TableError> + Send + 'static,
     ) -> Motion<'a> {
         Box::pin(async move {
             begin(&self.control).map_err(|source| refused(what, source))?;
             let control = self.control.clone();
-            match tokio::task::spawn_blocking(move || wait(control)).await {
+            match tokio::task::spawn_blocking(move || wait(&control)).await {
                 Ok(waited) => waited.map_err(|source| refused(what, source)),
                 Err(_) => Err(refused(what, TableError::Gone(hw_mocks::BenchGone))),
             }
@@ -50,10 +50,6 @@ pub(super) fn stop_at_once(control: &Control) {
     let _ = control.stop();
 }
 
-fn still(control: Control) -> Result<(), TableError> {
-    control.wait_still()
-}
-
 impl Turntable for Simulated {
     fn lay(&self, lie: Lie) -> Motion<'_> {
         let begin = move |control: &Control| match lie {
@@ -63,21 +59,21 @@ impl Turntable for Simulated {
             }
             Lie::Up { up, heading_deg } => control.orient_up(up, heading_deg),
         };
-        self.moved("lay the module down", begin, still)
+        self.moved("lay the module down", begin, Control::wait_still)
     }
 
     fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
-        self.moved("turn the module", move |control| control.rotate(angle_deg, span_s), still)
+        self.moved("turn the module", move |control| control.rotate(angle_deg, span_s), Control::wait_still)
     }
 
     fn spin(&self, rate_dps: f64) -> Motion<'_> {
         let ramp = Duration::from_secs_f64(rate_dps.abs() * BOTH_SENSES / ACCELERATION_DPS2);
-        let reach = move |control: Control| Ok(control.sleep(ramp)?);
+        let reach = move |control: &Control| Ok(control.sleep(ramp)?);
         self.moved("spin the module", move |control| control.spin(rate_dps), reach)
     }
 
     fn stop(&self) -> Motion<'_> {
-        self.moved("stop the table", Control::stop, still)
+        self.moved("stop the table", Control::stop, Control::wait_still)
     }
 
     fn pause(&self, span: Duration) -> Motion<'_> {

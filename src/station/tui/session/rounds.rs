@@ -111,7 +111,7 @@ async fn all(
         Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
     let header = auto::header(args, &plan, &setup, &start.serial_number);
     let Setup { records, target, can, fixture, site, simulation, .. } = setup;
-    let mut order = Order { job, header, target, can, fixture, site, one_by_one: args.one_by_one };
+    let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one: args.one_by_one };
     // The simulated bench ends with this scope.
     let _simulation = simulation;
     let control = &handles.control;

@@ -78,10 +78,11 @@ fn entries(model: &Model, state: &RunState) -> Vec<Entry> {
         if let Some(ended) = row.ended {
             let took = row.elapsed_us().map(|us| duration(us as f64 / 1e6)).unwrap_or_default();
             let outcome = (texts.outcome_word)(row.outcome);
-            let line = format!("{} {}: {outcome} {took}", style::mark(row.outcome), row.planned.name);
+            let line = text::shown(&format!("{}: {outcome} {took}", row.planned.name));
             entries.push(Entry {
+                elapsed_us: ended.elapsed_us,
                 style: style::outcome(model.look, row.outcome),
-                ..plain(ended.elapsed_us, line.trim().to_owned())
+                text: format!("{} {}", style::mark(row.outcome), line.trim()),
             });
         }
     }

@@ -1,0 +1,109 @@
+//! The covariances that the methods report are those of their estimates over many simulated calibrations.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test may end with a panic and says what it saw"
+)]
+
+mod truth;
+
+use gnc_metrology::position::{LABELS, Position, up_of};
+use gnc_metrology::rotation::{self, Axis};
+use gnc_metrology::{ellipse, ellipsoid, six_position};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use truth::{Dice, Session, borrowed};
+
+const SEED: u64 = 41;
+
+/// Compares correlations of estimates with those of the mean reported covariance. A correlation over n trials scatters by
+/// `1 / sqrt(n)`; five of them, since there are many pairs.
+fn compare(trials: usize, mut trial: impl FnMut(&mut Dice) -> (Vec<f64>, DMatrix<f64>)) {
+    println!("seed {SEED}, {trials} trials");
+    let mut dice = Dice::new(SEED);
+    let runs: Vec<(Vec<f64>, DMatrix<f64>)> = (0..trials).map(|_| trial(&mut dice)).collect();
+    let (n, size) = (trials as f64, runs[0].0.len());
+    let mean = runs.iter().fold(DVector::zeros(size), |m, r| m + DVector::from_vec(r.0.clone()) / n);
+    let (mut found, mut reported) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+    for (estimates, covariance) in &runs {
+        let error = DVector::from_vec(estimates.clone()) - &mean;
+        found += &error * error.transpose() / (n - 1.0);
+        reported += covariance / n;
+    }
+    let mut worst: f64 = 0.0;
+    for a in 0..size {
+        // The mean of the reported variances is that of the estimates; it scatters by sqrt(2 / n) at most twice.
+        let ratio: f64 = found[(a, a)] / reported[(a, a)];
+        assert!((ratio - 1.0).abs() < 8.0 / n.sqrt(), "parameter {a}: variance over reported {ratio}");
+        for b in 0..a {
+            let correlation = |m: &DMatrix<f64>| m[(a, b)] / f64::sqrt(m[(a, a)] * m[(b, b)]);
+            let error = (correlation(&found) - correlation(&reported)).abs();
+            worst = worst.max(error);
+            assert!(error < 5.0 / n.sqrt(), "{a} {b}: {} {}", correlation(&found), correlation(&reported));
+        }
+    }
+    println!("worst error of a correlation {worst:.4}, limit {:.4}", 5.0 / n.sqrt());
+}
+
+fn of_triad(matrix: &Matrix3<f64>, bias: &Vector3<f64>) -> Vec<f64> {
+    matrix.transpose().iter().chain(bias.iter()).copied().collect()
+}
+
+fn dynamic<const N: usize>(m: &nalgebra::SMatrix<f64, N, N>) -> DMatrix<f64> {
+    DMatrix::from_fn(N, N, |r, c| m[(r, c)])
+}
+
+#[test]
+fn six_positions() {
+    // Strong coupling, so that the parameters depend on each other.
+    let response = Matrix3::new(200.0, 60.0, -40.0, -50.0, 300.0, 30.0, 20.0, -70.0, 250.0);
+    let noise = response.diagonal() * 0.02;
+    compare(4000, |dice| {
+        let positions: Vec<Position> = LABELS
+            .iter()
+            .map(|l| {
+                let clean = response * up_of(l).unwrap() * 9.8 + Vector3::new(900.0, -500.0, 300.0);
+                Position::of_mean(l, Vector3::from_fn(|i, _| clean[i] + noise[i] * dice.normal()), 1).unwrap()
+            })
+            .collect();
+        let c = six_position::calibrate(&positions, 9.8).unwrap();
+        (of_triad(&c.matrix, &c.bias_mps2), dynamic(&c.covariance))
+    });
+}
+
+#[test]
+fn rotations() {
+    let session = Session::example();
+    compare(600, |dice| {
+        let runs = session.runs(dice);
+        let c = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar)).unwrap();
+        (of_triad(&c.matrix, &c.bias_rps), dynamic(&c.covariance))
+    });
+}
+
+#[test]
+fn ellipses() {
+    compare(1500, |dice| {
+        let (x, y) = truth::ellipse_points(300, [3.0, -5.0, 100.0, 60.0, 25.0], 1.0, dice);
+        let e = ellipse::fit(&x, &y, None).unwrap();
+        let c = &e.correction;
+        let figures = [e.centre[0], e.centre[1], e.semi_axes[0], e.semi_axes[1], e.rotation_deg, c.dx, c.dy, c.ky];
+        (figures.into_iter().chain([c.sin_alpha]).collect(), dynamic(&e.covariance))
+    });
+}
+
+#[test]
+fn ellipsoids() {
+    let directions = truth::directions(300);
+    let shape = Matrix3::new(60.0, 5.0, 2.5, 5.0, 45.0, -5.0, 2.5, -5.0, 50.0);
+    compare(1500, |dice| {
+        let points: Vec<Vector3<f64>> = directions.iter().map(|u| (shape * u).map(|v| v + dice.normal())).collect();
+        let [x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
+        let e = ellipsoid::fit(&x, &y, &z, None, None).unwrap();
+        let m = &e.matrix;
+        let upper = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)]];
+        (e.centre.iter().copied().chain(upper).chain([e.field]).collect(), dynamic(&e.covariance))
+    });
+}

@@ -1,0 +1,195 @@
+//! A record to compute with: text, or raw captures of this station (`FILE.mcap`, or one capture of it: `FILE.mcap#LABEL`).
+//!
+//! Of raw captures the columns are `gyro_x` to `mag_z` in counts, and `x`, `y`, `z` of the triad that the method is about;
+//! `position` and `run` come from how the module lay or turned, `ux`, `uy`, `uz` from the direction that pointed up.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::ComputeError;
+use super::table::{Columns, Table, Wanted};
+use crate::capture::{Capture, Pose};
+use crate::export::labels;
+use crate::store::captures::{self, CapturesError};
+
+/// Three sensors of one kind, whose outputs are `x`, `y`, `z`.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Triad {
+    Gyro,
+    Accel,
+    Mag,
+}
+
+/// Why captures cannot be computed with.
+#[derive(Debug, Error)]
+pub(super) enum RecordError {
+    #[error(transparent)]
+    Captures(#[from] CapturesError),
+    #[error("{path}: {what}")]
+    Unfit { path: PathBuf, what: String },
+}
+
+/// A record that was opened.
+pub(super) enum Record {
+    Text(Table),
+    Raw(Raw),
+}
+
+/// Captures as a table.
+pub(super) struct Raw {
+    path: PathBuf,
+    triad: Triad,
+    captures: Vec<Capture>,
+}
+
+impl Record {
+    /// Opens a file; `triad` is what the method is about.
+    pub(super) fn open(path: &Path, triad: Triad) -> Result<Self, ComputeError> {
+        let text = path.to_string_lossy();
+        let (file, label) = match text.split_once(".mcap#") {
+            Some((file, label)) => (PathBuf::from(format!("{file}.mcap")), Some(label)),
+            None => (path.to_owned(), None),
+        };
+        if file.extension().is_none_or(|extension| extension != "mcap") {
+            return Ok(Self::Text(Table::open(path)?));
+        }
+        let mut captures = captures::read(&file).map_err(RecordError::from)?.captures;
+        if let Some(label) = label {
+            captures.retain(|capture| capture.about.label == label);
+        }
+        let raw = Raw { path: path.to_owned(), triad, captures };
+        if raw.captures.is_empty() {
+            return Err(raw.unfit("it holds no such capture that has an end".into()).into());
+        }
+        Ok(Self::Raw(raw))
+    }
+
+    /// Whether it has a column.
+    pub(super) fn has(&self, name: &str) -> bool {
+        match self {
+            Self::Text(table) => table.has(name),
+            Self::Raw(raw) => match name {
+                "position" => raw.has_positions(),
+                "ux" => !raw.has_positions(),
+                _ => raw.column(name).is_some(),
+            },
+        }
+    }
+
+    /// Reads the wanted columns.
+    pub(super) fn read(self, wanted: &Wanted) -> Result<Columns, ComputeError> {
+        match self {
+            Self::Text(table) => Ok(table.read(wanted)?),
+            Self::Raw(raw) => Ok(raw.read(wanted)?),
+        }
+    }
+}
+
+type Column = fn(&Capture, usize, usize) -> f64;
+
+impl Raw {
+    /// Every still capture has an axis up, and none comes twice: then their names are labels.
+    fn has_positions(&self) -> bool {
+        let still = self.captures.iter().filter(|capture| matches!(capture.about.pose, Pose::Still { .. }));
+        let mut names: Vec<String> = still.map(|capture| labels(capture).0).collect();
+        let count = names.len();
+        names.sort();
+        names.dedup();
+        count > 0 && names.len() == count && names.iter().all(|name| !name.is_empty())
+    }
+
+    /// How a column is taken from a sample, and its axis.
+    fn column(&self, name: &str) -> Option<(Column, usize)> {
+        let (sensor, axis) = match name.rsplit_once('_') {
+            Some((sensor, axis)) => (sensor, axis),
+            None => match name {
+                "ux" | "uy" | "uz" => ("u", &name[1..]),
+                axis => (self.triad.name(), axis),
+            },
+        };
+        let axis = ["x", "y", "z"].iter().position(|known| *known == axis)?;
+        let column: Column = match sensor {
+            "gyro" => |capture, row, axis| f64::from(capture.samples[row].gyro[axis]),
+            "accel" => |capture, row, axis| f64::from(capture.samples[row].accel[axis]),
+            "mag" => |capture, row, axis| f64::from(capture.samples[row].mag[axis]),
+            "u" => |capture, _, axis| match capture.about.pose {
+                Pose::Still { up, .. } => up[axis],
+                _ => f64::NAN,
+            },
+            _ => return None,
+        };
+        Some((column, axis))
+    }
+
+    fn read(&self, wanted: &Wanted) -> Result<Columns, RecordError> {
+        let mut numbers = vec![Vec::new(); wanted.numbers.len()];
+        let mut codes = Vec::new();
+        let of_positions = wanted.numbers.contains(&"ux");
+        let mut used: Vec<&Capture> = Vec::new();
+        for capture in &self.captures {
+            let (position, run) = labels(capture);
+            let label = match wanted.label {
+                Some(("position", allowed)) => Some((position, allowed)),
+                Some((_, allowed)) => Some((run, allowed)),
+                None => None,
+            };
+            if of_positions && !matches!(capture.about.pose, Pose::Still { .. }) {
+                continue;
+            }
+            if let Some((label, allowed)) = label {
+                let Some(code) = allowed.iter().position(|known| *known == label) else { continue };
+                codes.extend(std::iter::repeat_n(code as u8, capture.samples.len()));
+            }
+            used.push(capture);
+        }
+        self.check(&used, wanted, of_positions)?;
+        for (values, name) in numbers.iter_mut().zip(wanted.numbers) {
+            let Some((column, axis)) = self.column(name) else {
+                return Err(self.unfit(format!("no column `{name}`; raw captures have gyro_x to mag_z")));
+            };
+            for capture in &used {
+                values.extend((0..capture.samples.len()).map(|row| column(capture, row, axis)));
+            }
+        }
+        Ok(Columns { numbers, labels: codes })
+    }
+
+    fn check(&self, used: &[&Capture], wanted: &Wanted, of_positions: bool) -> Result<(), RecordError> {
+        if used.is_empty() {
+            return Err(self.unfit("none of its captures is what this method works with".into()));
+        }
+        if used.len() > 1 && wanted.label.is_none() && !of_positions {
+            let labels: Vec<String> = used.iter().take(20).map(|capture| format!("#{}", capture.about.label)).collect();
+            return Err(self.unfit(format!(
+                "it holds {} captures; put one behind its name: {}",
+                used.len(),
+                labels.join(" ")
+            )));
+        }
+        for capture in used {
+            let about = &capture.about;
+            if capture.losses.any() {
+                return Err(self.unfit(format!("capture `{}` has a gap", about.label)));
+            }
+            if let Some(rate_hz) = wanted.rate_hz.filter(|rate_hz| *rate_hz != f64::from(about.rate_hz)) {
+                return Err(self.unfit(format!("capture `{}` has {} Hz, not {rate_hz}", about.label, about.rate_hz)));
+            }
+        }
+        Ok(())
+    }
+
+    fn unfit(&self, what: String) -> RecordError {
+        RecordError::Unfit { path: self.path.clone(), what }
+    }
+}
+
+impl Triad {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Gyro => "gyro",
+            Self::Accel => "accel",
+            Self::Mag => "mag",
+        }
+    }
+}

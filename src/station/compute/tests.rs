@@ -1,0 +1,303 @@
+//! Every method on a record that it likes and on some that it must not: keys of the fixed interface, refusals, pictures.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use clap::Parser;
+use gnc_metrology::position::{LABELS, up_of};
+use serde_json::Value;
+
+use super::{Args, ComputeError, Outcome, plot};
+
+#[derive(Parser)]
+struct Command {
+    #[command(flatten)]
+    args: Args,
+}
+
+/// Rows of text under a header.
+fn table(header: &str, rows: impl IntoIterator<Item = String>) -> String {
+    rows.into_iter().fold(format!("{header}\n"), |mut text, row| {
+        let _ = writeln!(text, "{row}");
+        text
+    })
+}
+
+/// A noise that repeats itself exactly: the differences of a Weyl sequence, rms 0.4.
+fn noise(k: usize) -> f64 {
+    let weyl = |k: usize| (k as f64 * 0.754_877_666_246_693).fract();
+    weyl(k + 1) - weyl(7 * k + 3)
+}
+
+/// Outputs of a sensor with some coupling and this level of noise, at rest in the six positions.
+fn still(rows: usize, level: f64, output: impl Fn(usize, f64) -> f64) -> Vec<String> {
+    let row = |k: usize| {
+        let label = LABELS[k / rows];
+        let up = up_of(label).unwrap_or_default();
+        let v = |i: usize| output(i, up[i] + 0.002 * up[(i + 1) % 3]) + level * noise(3 * k + i);
+        format!("{label},{},{},{}", v(0), v(1), v(2))
+    };
+    (0..6 * rows).map(row).collect()
+}
+
+/// Runs of three turns in 5 s, 100 Hz.
+fn runs(turns: f64) -> Vec<String> {
+    let row = |k: usize| {
+        let (run, i) = (k / 1200, k % 1200);
+        let sense = if run % 2 == 0 { 1.0 } else { -1.0 };
+        let rate = if (200..700).contains(&i) { sense * turns * std::f64::consts::TAU / 5.0 } else { 0.0 };
+        let v = |axis: usize| if axis == run / 2 { 1000.0 * rate } else { 5.0 * rate } + 20.0 + noise(3 * k + axis);
+        format!("{},{},{},{}", LABELS[run], v(0), v(1), v(2))
+    };
+    (0..7200).map(row).collect()
+}
+
+fn circle(points: usize, per_turn: f64) -> Vec<String> {
+    let row = |k: usize| {
+        let (s, c) = (k as f64 * std::f64::consts::TAU / per_turn).sin_cos();
+        format!("{},{}", 3.0 + 100.0 * c + noise(2 * k), -5.0 + 80.0 * s + 10.0 * c + noise(2 * k + 1))
+    };
+    (0..points).map(row).collect()
+}
+
+fn sphere(points: usize, height: f64) -> Vec<String> {
+    let row = |k: usize| {
+        let z = height * (1.0 - (2.0 * k as f64 + 1.0) / points as f64);
+        let (s, c) = (k as f64 * 2.4).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        format!(
+            "{},{},{}",
+            60.0 * r * c + noise(3 * k),
+            50.0 * r * s + noise(3 * k + 1),
+            9.0 + 45.0 * z + noise(3 * k + 2)
+        )
+    };
+    (0..points).map(row).collect()
+}
+
+fn series(samples: usize) -> String {
+    table("t,w", (0..samples).map(|k| format!("{},{}", k as f64 * 0.01, 7.0 + noise(k))))
+}
+
+fn compute(words: &str, record: &str) -> Result<Outcome, ComputeError> {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(&file, record).unwrap();
+    let (method, options) = words.split_once(' ').unwrap_or((words, ""));
+    let words = ["compute", method, file.path().to_str().unwrap()].into_iter().chain(options.split_whitespace());
+    Command::try_parse_from(words).unwrap_or_else(|e| panic!("{e}")).args.outcome().1
+}
+
+/// Keys as `a.b`; a list is looked into by its first item.
+#[track_caller]
+fn gives(words: &str, record: &str, keys: &str) -> Value {
+    let outcome = compute(words, record).unwrap_or_else(|e| panic!("{words}: {e}"));
+    let json: Value = serde_json::from_str(&outcome.report.json()).unwrap();
+    for key in keys.split_whitespace() {
+        let mut value = &json;
+        for part in key.split('.') {
+            value = value.get(0).unwrap_or(value).get(part).unwrap_or_else(|| panic!("{words}: no {key} in {json:#}"));
+        }
+    }
+    let (table, svg) = (outcome.report.table(), plot::svg(&outcome.panels));
+    assert!(table.lines().count() > 3 && !table.contains("NaN"), "{table}");
+    assert!(
+        svg.starts_with("<svg")
+            && svg.ends_with("</svg>\n")
+            && ["h0", "circle", "polyline"].iter().any(|m| svg.contains(m)),
+        "{svg}"
+    );
+    assert!(!svg.contains("NaN") && !svg.contains("inf"), "{words}");
+    json
+}
+
+#[track_caller]
+fn refuses(words: &str, record: &str, expected: &str) {
+    match compute(words, record) {
+        Ok(outcome) => panic!("{words} gave {}", outcome.report.table()),
+        Err(e @ ComputeError::Refused(_)) => assert!(e.to_string().contains(expected), "{words}: {e}"),
+        Err(e) => panic!("{words}: not a refusal: {e}"),
+    }
+}
+
+#[track_caller]
+fn cannot_read(words: &str, record: &str, expected: &str) {
+    match compute(words, record).map(|_| ()) {
+        Err(ComputeError::Refused(e)) => panic!("{words}: refused: {e}"),
+        Err(e) => assert!(e.to_string().ends_with(expected), "{words}: {e}"),
+        Ok(()) => panic!("{words} gave a result"),
+    }
+}
+
+#[test]
+fn six_positions() {
+    let (words, head) = ("six-position --gravity 9.8", "position,x,y,z");
+    let rows = still(100, 0.1, |i, f| 9800.0 * f + 50.0 * i as f64);
+    let json = gives(
+        words,
+        &table(head, rows.clone()),
+        "equation matrix bias sensitivity coupling residual_rms residuals condition dof sd.matrix sd.bias \
+         as_printed.matrix as_printed.bias expanded.matrix covariance",
+    );
+    assert!((json["matrix"][1][1].as_f64().unwrap() - 1e-3).abs() < 1e-6, "{json:#}");
+    let printed = json["as_printed"]["matrix"][1][1].as_f64().unwrap();
+    assert!((printed - 1e-3).abs() < 1e-6 && json["dof"] == 6);
+    let up = "ux,uy,uz,x,y,z";
+    let attitudes =
+        LABELS.map(|l| up_of(l).unwrap()).map(|u| format!("{},{},{},{},{},{}", u.x, u.y, u.z, u.x, u.y, u.z));
+    gives("six-position --latitude 34 --height 400", &table(up, attitudes), "matrix bias gravity");
+    refuses(words, &table(head, rows[..500].to_vec()), "missing: z-");
+    refuses(words, &table(head, [rows.clone(), rows[..9].to_vec()].concat()), "`x+` stands in two separated blocks");
+    refuses(words, &table(head, [vec!["x+,nan,0,0".to_owned()], rows.clone()].concat()), "x: sample 0 is NaN");
+    refuses(&format!("{words} --saturation 9000"), &table(head, rows.clone()), "x is saturated");
+    cannot_read(words, &table(head, ["x+,1,2".to_owned()]), ":2:7: row has 3 fields, the header 4");
+    cannot_read(
+        words,
+        &table(head, ["up,1,2,3".to_owned()]),
+        ":2:1: `up` in column `position` is none of x+ x- y+ y- z+ z-",
+    );
+}
+
+#[test]
+fn still_gyroscope() {
+    let record = table("position,x,y,z", still(100, 1e-6, |i, f| 0.01 * i as f64 + 1e-4 * f + 1e-3));
+    gives(
+        "gyro-still --latitude 34",
+        &record,
+        "bias g_sensitivity sd.bias sd.g_sensitivity expanded.bias heading_bound.bias",
+    );
+    refuses("gyro-still --latitude 91", &record, "latitude (deg) is 91");
+}
+
+#[test]
+fn rotations() {
+    let (words, head) = ("rotation --rate 100 --turns 3", "run,x,y,z");
+    let rows = runs(3.0);
+    let json = gives(
+        words,
+        &table(head, rows.clone()),
+        "equation response matrix bias offset_lsb windows.run sd.response sd.matrix residuals covariance",
+    );
+    assert!((json["response"][0][0].as_f64().unwrap() - 1000.0).abs() < 1.0);
+    refuses(words, &table(head, rows[..6000].to_vec()), "missing: z-");
+    refuses(words, &table(head, [rows[..500].to_vec(), rows[1200..].to_vec()].concat()), "run x+ is cut off");
+    refuses(
+        words,
+        &table(head, [rows[..3600].to_vec(), runs(2.9)[3600..4800].to_vec(), rows[4800..].to_vec()].concat()),
+        "forth and back differ",
+    );
+    let timed = |gap: usize| {
+        table(
+            "t,run,x,y,z",
+            rows.iter()
+                .enumerate()
+                .map(move |(k, r)| format!("{},{r}", (k + if k < 300 { 0 } else { gap }) as f64 * 0.01)),
+        )
+    };
+    gives(words, &timed(0), "matrix");
+    refuses(words, &timed(3), "gap at sample 300");
+}
+
+#[test]
+fn ellipse_and_ellipsoid() {
+    let json = gives(
+        "ellipse",
+        &table("x,y", circle(2000, 67.3)),
+        "centre semi_axes rotation_deg correction.dx correction.dy correction.ky correction.sin_alpha residual_rms \
+         extremes.dx extremes.dy extremes.ky rejected sd.centre sd.correction covariance",
+    );
+    assert!((json["centre"][0].as_f64().unwrap() - 3.0).abs() < 0.1);
+    refuses("ellipse", &table("x,y", circle(150, 67.3)), "turns, needs at least 3");
+    refuses(
+        "ellipse",
+        &table("x,y", (0..200).map(|k| f64::from(k - 100) / 50.0).map(|t| format!("{},{}", t.cosh(), t.sinh()))),
+        "hyperbola",
+    );
+    let json = gives(
+        "ellipsoid --field 0.5",
+        &table("x,y,z", sphere(2000, 1.0)),
+        "centre matrix field residual_relative coverage condition rejected sd.matrix covariance",
+    );
+    assert_eq!(json["field"], 0.5);
+    refuses("ellipsoid", &table("x,y,z", sphere(2000, 0.05)), "poor coverage");
+    refuses("ellipsoid", &table("x,y,z", sphere(20, 1.0)), "20 samples, needs at least 36");
+}
+
+#[test]
+fn series_of_one_column() {
+    let record = series(3000);
+    let words = "allan --rate 100 --column w";
+    let keys = "points.tau_s points.dev points.n points.edf points.noise points.low points.high coefficients.Q coefficients.N \
+                coefficients.B coefficients.K coefficients.R";
+    gives(words, &record, keys);
+    for dev in ["adev", "oadev", "mdev", "hdev", "ohdev", "totdev"] {
+        gives(&format!("{words} --dev {dev} --taus decade"), &record, keys);
+    }
+    gives(&format!("{words} --phase --taus 0.01,0.5"), &record, keys);
+    gives("psd --rate 100 --column w --segment 256", &record, "frequency_hz density");
+    let json = gives("stability --rate 100 --column w --block 1", &record, "blocks mean sd");
+    assert_eq!(json["blocks"], 30);
+    refuses(words, &series(5), "5 samples, needs at least 8");
+    refuses("allan --rate 50 --column w", &record, "time column says 100.000000 Hz, stated are 50.000000 Hz");
+    refuses("psd --rate 100 --column w", &series(100), "one segment: 100 samples");
+    refuses("stability --rate 100 --column w --block 16", &record, "two blocks: 3000 samples, needs at least 3200");
+    cannot_read("allan --rate 100 --column z", &record, ":1:1: no column `z`; the header has t, w");
+}
+
+#[test]
+fn tilt() {
+    let sides = |k: usize| if k < 200 { ("+", 1.035) } else { ("-", -0.985) };
+    let flip = |shift: f64| {
+        table(
+            "position,a",
+            (0..400).map(move |k| format!("{},{}", sides(k).0, sides(k).1 + 1e-3 * noise(k) + shift * k as f64)),
+        )
+    };
+    let json = gives("flip", &flip(0.0), "equation offset gain sd.offset sd.gain");
+    assert!((json["gain"].as_f64().unwrap() - 1.01).abs() < 1e-3);
+    refuses("flip", &flip(1e-4), "position + moved");
+    let points = |points: &[&str]| table("temperature,offset", points.iter().map(|p| (*p).to_owned()));
+    gives("tilt-temperature", &points(&["-40,15", "25,7", "85,5"]), "a b c ambient_offset slope cold_remainder");
+    refuses("tilt-temperature", &points(&["-40,15", "25,7"]), "number of points is 2");
+    let budget =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/tilt-budget.toml")).unwrap();
+    let json = gives("tilt-budget", &budget, "contributions before.sum_mg after.sum_mg before.tilt_at_zero_deg");
+    let rounded = |v: &Value, digits: i32| (v.as_f64().unwrap() * 10_f64.powi(digits)).round();
+    assert_eq!((rounded(&json["before"]["sum_mg"], 1), rounded(&json["after"]["sum_mg"], 1)), (1290.0, 224.0));
+    assert_eq!(
+        (rounded(&json["before"]["tilt_at_zero_deg"], 1), rounded(&json["after"]["tilt_at_zero_deg"], 2)),
+        (74.0, 128.0)
+    );
+    cannot_read(
+        "tilt-budget",
+        "range_deg = 30\n[[contribution]]\nname = 3\n",
+        ":3:8: invalid type: integer `3`, expected a string",
+    );
+}
+
+#[test]
+fn zero_bias() {
+    let row = |k: usize| format!("{},{},{}", k / 6000, u8::from(k % 6000 > 5900), 120.0 + (k / 6000) as f64 + noise(k));
+    let record = table("cycle,still,w", (0..18_000).map(row));
+    let json = gives(
+        "zero-bias --rate 100 --repeatability 1 --instability 0.1",
+        &record,
+        "cycles.before cycles.after rms_before rms_after stored",
+    );
+    let figure = |key: &str| json[key].as_f64().unwrap();
+    assert!(figure("rms_after") < 0.01 * figure("rms_before"), "{json:#}");
+    refuses("zero-bias --rate 0", &record, "rate (Hz) is 0");
+    refuses("zero-bias --rate 100 --ring 1", &record, "ring (blocks) is 1");
+}
+
+/// What people type is judged by the command line itself.
+#[test]
+fn usage() {
+    for words in [
+        "compute",
+        "compute six-position f",
+        "compute rotation f --rate 1 --turns 1 --axis vertical",
+        "compute allan f --rate 1",
+    ] {
+        assert!(Command::try_parse_from(words.split(' ')).is_err(), "{words}");
+    }
+}

@@ -1,0 +1,72 @@
+//! Whether a program can be what is wanted: turns within the range of the gyroscopes, time enough for all of it.
+
+use gnc_executive::plan::{Params, PlanItem};
+use gnc_executive::quantity::Unit;
+
+use super::{Span, Step, program};
+use crate::capture::Pose;
+
+/// Published range of the gyroscopes.
+const RANGE_DPS: f64 = 400.0;
+
+/// What is wrong with the motion of an item, and what to try.
+#[must_use]
+pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
+    // An item without these parameters has no motion to check.
+    let Ok(Some(program)) = program(item.id, &item.params) else { return Vec::new() };
+    let mut found = Vec::new();
+    let turns = program.steps.iter().any(|step| matches!(step, Step::Turn { .. }));
+    if turns && let Some(mistake) = too_fast(&item.params) {
+        found.push(mistake);
+    }
+    if program.span_s() > item.timeout_s {
+        let what = format!(
+            "{} takes {} of bench time at least, and its timeout is {}",
+            item.id,
+            Span(program.span_s()),
+            Span(item.timeout_s)
+        );
+        found.push((what, "raise its timeout, or make its captures shorter"));
+    }
+    let most = program.steps.iter().filter_map(|step| match step {
+        Step::Capture { about, .. } => match about.pose {
+            Pose::Spinning { rate_dps, .. } => Some((about, rate_dps)),
+            _ => None,
+        },
+        _ => None,
+    });
+    for (about, rate_dps) in most {
+        let samples = f64::from(about.rate_hz) * 360.0 / rate_dps.abs().max(f64::MIN_POSITIVE);
+        if samples < SAMPLES_A_TURN {
+            let what = format!(
+                "{rate_dps:+.0} deg/s at {} Hz are {samples:.1} samples a turn, and an ellipse needs {SAMPLES_A_TURN:.0}",
+                about.rate_hz
+            );
+            found.push((what, "spin slower, or sample faster"));
+        }
+    }
+    found
+}
+
+/// Fewest samples of a turn: two turns of the field's second harmonic need four, and a third as many again tell it from
+/// noise.
+const SAMPLES_A_TURN: f64 = 6.0;
+
+/// A trapezoid of the rate: both ramps together are one of them at full rate, so that the peak is angle / (span - ramp).
+fn too_fast(params: &Params) -> Option<(String, &'static str)> {
+    let angle_deg = params.quantity("angle", Unit::Degree).ok()?;
+    let span_s = params.quantity("span", Unit::Second).ok()?;
+    let ramp_s = params.quantity("ramp", Unit::Second).ok()?;
+    if 2.0 * ramp_s > span_s {
+        let what = format!("two ramps of {ramp_s} s do not fit into a turn of {span_s} s");
+        return Some((what, "make the ramps shorter or the turn longer"));
+    }
+    let peak_dps = angle_deg / (span_s - ramp_s);
+    (peak_dps > RANGE_DPS).then(|| {
+        let what = format!(
+            "{angle_deg:.0} deg in {span_s} s with ramps of {ramp_s} s go up to {angle_deg:.0} / ({span_s} - {ramp_s}) = \
+             {peak_dps:.0} deg/s, and the gyroscopes' range is {RANGE_DPS:.0} deg/s"
+        );
+        (what, "turn longer or by a smaller angle, or make the ramps shorter")
+    })
+}

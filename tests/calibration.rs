@@ -1,0 +1,252 @@
+//! Items that capture: raw samples on disk, whatever happens, and every figure from them alone.
+
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
+use std::fs::{self, File};
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use gnc_station::capture::{Along, Pose};
+use gnc_station::raw::{self, RawRecord};
+use gnc_tests::{Place, Run, bad_items, read_json, repository};
+use serde_json::Value;
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+
+/// Positions and turns, as short as they may be.
+const SHORT: &str = include_str!("raw/short.toml");
+
+fn run(place: &Place, more: &[&str]) -> Run {
+    place.write("p.toml", SHORT);
+    let fixed = ["--auto", "p.toml", "--sim-speed", "max", "--serial-number", "C-1"];
+    let sim = if more.iter().any(|arg| arg.starts_with("--sim=")) { None } else { Some("--sim") };
+    place.run(fixed.into_iter().chain(sim).chain(more.iter().copied()))
+}
+
+fn mcap(place: &Place, item: &str) -> PathBuf {
+    let runs = place.runs();
+    assert_eq!(runs.len(), 1, "{runs:?}");
+    runs[0].join(item).join("attempt-1.mcap")
+}
+
+fn read(path: &Path) -> RawRecord {
+    raw::read(File::open(path).expect("a raw file")).expect("a whole raw file")
+}
+
+#[test]
+fn every_capture_is_on_disk_and_vouched_for() {
+    let place = Place::new(STATION);
+    run(&place, &[]);
+    let still = read(&mcap(&place, "01-six-position"));
+    assert!(!still.cut_off && still.unfinished.is_none());
+    let labels: Vec<&str> = still.captures.iter().map(|capture| capture.about.label.as_str()).collect();
+    assert_eq!(labels, ["x+", "x-", "y+", "y-", "z+", "z-"]);
+    for capture in &still.captures {
+        assert_eq!((capture.samples.len(), capture.losses.any()), (2000, false), "{}", capture.about.label);
+        // The axis that points up feels one g: 160,000 counts at the nominal scale, which the part keeps to 5 %.
+        let Pose::Still { up, .. } = capture.about.pose else { unreachable!("{:?}", capture.about) };
+        let means = [0, 1, 2].map(|axis| {
+            capture.samples.iter().map(|sample| f64::from(sample.accel[axis])).sum::<f64>() / 2000.0 / 160_000.0
+        });
+        for (mean, up) in means.iter().zip(up) {
+            assert!((mean - up).abs() < 0.1, "{}: {means:?} g", capture.about.label);
+        }
+    }
+    let turns = read(&mcap(&place, "02-rotation"));
+    assert_eq!(turns.captures.len(), 6);
+    for capture in &turns.captures {
+        let Pose::Rotating { axis, angle_deg, along, .. } = capture.about.pose else {
+            unreachable!("{:?}", capture.about)
+        };
+        assert_eq!(along, Along::Up);
+        // 1 s of rest, 5 s of turn, 2 s of rest at 1 kHz; what the word of its end takes comes on top.
+        assert!(capture.samples.len() >= 8000, "{}: {} samples", capture.about.label, capture.samples.len());
+        let sum = capture.samples.iter().map(|sample| f64::from(sample.gyro[usize::from(axis)])).sum::<f64>();
+        let turned_deg = sum / 1000.0 / 20_000.0;
+        // Bias of a degree a second, scale of 5 %.
+        let most = 0.05 * 1080.0 + capture.samples.len() as f64 / 1000.0;
+        assert!((turned_deg - angle_deg).abs() < most, "{}: {turned_deg} deg", capture.about.label);
+    }
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
+}
+
+/// One bit of one sample, and both the digests and the recomputation notice.
+#[test]
+fn one_changed_sample_is_noticed() {
+    let place = Place::new(STATION);
+    run(&place, &[]);
+    let path = mcap(&place, "01-six-position");
+    let mut bytes = fs::read(&path).expect("a raw file");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&path, bytes).expect("a raw file");
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(1));
+    assert!(verified.stdout.contains("01-six-position/attempt-1.mcap was changed"), "{}", verified.stdout);
+    let folder = place.runs().remove(0);
+    let recomputed = place.run(["recompute", folder.to_str().expect("UTF-8")]);
+    assert_ne!(recomputed.code, Some(0), "{}", recomputed.stdout);
+    let said = format!("{}{}", recomputed.stdout, recomputed.stderr);
+    assert!(said.contains("attempt-1.mcap"), "{said}");
+}
+
+/// What a kill leaves is read up to the last second, by us and by anybody.
+#[test]
+fn what_was_captured_survives_a_kill() {
+    let place = Place::new(STATION);
+    place.write("p.toml", &SHORT.replace("10 s", "1200 s").replace("settle = \"1 s\"", "settle = \"0 s\""));
+    let args = ["--auto", "p.toml", "--sim", "--sim-speed", "10", "--serial-number", "C-1", "--only", "six-position"];
+    let mut station = place.station(args).stdout(Stdio::piped()).spawn().expect("the station");
+    let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
+    let samples = |record: &RawRecord| record.unfinished.as_ref().map_or(0, |unfinished| unfinished.samples);
+    // It tells every two seconds how far it is; some of those later a second of samples is on disk.
+    let told = lines
+        .map_while(Result::ok)
+        .any(|line| line.contains("at work") && samples(&read(&mcap(&place, "01-six-position"))) > 0);
+    assert!(told, "nothing was captured");
+    station.kill().expect("alive");
+    station.wait().expect("dead");
+    let record = read(&mcap(&place, "01-six-position"));
+    assert!(record.cut_off && record.captures.is_empty() && samples(&record) >= 200, "{:?}", record.unfinished);
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(1));
+    assert!(verified.stdout.contains("interrupted"), "{}", verified.stdout);
+}
+
+/// A line that loses a frame now and then: no figure, and the place of the loss.
+#[test]
+fn a_gap_is_never_a_figure() {
+    let place = Place::new(STATION);
+    let good = fs::read_to_string(repository().join("hw-mocks/boards/good.toml")).expect("the good board");
+    place.write("lossy.toml", &format!("{good}\n[wire.to_host]\nlost_frames_per_million = 5000.0\n"));
+    let ended = run(&place, &["--sim=lossy.toml", "--only", "six-position"]);
+    assert_eq!(ended.code, Some(3), "{}{}", ended.stdout, ended.stderr);
+    let record = place.record();
+    assert_eq!(bad_items(&record), ["six-position"]);
+    let attempt = &record["items"][0]["attempts"][0];
+    let text = attempt["error"]["text"].as_str().expect("a reason");
+    assert!(text.contains("has a gap after sample") && text.contains("on the line"), "{text}");
+    assert_eq!(attempt["measurements"].as_array().map(Vec::len), Some(0), "a figure came of it");
+    let raw = read(&mcap(&place, "01-six-position"));
+    let last = raw.captures.last().expect("the capture with the gap");
+    assert!(last.losses.on_line > 0 && last.losses.on_board == 0, "{:?}", last.losses);
+}
+
+/// The same plan gives the same bits; another one judges the same figures by its own limits, beside the run.
+#[test]
+fn a_run_comes_out_again_as_it_was() {
+    let place = Place::new(STATION);
+    run(&place, &[]);
+    let folder = place.runs().remove(0);
+    let folder = folder.to_str().expect("UTF-8");
+    let before = place.record();
+    let again = place.run(["recompute", folder]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+    assert!(again.stdout.contains("the same, bit for bit") && again.stdout.contains("2 attempts"), "{}", again.stdout);
+    assert_eq!(place.runs().len(), 1, "nothing is written");
+
+    place.write("strict.toml", &SHORT.replace("-100 mg .. 100 mg", "-0.0001 mg .. 0.0001 mg"));
+    let strict = place.run(["recompute", folder, "--plan", "strict.toml"]);
+    assert_eq!(strict.code, Some(1), "{}{}", strict.stdout, strict.stderr);
+    let beside = place.runs().into_iter().find(|run| run.to_string_lossy().ends_with("-recomputed")).expect("a folder");
+    let judged = read_json(&beside.join("run.json"));
+    assert_eq!(
+        (judged["outcome"].as_str(), judged["recomputed"]["run"].as_str()),
+        (Some("failed"), folder.rsplit('/').next())
+    );
+    assert_eq!(bad_items(&judged), ["six-position"]);
+    let details = |record: &Value| record["items"][0]["attempts"][0]["details"].clone();
+    assert_eq!(details(&before), details(&judged), "another plan is no other figure");
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
+
+    let other = place.write("other.toml", &SHORT.replace("id = \"rotation\"", "id = \"rotation\"\nname = \"turns\""));
+    let unfit = place.run(["recompute", folder, "--plan", other.to_str().expect("UTF-8")]);
+    assert_eq!(unfit.code, Some(2));
+    assert!(
+        unfit.stderr.contains("the run has six-position, rotation; the plan has six-position, turns"),
+        "{}",
+        unfit.stderr
+    );
+}
+
+/// The mathematics from the raw file itself, and from its export: the same calibration.
+#[test]
+fn raw_captures_can_be_computed_with() {
+    let place = Place::new(STATION);
+    run(&place, &[]);
+    let raw = mcap(&place, "01-six-position");
+    let raw = raw.to_str().expect("UTF-8");
+    let computed = place.run(["compute", "six-position", raw, "--gravity", "9.80151", "--json"]);
+    assert_eq!(computed.code, Some(0), "{}{}", computed.stdout, computed.stderr);
+    let found: Value = serde_json::from_str(&computed.stdout).expect("JSON");
+    for axis in 0..3 {
+        // 160,000 counts for one g, to 5 %.
+        let sensitivity = found["sensitivity"][axis].as_f64().expect("a number");
+        assert!((sensitivity * 9.80665 / 160_000.0 - 1.0).abs() < 0.05, "{sensitivity}");
+    }
+    let folder = place.runs().remove(0);
+    let exported = place.run(["export", folder.to_str().expect("UTF-8"), "--out", "out"]);
+    assert_eq!(exported.code, Some(0), "{}{}", exported.stdout, exported.stderr);
+    let text = fs::read_to_string(place.path().join("out/01-six-position-attempt-1.csv")).expect("a table");
+    let columns = text.replacen("accel_x,accel_y,accel_z", "x,y,z", 1);
+    place.write("p.csv", &columns);
+    let from_text = place.run(["compute", "six-position", "p.csv", "--gravity", "9.80151", "--json"]);
+    assert_eq!(from_text.stdout, computed.stdout, "{}", from_text.stderr);
+    let allan = place.run(["compute", "allan", &format!("{raw}#z+"), "--column", "gyro_z", "--rate", "200"]);
+    assert_eq!(allan.code, Some(0), "{}{}", allan.stdout, allan.stderr);
+    let unclear = place.run(["compute", "allan", raw, "--column", "gyro_z", "--rate", "200"]);
+    assert_eq!(unclear.code, Some(2));
+    assert!(unclear.stderr.contains("it holds 6 captures; put one behind its name: #x+ #x-"), "{}", unclear.stderr);
+}
+
+/// A run that was killed goes on: what was whole is taken over bit for bit, the rest is captured.
+#[test]
+fn a_run_that_broke_off_goes_on() {
+    let place = Place::new(STATION);
+    let plan = SHORT.replace("10 s", "60 s").replace("settle = \"1 s\"", "settle = \"0 s\"");
+    place.write("p.toml", &plan);
+    let args = ["--auto", "p.toml", "--sim", "--serial-number", "C-1", "--only", "six-position"];
+    let slow = args.into_iter().chain(["--sim-speed", "40"]);
+    let mut station = place.station(slow).stdout(Stdio::piped()).spawn().expect("the station");
+    let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
+    // It tells every two seconds how far it is: three positions of 60 s take a little longer at 40 times the speed.
+    let whole = || read(&mcap(&place, "01-six-position")).captures.len();
+    assert!(lines.map_while(Result::ok).any(|line| line.contains("at work") && whole() >= 2), "nothing was captured");
+    station.kill().expect("alive");
+    station.wait().expect("dead");
+    let broken = place.runs().remove(0);
+    let before = read(&mcap(&place, "01-six-position")).captures;
+    assert!((2..6).contains(&before.len()), "{} captures", before.len());
+
+    let refused = |plan: &str, serial_number: &str| {
+        // Under its own name: the name of the file belongs to the digest.
+        place.write("p.toml", plan);
+        let resume = broken.to_str().expect("UTF-8");
+        place.run(["--auto", "p.toml", "--sim", "--serial-number", serial_number, "--resume", resume])
+    };
+    let other = refused(&plan.replace("-100 mg", "-99 mg"), "C-1");
+    assert!(other.code == Some(2) && other.stderr.contains("had the plan with the digest"), "{}", other.stderr);
+    let other = refused(&plan, "C-2");
+    assert!(
+        other.code == Some(2) && other.stderr.contains("had the serial number C-1, this one has C-2"),
+        "{}",
+        other.stderr
+    );
+
+    let resume = ["--sim-speed", "max", "--resume", broken.to_str().expect("UTF-8")];
+    let ended = place.run(args.into_iter().chain(resume));
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let new = place.runs().into_iter().find(|run| *run != broken).expect("a run of its own");
+    let after = read(&new.join("01-six-position/attempt-1.mcap")).captures;
+    let labels: Vec<&str> = after.iter().map(|capture| capture.about.label.as_str()).collect();
+    assert_eq!(labels, ["x+", "x-", "y+", "y-", "z+", "z-"]);
+    assert!(after[..before.len()] == before, "what was taken over is not what was captured");
+    let record = read_json(&new.join("run.json"));
+    let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
+    assert_eq!(record["resumed"]["run"].as_str(), Some(name));
+    let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+}
