@@ -1,0 +1,265 @@
+//! The sixty figures of stability and repeatability: five modules of the published table, six axes, against what the true
+//! noise of the simulated module gives, by a parametric bootstrap. Samples come from the sensors alone, without frames.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test may end with a panic")]
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::measurement::Value;
+use gnc_executive::plan::{Params, Plan};
+use gnc_executive::quantity::Unit;
+use gnc_station::board::stream::Losses;
+use gnc_station::capture::{About, Capture, Pose, Receiver};
+use gnc_station::figures::{Findings, Question, analyse};
+use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadModel};
+use hw_mocks::world::Influence;
+use nalgebra::{Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Bias stability and repeatability of the gyroscopes (deg/h) and the accelerometers (mg), table 2.
+const MODULES: [[f64; 4]; 5] = [
+    [4.5995, 1.2403, 0.2423, 0.0726],
+    [9.1226, 2.3253, 0.0769, 0.0149],
+    [7.1639, 3.6547, 0.0984, 0.0515],
+    [3.5815, 4.7739, 0.1241, 0.0286],
+    [8.2676, 2.4729, 0.0891, 0.0259],
+];
+/// A sample stands for the mean over its interval, so a slow stream tells as much of ten seconds as a fast one.
+const RATE_HZ: u16 = 10;
+const SEED: u64 = 2_022;
+const GRAVITY: f64 = 9.7954;
+
+const PLAN: &str = r#"
+name = "sixty"
+version = "1"
+[[item]]
+id = "six-position"
+phase = "setup"
+[[item]]
+id = "rotation"
+phase = "setup"
+[[item]]
+id = "gyro-still"
+phase = "setup"
+[[item]]
+id = "bias-stability"
+phase = "setup"
+params = { rate = "10 Hz" }
+[[item]]
+id = "bias-repeatability"
+phase = "setup"
+params = { rate = "10 Hz", dwell = "600 s" }
+"#;
+
+/// A calibration of scale factors alone: neither figure sees a constant.
+fn calibrated() -> Vec<(String, Findings)> {
+    let rows = |value: f64| serde_json::json!([[value, 0.0, 0.0], [0.0, value, 0.0], [0.0, 0.0, value]]);
+    let rps = 20_000.0 * 180.0 / std::f64::consts::PI;
+    let details = serde_json::json!({ "calibration": {
+        "accel": { "matrix": rows(9.80665 / 160_000.0), "offset": [0.0, 0.0, 0.0] },
+        "gyro_still": { "bias": [0.0, 0.0, 0.0], "per_force": rows(0.0) },
+        "gyro_scale": { "response": rows(rps), "matrix": rows(1.0 / rps) },
+    } });
+    vec![("calibration".to_owned(), Findings { measured: Vec::new(), details })]
+}
+
+/// One module, at rest with Z up; its own response is perfect here, so that the noise is that of the model.
+struct Module {
+    models: SensorModels,
+    sensors: Sensors,
+    now_s: f64,
+}
+
+impl Module {
+    fn new([gyro, gyro_again, accel, accel_again]: [f64; 4], seed: u64) -> Self {
+        let mut models = SensorModels {
+            gyro: TriadModel::gyroscopes(gyro, gyro_again),
+            accel: TriadModel::accelerometers(accel, accel_again),
+            gyro_per_g: Matrix3::zeros(),
+            ..SensorModels::default()
+        };
+        models.gyro.response = Matrix3::identity();
+        models.accel.response = Matrix3::identity();
+        let mut sensors = Sensors::new(models, SensorFaults::default(), seed);
+        sensors.power_on();
+        Self { models, sensors, now_s: 0.0 }
+    }
+
+    fn capture(&mut self, label: &str, series: u32, span_s: f64) -> Capture {
+        let influence = Influence {
+            rate_rps: Vector3::zeros(),
+            force: Vector3::new(0.0, 0.0, GRAVITY),
+            field_gauss: Vector3::zeros(),
+            temperature_c: 25.0,
+        };
+        let n = (span_s * f64::from(RATE_HZ)) as usize;
+        let samples: Vec<_> = (0..n)
+            .map(|_| {
+                self.now_s += 1.0 / f64::from(RATE_HZ);
+                self.sensors.sample(&influence, self.now_s, f64::from(RATE_HZ))
+            })
+            .collect();
+        let pose = Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 };
+        Capture {
+            about: About { label: label.to_owned(), series, pose, rate_hz: RATE_HZ },
+            first_us: 0,
+            losses: Losses { received: samples.len() as u32, ..Losses::default() },
+            samples,
+            receiver: Receiver::default(),
+        }
+    }
+}
+
+/// Standard normal numbers.
+struct Dice(ChaCha8Rng);
+
+impl Dice {
+    fn normal(&mut self) -> f64 {
+        let (one, other): (f64, f64) = (self.0.random(), self.0.random());
+        (-2.0 * (1.0 - one).ln()).sqrt() * (std::f64::consts::TAU * other).cos()
+    }
+}
+
+/// Means of a Gauss-Markov bias over neighbouring blocks, exactly: mean and end of a block are jointly normal given its
+/// start.
+struct Blocks {
+    decay: f64,
+    /// Mean for a start of 1, deviation of the end, mean per deviation of the end, deviation of the mean beside it.
+    pull: f64,
+    end: f64,
+    shared: f64,
+    own: f64,
+}
+
+impl Blocks {
+    fn new(span_s: f64, correlation_s: f64) -> Self {
+        let x = span_s / correlation_s;
+        let decay = (-x).exp();
+        let end = (1.0 - decay * decay).sqrt();
+        // Integrals of e^-t, of the covariance of mean and end, and of the mean's variance, given the start.
+        let pull = (1.0 - decay) / x;
+        let together = (1.0 - decay).powi(2) / x;
+        let mean = (2.0 * x - 3.0 + 4.0 * decay - decay * decay) / (x * x);
+        let shared = together / end;
+        Self { decay, pull, end, shared, own: (mean - shared * shared).max(0.0).sqrt() }
+    }
+
+    fn next(&self, value: &mut f64, dice: &mut Dice) -> f64 {
+        let (one, other) = (dice.normal(), dice.normal());
+        let mean = self.pull * *value + self.shared * one + self.own * other;
+        *value = self.decay * *value + self.end * one;
+        mean
+    }
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()
+}
+
+/// The 99.9 % interval of a figure: by the mean and spread of its logarithm, which is close to normal, and by its
+/// quantiles where replicates are cheap.
+fn interval(mut figures: Vec<f64>) -> (f64, f64) {
+    figures.sort_by(f64::total_cmp);
+    let n = figures.len();
+    if n >= 20_000 {
+        return (figures[n / 2000], figures[n - 1 - n / 2000]);
+    }
+    let logarithms: Vec<f64> = figures.iter().map(|figure| figure.ln()).collect();
+    let mean = logarithms.iter().sum::<f64>() / n as f64;
+    let spread = 3.29 * deviation(&logarithms);
+    ((mean - spread).exp(), (mean + spread).exp())
+}
+
+/// What the true noise gives for the standard deviation of the means of an hour.
+fn stability_of(model: &TriadModel, dice: &mut Dice) -> (f64, f64) {
+    let blocks = Blocks::new(10.0, model.correlation_s);
+    let white = model.white / 10.0_f64.sqrt();
+    let replicate = |dice: &mut Dice| {
+        let mut value = dice.normal();
+        let means: Vec<f64> =
+            (0..360).map(|_| model.slow * blocks.next(&mut value, dice) + white * dice.normal()).collect();
+        deviation(&means)
+    };
+    interval((0..1000).map(|_| replicate(dice)).collect())
+}
+
+/// What it gives for the standard deviation of six means of ten minutes.
+fn repeatability_of(model: &TriadModel, dice: &mut Dice) -> (f64, f64) {
+    let blocks = Blocks::new(600.0, model.correlation_s);
+    let replicate = |dice: &mut Dice| {
+        let means: Vec<f64> = (0..6)
+            .map(|_| {
+                let mut value = dice.normal();
+                let slow = model.slow * blocks.next(&mut value, dice);
+                model.turn_on * dice.normal() + slow + model.white / 600.0_f64.sqrt() * dice.normal()
+            })
+            .collect();
+        deviation(&means)
+    };
+    interval((0..20_000).map(|_| replicate(dice)).collect())
+}
+
+#[test]
+fn sixty_figures_are_those_of_the_true_noise() {
+    let plan = Plan::read("sixty.toml", PLAN.into(), &mut |_| Err("no includes".into())).unwrap();
+    let params = |id: ItemId| -> &Params { &plan.items().iter().find(|item| item.id == id).unwrap().params };
+    let earlier = calibrated();
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(SEED));
+    let mut wrong = Vec::new();
+    let mut figures = 0;
+    for (number, table) in (1..).zip(MODULES) {
+        let mut module = Module::new(table, SEED + number);
+        let hour = [module.capture("still", 1, 3600.0)];
+        let runs: Vec<Capture> = (1..=6)
+            .map(|run| {
+                module.sensors.power_on();
+                module.now_s += 600.0;
+                module.capture(&format!("run {run}"), run, 600.0)
+            })
+            .collect();
+        let models = module.models;
+        let bounds = [
+            ("gyro", Unit::DegreePerSecond, models.gyro),
+            ("accel", Unit::Gravity, models.accel),
+        ]
+        .map(|(name, unit, model)| (name, unit, stability_of(&model, &mut dice), repeatability_of(&model, &mut dice)));
+        for (id, captures, what) in
+            [(ItemId::BiasStability, &hour[..], "stability"), (ItemId::BiasRepeatability, &runs[..], "repeatability")]
+        {
+            let question = Question { params: params(id), site: None, captures, earlier: &earlier };
+            let found = analyse(id, &question).unwrap();
+            for (sensor, unit, stability, repeatability) in bounds {
+                let (low, high) = if what == "stability" { stability } else { repeatability };
+                for axis in ["x", "y", "z"] {
+                    let name = format!("bias_{what}_{sensor}_{axis}");
+                    let Some(Value::Estimate(value, _)) = found.value(&name) else { panic!("no {name}") };
+                    let value = value.in_unit(unit).unwrap();
+                    figures += 1;
+                    if !(low..=high).contains(&value) {
+                        wrong.push(format!("module {number} {name}: {value:e}, expected {low:e} to {high:e}"));
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(figures, 60);
+    assert!(wrong.is_empty(), "seed {SEED}\n{}", wrong.join("\n"));
+}
+
+/// The published table is what the models are set from: the middle of each interval is near it.
+#[test]
+fn the_published_table_is_in_the_middle() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(SEED));
+    for table in MODULES {
+        let gyro = TriadModel::gyroscopes(table[0], table[1]);
+        let (low, high) = stability_of(&gyro, &mut dice);
+        let published = table[0] / 3600.0;
+        assert!(low < published && published < high, "{low:e} {published:e} {high:e}");
+        assert!(high / low < 1.6, "an hour tells the stability to some 20 %: {low:e} {high:e}");
+        let (low, high) = repeatability_of(&gyro, &mut dice);
+        let published = table[1] / 3600.0;
+        assert!(low < published && published < high, "{low:e} {published:e} {high:e}");
+    }
+}
