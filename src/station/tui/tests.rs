@@ -452,3 +452,30 @@ fn runs_are_found() {
     let shown = scene.model.records.shown();
     assert_eq!(shown.iter().map(|run| run.serial_number.as_str()).collect::<Vec<_>>(), ["DEMO-2"]);
 }
+
+/// Plays a scene in the middle of captures, and looks at it on its page and on that of the tests.
+fn check_captures(name: &str, item: &str, finished: usize) {
+    for lang in Lang::ALL {
+        for size in SIZES {
+            let mut scene = Scene::capturing(lang, size, item, finished).expect("memory");
+            if name == "captures-still" {
+                insta::assert_snapshot!(format!("{name}-tests-{lang:?}-{}", size.0), scene.text());
+            }
+            scene.key(Key::F(9));
+            insta::assert_snapshot!(format!("{name}-{lang:?}-{}", size.0), scene.text());
+        }
+    }
+}
+
+#[test]
+fn captures() {
+    check_captures("captures-still", "six-position", 3);
+    check_captures("captures-turn", "rotation", 1);
+    for lang in Lang::ALL {
+        for (width, height) in SIZES {
+            let mut scene = Scene::calibration(lang, width, height).expect("memory");
+            scene.key(Key::F(9));
+            insta::assert_snapshot!(format!("captures-none-{lang:?}-{width}"), scene.text());
+        }
+    }
+}

@@ -14,6 +14,8 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::bar;
 use super::{style, text};
+use crate::guidance::{Guidance, Stage};
+use crate::tui::lang::{Texts, fill};
 use crate::tui::model::{Model, PlanView, Progress, order};
 
 /// Bad items whose values are listed under them; of more the cursor shows the details.
@@ -141,7 +143,10 @@ impl List<'_> {
         };
         let outcome = Span::styled(text::fit(&outcome.content, columns.outcome), outcome.style);
         let reason = match at_work {
-            Some(_) => (texts.item_title)(row.planned.id).to_owned(),
+            Some(progress) => match &progress.guidance {
+                Some(guidance) => guided(texts, guidance),
+                None => (texts.item_title)(row.planned.id).to_owned(),
+            },
             None => decided(self.model, row),
         };
         let spans = vec![
@@ -192,6 +197,16 @@ fn work(progress: &Progress, cells: usize) -> String {
     }
 }
 
+/// Which capture of how many an item is at, and what is still to go of it.
+fn guided(texts: &Texts, guidance: &Guidance) -> String {
+    let Some(planned) = guidance.present() else { return texts.stage(guidance) };
+    let which = format!("{}/{} {}", guidance.finished + 1, guidance.captures.len(), text::shown(&planned.label));
+    match guidance.stage {
+        Stage::Capturing => format!("{which}: {}", fill(texts.to_go, &[&words::duration(guidance.left_s())])),
+        _ => format!("{which}: {}", texts.stage(guidance)),
+    }
+}
+
 /// What decided an item.
 pub(super) fn decided(model: &Model, row: &Row) -> String {
     match &row.cause {
@@ -222,7 +237,7 @@ fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
         }
     }
     if bad.len() > VALUES {
-        let more = crate::tui::lang::fill(texts.more_lines, &[&(bad.len() - VALUES).to_string()]);
+        let more = fill(texts.more_lines, &[&(bad.len() - VALUES).to_string()]);
         lines.push(Line::styled(format!("         {more}, {}", texts.enter_opens), style::faint()));
     }
     if let Some(error) = &attempt.error {
