@@ -1,18 +1,30 @@
 //! What people see of an item that captures: how the module lies and turns, which capture of how many, and how long it
-//! still takes. Never for a verdict, and some of it is skipped.
+//! still takes, and pictures that grow with the samples. Never for a verdict, and some of it is skipped.
+//!
+//! All of it is worked out where the samples come by, in bounded time and room, and only where somebody watches.
+
+pub mod allan;
+pub mod field;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use gnc_protocol::stream::ImuSample;
 use tokio::sync::watch;
 
 use crate::board::Desk;
 use crate::capture::Pose;
-use crate::motion::{Program, Step};
+use crate::motion::{Program, Step, Uses};
 use crate::turntable::Lie;
+use allan::{Allan, AllanSoFar};
+use field::{Field, FieldSoFar};
 
 /// How often it is handed on while samples come: a screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(50);
+/// How often its pictures are: an eye follows five steps a second, and an ellipse is fitted for each.
+const PICTURE_EVERY: Duration = Duration::from_millis(200);
+/// A still capture at least this long shows its Allan deviations; shorter ones end before a flat part is seen.
+const ALLAN_FROM_S: f64 = 600.0;
 
 /// A program of captures under way.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +43,17 @@ pub struct Guidance {
     pub done_s: f64,
     /// Bench time of all steps.
     pub whole_s: f64,
+    /// What the samples of the capture at work show so far, where they show something.
+    pub picture: Option<Picture>,
+}
+
+/// What the samples of a capture show so far.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Picture {
+    /// The field across the axis of a spin.
+    Field(Arc<Field>),
+    /// Allan deviations of a long rest.
+    Allan(Arc<Allan>),
 }
 
 /// A capture as it was planned.
@@ -88,6 +111,7 @@ impl Guidance {
             captured_s: 0.0,
             done_s: 0.0,
             whole_s: program.span_s(),
+            picture: None,
         }
     }
 
@@ -145,18 +169,56 @@ impl Guidance {
     }
 }
 
+/// Collects what the samples of a capture show.
+#[derive(Debug)]
+enum Collected {
+    Field(FieldSoFar),
+    Allan(AllanSoFar),
+}
+
+impl Collected {
+    /// What the samples of a step are collected in; `None` where they show nothing that grows.
+    fn of(step: &Step) -> Option<Self> {
+        match step {
+            Step::Capture { about, span_s, uses } => match (&about.pose, uses) {
+                (Pose::Spinning { axis, .. }, Uses::Magnetometer) => Some(Self::Field(FieldSoFar::new(*axis))),
+                (Pose::Still { .. }, Uses::Inertial) if *span_s >= ALLAN_FROM_S => {
+                    Some(Self::Allan(AllanSoFar::new(about.rate_hz)))
+                }
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    fn take(&mut self, samples: &[ImuSample]) {
+        match self {
+            Self::Field(field) => field.take(samples),
+            Self::Allan(allan) => allan.take(samples),
+        }
+    }
+
+    fn look(&self) -> Picture {
+        match self {
+            Self::Field(field) => Picture::Field(Arc::new(field.look())),
+            Self::Allan(allan) => Picture::Allan(Arc::new(allan.look())),
+        }
+    }
+}
+
 /// Hands guidance on to whoever watches an item.
 #[derive(Debug)]
 pub struct Guide {
     out: watch::Sender<Option<Arc<Guidance>>>,
+    watched: bool,
 }
 
 impl Guide {
-    /// One for an attempt, and where it can be watched.
+    /// One for an attempt, and where it can be watched. Pictures are made only if somebody looks at them.
     #[must_use]
-    pub fn new() -> (Self, watch::Receiver<Option<Arc<Guidance>>>) {
+    pub fn new(watched: bool) -> (Self, watch::Receiver<Option<Arc<Guidance>>>) {
         let (out, seen) = watch::channel(None);
-        (Self { out }, seen)
+        (Self { out, watched }, seen)
     }
 }
 
@@ -166,19 +228,37 @@ pub(crate) struct Course<'a> {
     desk: &'a Desk<'a>,
     guide: &'a Guide,
     now: Guidance,
+    collected: Option<Collected>,
     handed_on: Option<Instant>,
+    drawn: Option<Instant>,
 }
 
 impl<'a> Course<'a> {
     /// Nothing of the program is done yet.
     pub(crate) fn new(program: &Program, desk: &'a Desk<'a>, guide: &'a Guide) -> Self {
-        Self { desk, guide, now: Guidance::new(program), handed_on: None }
+        Self { desk, guide, now: Guidance::new(program), collected: None, handed_on: None, drawn: None }
     }
 
     /// A step is carried out from now on.
     pub(crate) fn begins(&mut self, step: &Step) {
         self.now.begin(step);
+        self.collected = Collected::of(step).filter(|_| self.guide.watched);
+        if self.collected.is_some() {
+            // Until then the picture of the capture before stays in sight.
+            self.now.picture = None;
+        }
         self.hand_on(true);
+    }
+
+    /// Samples of the capture at work.
+    pub(crate) fn took(&mut self, samples: &[ImuSample]) {
+        let Some(collected) = &mut self.collected else { return };
+        collected.take(samples);
+        let now = Instant::now();
+        if self.drawn.is_none_or(|before| now - before >= PICTURE_EVERY) {
+            self.drawn = Some(now);
+            self.now.picture = Some(collected.look());
+        }
     }
 
     /// The capture at work has so much board time.
@@ -189,6 +269,9 @@ impl<'a> Course<'a> {
 
     /// A step is over, or what it captures is there already.
     pub(crate) fn ended(&mut self, step: &Step) {
+        if let Some(collected) = self.collected.take() {
+            self.now.picture = Some(collected.look());
+        }
         self.now.end(step);
         self.hand_on(false);
     }

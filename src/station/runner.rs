@@ -309,7 +309,7 @@ impl Run<'_> {
 
     async fn attempt(&self, board: &Board, position: usize, item: &PlanItem, attempt: u32) -> Landed {
         let (sender, advance) = watch::channel(Advance::default());
-        let (guide, guidance) = Guide::new();
+        let (guide, guidance) = Guide::new(self.live.readings.receiver_count() > 0);
         let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance, guidance };
         self.live.doing.send_modify(|live| live.push(doing));
         let desk = Desk::new(board, sender);

@@ -218,6 +218,7 @@ impl Captor<'_> {
         }
         let looked = taker.watch.look(&samples);
         let had = taker.samples.len();
+        self.course.took(&samples);
         taker.samples.extend(samples);
         self.course.captured(taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
         looked.map_err(|(index, spoilt)| {

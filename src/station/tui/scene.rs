@@ -327,6 +327,8 @@ fn readings(phase: f64) -> Readings {
     let stream = |id, rate_hz, received, on_line| StreamReading { id, rate_hz, received, on_board: 0, on_line };
     Readings {
         imu: Some(((phase * 1e6) as u64, sample)),
+        compensated: None,
+        correction: None,
         gnss: Some(gnss),
         pulses: 3,
         ad_v: [2.51, 2.38, 2.35, 5.0, 3.3, 1.2, 0.0, 0.0].map(Some),

@@ -1,11 +1,13 @@
 //! Drawing. It only reads the model, and every screen can be drawn again from it.
 
+mod allan;
 mod attitude;
 mod big;
 mod board;
 mod calibration;
 mod detail;
 mod dialog;
+mod field;
 mod frame;
 mod glyphs;
 mod live;

@@ -5,9 +5,12 @@ use std::time::Duration;
 
 use gnc_executive::event::{EventKind, PlannedItem};
 use gnc_executive::plan::{Phase, Plan, PlanItem};
+use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS};
 
 use super::Scene;
-use crate::guidance::{Guidance, Stage};
+use crate::guidance::allan::AllanSoFar;
+use crate::guidance::field::FieldSoFar;
+use crate::guidance::{Guidance, Picture, Stage};
 use crate::motion;
 use crate::tui::lang::Lang;
 use crate::tui::model::{Loaded, PlanView, ProgramView, Progress};
@@ -33,7 +36,38 @@ impl Scene {
         Ok(scene)
     }
 
-    /// An idle screen with the calibration plan.
+    /// The same in the first spin of the magnetometer, after so many samples of a field that draws an ellipse.
+    ///
+    /// # Errors
+    /// As [`Scene::capturing`].
+    pub fn spinning(lang: Lang, size: (u16, u16), samples: u32) -> std::io::Result<Self> {
+        let mut scene = Self::capturing(lang, size, "magnetometer-ellipse", 0)?;
+        let mut field = FieldSoFar::new(2);
+        (0..samples).for_each(|index| field.take(&[spun(index)]));
+        scene.shows("magnetometer-ellipse", Picture::Field(Arc::new(field.look())));
+        Ok(scene)
+    }
+
+    /// The same in an hour of stillness, after so many samples.
+    ///
+    /// # Errors
+    /// As [`Scene::capturing`].
+    pub fn resting(lang: Lang, size: (u16, u16), samples: u32) -> std::io::Result<Self> {
+        let mut scene = Self::capturing(lang, size, "bias-stability", 0)?;
+        let mut allan = AllanSoFar::new(200);
+        let mut noise = Noise(7);
+        (0..samples).for_each(|_| allan.take(&[noise.rested()]));
+        scene.shows("bias-stability", Picture::Allan(Arc::new(allan.look())));
+        Ok(scene)
+    }
+
+    fn shows(&mut self, item: &str, picture: Picture) {
+        let mut guidance = self.guidance(item, 0, CAPTURED_S);
+        guidance.picture = Some(picture);
+        self.guided(item, guidance);
+    }
+
+    /// An idle screen with the calibration plan, and an hour of stillness behind it.
     pub(crate) fn calibration(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let mut scene = Self::new(lang, width, height)?;
         let plan = plan()?;
@@ -83,8 +117,34 @@ impl Scene {
 
 fn plan() -> std::io::Result<Plan> {
     let text = include_str!("../../../../test-plans/calibration.toml");
+    let rest = "[[item]]\nid = \"bias-stability\"\nrequires = [\"rotation\"]\nlimits.\"bias_stability_gyro_*\" = \"<= 10 deg/h\"\n";
+    let text = format!("{text}\n{rest}");
     let none = &mut |_: &str| Err("it includes nothing".to_owned());
     Plan::read("calibration.toml", text.into(), none).map_err(std::io::Error::other)
+}
+
+/// A module that spins at 15 turns a second, 1000 samples a second: zeros, two sensitivities, axes two degrees off.
+fn spun(index: u32) -> ImuSample {
+    let (sin, cos) = (f64::from(index) * 0.015 * std::f64::consts::TAU).sin_cos();
+    let (x, y) = (0.05 + 0.30 * cos - 0.01 * sin, -0.03 - 0.27 * sin);
+    let counts = |gauss: f64| (gauss * MAG_LSB_PER_GAUSS).round() as i32;
+    ImuSample { mag: [counts(x), counts(y), 0], ..ImuSample::default() }
+}
+
+/// Numbers without a pattern (Knuth's linear congruence), alike in every picture.
+struct Noise(u64);
+
+impl Noise {
+    fn counts(&mut self, width: f64) -> i32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (((self.0 >> 33) as f64 / f64::from(1_u32 << 31) - 0.5) * width) as i32
+    }
+
+    /// A sample of a module that lies still.
+    fn rested(&mut self) -> ImuSample {
+        let mut all = |width: f64| [width, 1.5 * width, 2.5 * width].map(|width| self.counts(width));
+        ImuSample { gyro: all(700.0), accel: all(400.0), ..ImuSample::default() }
+    }
 }
 
 fn planned(item: &PlanItem) -> PlannedItem {

@@ -76,14 +76,19 @@ fn frame(along: Along) -> (Direction, Direction) {
     }
 }
 
+/// The way to the eye.
+pub(super) fn towards_eye() -> Direction {
+    let (sin_east, cos_east) = EYE_EAST_DEG.to_radians().sin_cos();
+    let (sin_up, cos_up) = EYE_UP_DEG.to_radians().sin_cos();
+    Vector3::new(sin_east * cos_up, -cos_east * cos_up, sin_up)
+}
+
 /// A point as it is seen: to the right, upwards, and towards the eye.
 pub(super) fn seen(point: &Direction) -> [f64; 3] {
     let (sin_east, cos_east) = EYE_EAST_DEG.to_radians().sin_cos();
-    let (sin_up, cos_up) = EYE_UP_DEG.to_radians().sin_cos();
     let right = Vector3::new(cos_east, sin_east, 0.0);
-    let upwards = Vector3::new(-sin_east * sin_up, cos_east * sin_up, cos_up);
-    let towards = Vector3::new(sin_east * cos_up, -cos_east * cos_up, sin_up);
-    [right.dot(point), upwards.dot(point), towards.dot(point)]
+    let towards = towards_eye();
+    [right.dot(point), towards.cross(&right).dot(point), towards.dot(point)]
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::{bar, block};
 use super::rows::first_shown;
-use super::{WIDE, module, style, text};
-use crate::guidance::{Guidance, Planned, Stage};
+use super::{WIDE, allan, field, module, style, text};
+use crate::guidance::{Guidance, Picture, Planned, Stage};
 use crate::tui::lang::fill;
 use crate::tui::model::{Model, ProgramView};
 
@@ -20,13 +20,27 @@ const GUIDANCE_WIDE: u16 = 64;
 /// Rows of the drawn module, on a small screen and at most.
 const MODULE: u16 = 9;
 const MODULE_HIGH: u16 = 22;
+/// Captures in sight above a picture, and from which height on they are more.
+const LIST: u16 = 4;
+const LIST_HIGH: u16 = 10;
+const HIGH: u16 = 40;
 
 pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let Some((item, guidance)) = model.guidance() else { return programs(model, frame, area) };
     let width = if area.width >= WIDE { GUIDANCE_WIDE } else { GUIDANCE };
     let [left, right] = Layout::horizontal([Constraint::Length(width), Constraint::Fill(1)]).areas(area);
     guide(model, item, guidance, frame, left);
-    captures(model, guidance, frame, right);
+    let Some(picture) = &guidance.picture else { return captures(model, guidance, frame, right) };
+    let list = (guidance.captures.len() as u16).min(if area.height >= HIGH { LIST_HIGH } else { LIST }) + 2;
+    let [list_area, picture_area] = Layout::vertical([Constraint::Length(list), Constraint::Fill(1)]).areas(right);
+    captures(model, guidance, frame, list_area);
+    match picture {
+        Picture::Field(found) => field::draw(model, found, frame, picture_area),
+        Picture::Allan(found) => {
+            let span_s = guidance.captures.iter().map(|planned| planned.span_s).fold(0.0, f64::max);
+            allan::draw(model, found, span_s, frame, picture_area);
+        }
+    }
 }
 
 /// The module, and what goes on with it.

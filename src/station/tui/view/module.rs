@@ -8,7 +8,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
-use super::attitude::{Attitude, Direction, seen};
+use super::attitude::{Attitude, Direction, seen, towards_eye};
 use super::style;
 use crate::tui::model::{Glyphs, Model};
 use crate::turntable::{AXES, Lie};
@@ -16,14 +16,14 @@ use crate::turntable::{AXES, Lie};
 /// Half of the module's edges, in halves of its height: 26 x 26 x 32 mm.
 const HALF: [f64; 3] = [0.81, 0.81, 1.0];
 /// Ends of the drawn axes, and of their names.
-const ARROW: f64 = 1.75;
-const NAME: f64 = 2.05;
+const ARROW: f64 = 2.0;
+const NAME: f64 = 2.35;
 /// Circle of a turn about the table's axis: how far out, its radius, and how much of it is drawn.
-const TURN_AT: f64 = 1.45;
-const TURN_RADIUS: f64 = 0.75;
-const TURN_DEG: f64 = 300.0;
+const TURN_AT: f64 = 1.6;
+const TURN_RADIUS: f64 = 0.8;
+const TURN_DEG: f64 = 290.0;
 /// Half of what is in sight, upwards and sideways.
-const SIGHT: [f64; 2] = [2.2, 2.3];
+const SIGHT: [f64; 2] = [2.4, 2.5];
 /// Steps of an arrow that may pass behind the module, and of a circle.
 const STEPS: usize = 60;
 
@@ -100,15 +100,16 @@ impl Body {
         head(context, flat(&(direction * (ARROW - 0.4))), flat(&(direction * ARROW)), color);
     }
 
-    /// Part of a circle about the table's axis with an arrow in the sense of the turn.
+    /// Part of a circle about the table's axis with an arrow in the sense of the turn; it is open where the eye is.
     fn turn(&self, context: &mut Context<'_>, table: Direction, sense: f64, color: Color) {
-        let aside = table.cross(&if table.z.abs() > 0.9 { Vector3::y() } else { Vector3::z() });
-        let Some(aside) = aside.try_normalize(1e-6) else { return };
-        let other = table.cross(&aside);
+        let eye = towards_eye();
+        let Some(front) = (eye - table * table.dot(&eye)).try_normalize(1e-6) else { return };
+        let side = table.cross(&front);
         let hidden = seen(&table)[2] < 0.0;
         let at = |part: f64| {
-            let (sin, cos) = (sense * (part * TURN_DEG).to_radians()).sin_cos();
-            flat(&(table * TURN_AT + (aside * cos + other * sin) * TURN_RADIUS))
+            let from_deg = (360.0 - TURN_DEG) / 2.0;
+            let (sin, cos) = (sense * (from_deg + part * TURN_DEG).to_radians()).sin_cos();
+            flat(&(table * TURN_AT + (front * cos + side * sin) * TURN_RADIUS))
         };
         let circle = (0..=STEPS).map(|step| at(step as f64 / STEPS as f64));
         let points: Vec<(f64, f64)> = circle.filter(|point| !hidden || !self.covers(*point)).collect();

@@ -35,7 +35,8 @@ impl Columns {
     fn new(model: &Model, cells: usize) -> Self {
         let widest = Outcome::ALL.iter().map(|outcome| text::width((model.texts.outcome_word)(*outcome))).max();
         let outcome = widest.unwrap_or(8);
-        let (name, time) = (if cells < 100 { 15 } else { 18 }, 9);
+        // "59 min 59 s" is the longest time.
+        let (name, time) = (if cells < 100 { 15 } else { 20 }, 11);
         // Cursor, tick, mark and the gaps between.
         let fixed = 1 + 3 + 1 + 2 + name + 1 + outcome + 1 + time + 2;
         Self { name, outcome, time, reason: cells.saturating_sub(fixed) }
@@ -152,7 +153,8 @@ impl List<'_> {
         let spans = vec![
             Span::raw(tick),
             mark,
-            Span::raw(text::fit(&text::shown(&row.planned.name), columns.name + 1)),
+            Span::raw(text::fit(&text::shown(&row.planned.name), columns.name)),
+            Span::raw(" "),
             outcome,
             Span::raw(text::right(&time, columns.time + 1)),
             Span::raw("  "),
