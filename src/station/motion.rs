@@ -144,7 +144,8 @@ impl fmt::Display for Program {
         let is_capture =
             |step: &&Step| matches!(step, Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. });
         let captures = self.steps.iter().filter(is_capture).count();
-        write!(f, "takes {} of bench time: {captures} captures", Span(self.span_s()))?;
+        let captures = Count(captures, "capture");
+        write!(f, "takes {} of bench time: {captures}", Span(self.span_s()))?;
         if self.samples() > 0 {
             write!(f, " with {} samples", self.samples())?;
         }
@@ -154,7 +155,17 @@ impl fmt::Display for Program {
             times => write!(f, ", the module is laid down {times} times")?,
         }
         let cycles = self.steps.iter().filter(|step| matches!(step, Step::PowerCycle { .. })).count();
-        if cycles > 0 { write!(f, ", {cycles} power cycles") } else { Ok(()) }
+        if cycles > 0 { write!(f, ", {}", Count(cycles, "power cycle")) } else { Ok(()) }
+    }
+}
+
+/// "1 capture", "6 captures".
+struct Count(usize, &'static str);
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(count, what) = self;
+        write!(f, "{count} {what}{}", if *count == 1 { "" } else { "s" })
     }
 }
 

@@ -11,6 +11,7 @@ mod verdict;
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
@@ -29,6 +30,7 @@ use crate::board::{Advance, Board, Desk, Pulse, Readings};
 use crate::control::{Asked, Control};
 use crate::figures::Findings;
 use crate::fixture::Fixture;
+use crate::guidance::{Guidance, Guide};
 use crate::link::Target;
 use crate::link::can::CanTarget;
 use crate::procedure::{self, Bench, Trouble};
@@ -88,6 +90,8 @@ pub struct Doing {
     pub began: Instant,
     /// How far it is.
     pub advance: watch::Receiver<Advance>,
+    /// The way through its captures, if it captures.
+    pub guidance: watch::Receiver<Option<Arc<Guidance>>>,
 }
 
 /// How a run ended.
@@ -305,7 +309,8 @@ impl Run<'_> {
 
     async fn attempt(&self, board: &Board, position: usize, item: &PlanItem, attempt: u32) -> Landed {
         let (sender, advance) = watch::channel(Advance::default());
-        let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance };
+        let (guide, guidance) = Guide::new(self.live.readings.receiver_count() > 0);
+        let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance, guidance };
         self.live.doing.send_modify(|live| live.push(doing));
         let desk = Desk::new(board, sender);
         let report = Report::new(self.journal, item, attempt, &self.order.header.serial_number);
@@ -315,7 +320,7 @@ impl Run<'_> {
             biased;
             asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
             () = self.control.given_up(&item.name) => End::GivenUp,
-            done = self.procedure(&desk, board, item, attempt, &report) => End::Done(done),
+            done = self.procedure((&desk, &guide), board, item, attempt, &report) => End::Done(done),
         };
         let uses = |resource| item.id.spec().resources.contains(&resource);
         if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
@@ -349,7 +354,7 @@ impl Run<'_> {
 
     async fn procedure(
         &self,
-        desk: &Desk<'_>,
+        (desk, guide): (&Desk<'_>, &Guide),
         board: &Board,
         item: &PlanItem,
         attempt: u32,
@@ -362,6 +367,7 @@ impl Run<'_> {
             can: self.order.can.as_ref(),
             earlier: self.earlier(),
             resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
+            guide,
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;

@@ -12,6 +12,7 @@ use gnc_protocol::wire::{Reader, Wire as _};
 use super::{Bench, Report, Trouble};
 use crate::board::stream::{Closed, Losses, Stream};
 use crate::capture::{About, Capture, Pose, Receiver};
+use crate::guidance::Course;
 use crate::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
 use crate::motion::{Action, Program, REST_BEFORE_S, Step, Uses};
 use crate::raw::{Piece, pieces};
@@ -32,7 +33,8 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     let table = turntable::of(bench.fixture, report);
     let table = table.as_ref();
     let taken = taken(bench, report).await?;
-    let mut captor = Captor { bench, report, table, moving: false, raw: report.raw()?, captures: Vec::new() };
+    let course = Course::new(program, bench.board, bench.guide);
+    let mut captor = Captor { bench, report, table, moving: false, raw: report.raw()?, captures: Vec::new(), course };
     let followed = captor.follow(program, &taken).await;
     if followed.is_err() && captor.moving {
         // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.
@@ -42,6 +44,7 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     if over > 0 {
         report.note(&format!("{over} captures were taken over from the run that broke off")).await?;
     }
+    captor.course.works_out();
     captor.raw.finish().await?;
     Ok(captor.captures)
 }
@@ -56,19 +59,6 @@ async fn taken(bench: &Bench<'_>, report: &Report<'_>) -> Result<Vec<Capture>, T
     }
 }
 
-/// How far a program is, for people.
-#[derive(Debug, Clone, Copy)]
-struct Progress {
-    done_s: f64,
-    whole_s: f64,
-}
-
-impl Progress {
-    fn show(&self, bench: &Bench<'_>, step_s: f64) {
-        bench.board.advanced(self.done_s + step_s, self.whole_s);
-    }
-}
-
 struct Captor<'a> {
     bench: &'a Bench<'a>,
     report: &'a Report<'a>,
@@ -77,29 +67,29 @@ struct Captor<'a> {
     moving: bool,
     raw: RawFile,
     captures: Vec<Capture>,
+    course: Course<'a>,
 }
 
 impl Captor<'_> {
     /// Carries out what the run that broke off has not; gives how many captures it had.
     async fn follow(&mut self, program: &Program, taken: &[Capture]) -> Result<usize, Trouble> {
-        let mut progress = Progress { done_s: 0.0, whole_s: program.span_s() };
         let mut over = 0;
         for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
             match action {
-                Action::Do(step) => self.carry_out(step, &progress).await?,
+                Action::Do(step) => self.carry_out(step).await?,
                 Action::Take(step) => {
                     let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
                     self.take_over(found).await?;
                     over += 1;
                 }
             }
-            progress.done_s += action.step().span_s();
+            self.course.ended(action.step());
         }
         Ok(over)
     }
 
-    async fn carry_out(&mut self, step: &Step, progress: &Progress) -> Result<(), Trouble> {
-        progress.show(self.bench, 0.0);
+    async fn carry_out(&mut self, step: &Step) -> Result<(), Trouble> {
+        self.course.begins(step);
         match step {
             Step::Lay(lie) => self.table.lay(*lie).await,
             Step::Settle { span_s } => self.table.pause(Duration::from_secs_f64(*span_s)).await,
@@ -114,18 +104,16 @@ impl Captor<'_> {
             }
             Step::Capture { about, span_s, uses } => {
                 let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
-                self.capture(about, *uses, Until::Count(wanted), progress).await
+                self.capture(about, *uses, Until::Count(wanted)).await
             }
             Step::Turn { about, rest_s } => {
                 let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
                 let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
-                self.capture(about, Uses::Gyro, Until::Turned { before, after }, progress).await?;
+                self.capture(about, Uses::Gyro, Until::Turned { before, after }).await?;
                 self.turned(before)
             }
             Step::PowerCycle { off_s } => power_cycle(self.bench, self.report, self.table, *off_s).await,
-            Step::Receiver { about, timeout_s, span_s } => {
-                receiver::capture(self, about, *timeout_s, *span_s, progress).await
-            }
+            Step::Receiver { about, timeout_s, span_s } => receiver::capture(self, about, *timeout_s, *span_s).await,
         }
     }
 
@@ -139,7 +127,7 @@ impl Captor<'_> {
         Ok(())
     }
 
-    async fn capture(&mut self, about: &About, uses: Uses, until: Until, progress: &Progress) -> Result<(), Trouble> {
+    async fn capture(&mut self, about: &About, uses: Uses, until: Until) -> Result<(), Trouble> {
         let board = self.bench.board;
         let mut stream = board.listen(StreamId::Imu).await?;
         let count = if let Until::Count(count) = until { count } else { 0 };
@@ -153,7 +141,7 @@ impl Captor<'_> {
             samples: Vec::with_capacity(room),
             first_us: None,
         };
-        let taken = self.take(&mut taker, &mut stream, until, progress).await;
+        let taken = self.take(&mut taker, &mut stream, until).await;
         let end_us = stream.board_time_us();
         let losses = stream.losses();
         let closed = match &taken {
@@ -180,20 +168,13 @@ impl Captor<'_> {
     }
 
     /// Takes samples until there are enough, or something is wrong with them.
-    async fn take(
-        &mut self,
-        taker: &mut Taker<'_>,
-        stream: &mut Stream,
-        until: Until,
-        progress: &Progress,
-    ) -> Result<(), Trouble> {
+    async fn take(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, until: Until) -> Result<(), Trouble> {
         let rate_hz = taker.about.rate_hz;
         let table = self.table;
         let (before, after) = match until {
             Until::Count(count) => {
                 while taker.samples.len() < count as usize {
                     self.frame(taker, stream, count).await?;
-                    progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
                 }
                 return Ok(());
             }
@@ -235,7 +216,6 @@ impl Captor<'_> {
             }
         }
         self.moving = false;
-        progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
         Ok(())
     }
 
@@ -262,7 +242,9 @@ impl Captor<'_> {
         }
         let looked = taker.watch.look(&samples);
         let had = taker.samples.len();
+        self.course.took(&samples);
         taker.samples.extend(samples);
+        self.course.captured(taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
         looked.map_err(|(index, spoilt)| {
             let at_s = (had + index) as f64 / f64::from(rate_hz.max(1));
             Trouble::Spoilt { label: about.label.clone(), at_s, spoilt }

@@ -192,7 +192,7 @@ fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl
 }
 
 /// Beside the end of each curve its name: colours are not the only sign.
-fn names_of_curves(
+pub(super) fn names_of_curves(
     model: &Model,
     frame: &mut Frame<'_>,
     area: Rect,
