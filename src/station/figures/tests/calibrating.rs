@@ -117,6 +117,24 @@ fn rotations_recover_scale_and_coupling() {
     assert!((rows[1]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[2]["u"] == 20.0, "{rows}");
 }
 
+/// The few points kept for the picture of a turn still add up to its angle, in its sense.
+#[test]
+fn the_thinned_records_show_the_turns() {
+    let findings = ask(ItemId::Rotation, "", &World::new(8).turns("", 1, 200), &[]).unwrap();
+    let records = findings.details["records"].as_array().unwrap();
+    assert_eq!(records.len(), 6);
+    for record in records {
+        let numbers =
+            |key: &str| -> Vec<f64> { record[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect() };
+        let (time_s, rate_dps) = (numbers("time_s"), numbers("rate_dps"));
+        assert!(time_s.len() <= 400 && time_s.len() == rate_dps.len() && time_s.is_sorted(), "{}", time_s.len());
+        let turned_deg: f64 =
+            (1..time_s.len()).map(|k| (time_s[k] - time_s[k - 1]) * f64::midpoint(rate_dps[k], rate_dps[k - 1])).sum();
+        let told_deg = if record["capture"].as_str().unwrap().contains('+') { 1080.0 } else { -1080.0 };
+        assert!((turned_deg - told_deg).abs() < 30.0, "{}: {turned_deg}", record["capture"]);
+    }
+}
+
 #[test]
 fn calibrations_come_back_with_their_bits() {
     let earlier = calibrated(&mut World::new(5));
