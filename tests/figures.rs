@@ -103,6 +103,7 @@ impl Module {
         Capture {
             about: About { label: label.to_owned(), series, pose, rate_hz: RATE_HZ },
             first_us: 0,
+            compensated: Vec::new(),
             losses: Losses { received: samples.len() as u32, ..Losses::default() },
             samples,
             receiver: Receiver::default(),

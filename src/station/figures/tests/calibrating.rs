@@ -1,7 +1,11 @@
 //! Six positions, still gyroscopes, rotations, and what is stored of them.
 
+use gnc_protocol::calibration::CompensatedSample;
+use nalgebra::{Matrix3, Vector3};
+
 use super::world::{GRAVITY, World};
 use super::*;
+use crate::figures::calibration::Coefficients;
 
 pub(super) const SIX: &str = "dwell = \"60 s\", rate = \"20 Hz\", pose_u = \"0 deg\", gravity_u = \"0 ppm\"";
 
@@ -164,7 +168,12 @@ fn download_and_check_agree_with_the_module() {
     assert_eq!(download.value("coefficients"), Some(&Value::count(37)));
     assert_eq!(download.details["coefficients"]["mag"]["ky"], 1.0);
     let text = "dwell = \"60 s\", rate = \"20 Hz\", turn_rate = \"200 Hz\"";
-    let captures = [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)];
+    let coefficients: Coefficients = serde_json::from_value(download.details["coefficients"].clone()).unwrap();
+    let checked = |world: &mut World| {
+        [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)]
+            .map(|capture| as_the_board(&capture, &coefficients))
+    };
+    let captures = checked(&mut world);
     let missing = ask(ItemId::CalibrationCheck, text, &captures, &earlier);
     assert_eq!(missing, Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload }));
     earlier.push(("download".into(), download));
@@ -180,8 +189,22 @@ fn download_and_check_agree_with_the_module() {
     // Another module's coefficients do not pass.
     world.gyro[(2, 2)] *= 1.001;
     world.accel_bias[0] += 0.001;
-    let captures = [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)];
+    let captures = checked(&mut world);
     let check = ask(ItemId::CalibrationCheck, text, &captures, &earlier).unwrap();
     assert!((figure(&check, "angle_error").0 - 1000.0).abs() < 50.0);
     assert!((figure(&check, "force_error_x").0 - 1.0).abs() < 0.1);
+}
+
+/// What the interface document says that a board makes of raw samples, by its formulas.
+fn as_the_board(raw: &Capture, known: &Coefficients) -> Capture {
+    let rows = |rows: [[f64; 3]; 3]| Matrix3::from_fn(|row, column| rows[row][column]);
+    let counts = |values: Vector3<f64>, scale: f64| [0, 1, 2].map(|axis| (values[axis] * scale).round() as i32);
+    let compensated = raw.samples.iter().map(|sample| {
+        let [gyro, accel] = [sample.gyro, sample.accel].map(|codes| Vector3::from(codes.map(f64::from)));
+        let force = rows(known.accel_matrix) * accel + Vector3::from(known.accel_offset);
+        let rate =
+            rows(known.gyro_matrix) * gyro - Vector3::from(known.gyro_offset) - rows(known.gyro_per_force) * force;
+        CompensatedSample { rate: counts(rate, 1e8), force: counts(force, 1e6), ..CompensatedSample::default() }
+    });
+    Capture { compensated: compensated.collect(), samples: Vec::new(), ..raw.clone() }
 }

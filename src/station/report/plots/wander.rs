@@ -18,15 +18,15 @@ struct Channel {
 /// Means of blocks over the capture.
 pub(super) fn blocks(details: &Value) -> Option<Vec<Panel>> {
     let block_s: f64 = part(details, "block_s")?;
-    triads(details, "bias less its mean", "min", |k| (k + 0.5) * block_s / 60.0, Mark::Line)
+    triads(details, "bias less its mean", "min", |k| (k + 0.5) * block_s / 60.0, &Mark::Line)
 }
 
 /// Means of the runs.
 pub(super) fn runs(details: &Value) -> Option<Vec<Panel>> {
-    triads(details, "bias of each power-on less their mean", "run", |k| k + 1.0, Mark::Dots)
+    triads(details, "bias of each power-on less their mean", "run", |k| k + 1.0, &Mark::Dots)
 }
 
-fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, mark: Mark) -> Option<Vec<Panel>> {
+fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, mark: &Mark) -> Option<Vec<Panel>> {
     let channels: BTreeMap<String, Channel> = part(details, "series")?;
     let lines = matches!(mark, Mark::Line);
     let panel = |(key, name): (&str, &str)| {
