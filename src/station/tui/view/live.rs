@@ -12,9 +12,11 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use super::panels::block;
 use super::{WIDE, style, text};
 use crate::board::StreamReading;
+use crate::guidance::field::roll_deg;
 use crate::tui::lang::fill;
 use crate::tui::live::{Imu, Point};
 use crate::tui::model::{Glyphs, Model};
+use gnc_protocol::calibration::ROLL_PER_RAD;
 use gnc_protocol::stream::StreamId;
 
 /// Time that the curves cover.
@@ -48,6 +50,10 @@ fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let mut lines = Vec::new();
     if let Some(imu) = model.live.imu() {
         lines.extend(vectors(model, &imu, roomy));
+    }
+    if let Some(roll) = roll(model) {
+        lines.push(roll);
+        gap(&mut lines, roomy);
     }
     lines.extend(gnss(model, cells));
     gap(&mut lines, roomy);
@@ -103,6 +109,18 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
     ]));
     gap(&mut lines, roomy);
     lines
+}
+
+/// The roll angle: the host's by the correction that the module keeps, and the board's own. Nothing before anybody read
+/// that correction.
+fn roll(model: &Model) -> Option<Line<'static>> {
+    let (texts, newest) = (model.texts, &model.live.newest);
+    let angle = |angle_deg: Option<f64>| angle_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:+.2}°"));
+    let correction = newest.correction.as_ref()?;
+    let host = model.live.imu().map(|imu| roll_deg(correction, [imu.field_gauss[0], imu.field_gauss[1]]));
+    let board = newest.compensated.as_ref().map(|(_, sample)| (f64::from(sample.roll) / ROLL_PER_RAD).to_degrees());
+    let said = format!("  {} {}  {} {}", texts.by_host, angle(host), texts.board_says, angle(board));
+    Some(Line::from(vec![Span::styled(texts.roll, style::strong()), Span::raw(said)]))
 }
 
 fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
