@@ -220,11 +220,9 @@ fn sixty_figures_are_those_of_the_true_noise() {
             })
             .collect();
         let models = module.models;
-        let bounds = [
-            ("gyro", Unit::DegreePerSecond, models.gyro),
-            ("accel", Unit::Gravity, models.accel),
-        ]
-        .map(|(name, unit, model)| (name, unit, stability_of(&model, &mut dice), repeatability_of(&model, &mut dice)));
+        let bounds = [("gyro", Unit::DegreePerSecond, models.gyro), ("accel", Unit::Gravity, models.accel)].map(
+            |(name, unit, model)| (name, unit, stability_of(&model, &mut dice), repeatability_of(&model, &mut dice)),
+        );
         for (id, captures, what) in
             [(ItemId::BiasStability, &hour[..], "stability"), (ItemId::BiasRepeatability, &runs[..], "repeatability")]
         {

@@ -13,6 +13,7 @@ use std::fmt;
 use crate::capture::{About, Pose};
 use crate::turntable::Lie;
 pub use check::mistakes;
+pub(crate) use programs::OFF_S;
 pub use programs::program;
 pub use resume::Action;
 

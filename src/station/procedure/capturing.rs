@@ -32,20 +32,13 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     let table = turntable::of(bench.fixture, report);
     let table = table.as_ref();
     let taken = taken(bench, report).await?;
-    let mut captor = Captor { bench, report, table, raw: report.raw()?, captures: Vec::new() };
-    let mut progress = Progress { done_s: 0.0, whole_s: program.span_s() };
-    let mut over = 0;
-    for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
-        match action {
-            Action::Do(step) => captor.carry_out(step, &progress).await?,
-            Action::Take(step) => {
-                let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
-                captor.take_over(found).await?;
-                over += 1;
-            }
-        }
-        progress.done_s += action.step().span_s();
+    let mut captor = Captor { bench, report, table, moving: false, raw: report.raw()?, captures: Vec::new() };
+    let followed = captor.follow(program, &taken).await;
+    if followed.is_err() && captor.moving {
+        // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.
+        let _ = table.stop().await;
     }
+    let over = followed?;
     if over > 0 {
         report.note(&format!("{over} captures were taken over from the run that broke off")).await?;
     }
@@ -80,18 +73,45 @@ struct Captor<'a> {
     bench: &'a Bench<'a>,
     report: &'a Report<'a>,
     table: &'a (dyn Turntable + 'a),
+    /// Whether the table spins or turns.
+    moving: bool,
     raw: RawFile,
     captures: Vec<Capture>,
 }
 
 impl Captor<'_> {
+    /// Carries out what the run that broke off has not; gives how many captures it had.
+    async fn follow(&mut self, program: &Program, taken: &[Capture]) -> Result<usize, Trouble> {
+        let mut progress = Progress { done_s: 0.0, whole_s: program.span_s() };
+        let mut over = 0;
+        for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
+            match action {
+                Action::Do(step) => self.carry_out(step, &progress).await?,
+                Action::Take(step) => {
+                    let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
+                    self.take_over(found).await?;
+                    over += 1;
+                }
+            }
+            progress.done_s += action.step().span_s();
+        }
+        Ok(over)
+    }
+
     async fn carry_out(&mut self, step: &Step, progress: &Progress) -> Result<(), Trouble> {
         progress.show(self.bench, 0.0);
         match step {
             Step::Lay(lie) => self.table.lay(*lie).await,
             Step::Settle { span_s } => self.table.pause(Duration::from_secs_f64(*span_s)).await,
-            Step::Spin { rate_dps } => self.table.spin(*rate_dps).await,
-            Step::Stop => self.table.stop().await,
+            Step::Spin { rate_dps } => {
+                self.moving = true;
+                self.table.spin(*rate_dps).await
+            }
+            Step::Stop => {
+                self.table.stop().await?;
+                self.moving = false;
+                Ok(())
+            }
             Step::Capture { about, span_s, uses } => {
                 let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
                 self.capture(about, *uses, Until::Count(wanted), progress).await
@@ -102,7 +122,7 @@ impl Captor<'_> {
                 self.capture(about, Uses::Gyro, Until::Turned { before, after }, progress).await?;
                 self.turned(before)
             }
-            Step::PowerCycle { off_s } => self.power_cycle(*off_s).await,
+            Step::PowerCycle { off_s } => power_cycle(self.bench, self.report, self.table, *off_s).await,
             Step::Receiver { about, timeout_s, span_s } => {
                 receiver::capture(self, about, *timeout_s, *span_s, progress).await
             }
@@ -185,30 +205,36 @@ impl Captor<'_> {
         }
         let mut rest = TurnWatch::new(axis, rate_hz, &taker.samples);
         // The samples come later than the motion, so that they say when it is over; but not before the table does.
-        let longest = before + ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
+        let longest = ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
         let turn = table.rotate(angle_deg, span_s);
         tokio::pin!(turn);
-        let mut done = false;
-        while !(done && rest.look(&taker.samples).is_some_and(|still| taker.samples.len() >= still + after)) {
+        self.moving = true;
+        let mut done_at = None;
+        while !(done_at.is_some()
+            && rest.look(&taker.samples).is_some_and(|still| taker.samples.len() >= still + after))
+        {
             {
-                // A frame that is being filed is never given up for the word that the turn is over.
+                // A frame that is being filed is never given up for the word that the turn is over. The table comes
+                // first, so that frames that lie ready never keep it from being told.
+                let had = taker.samples.len();
                 let frame = self.frame(taker, stream, 0);
                 tokio::pin!(frame);
                 tokio::select! {
                     biased;
-                    taken = &mut frame => taken?,
-                    turned = &mut turn, if !done => {
+                    turned = &mut turn, if done_at.is_none() => {
                         turned?;
-                        done = true;
+                        done_at = Some(had);
                         frame.await?;
                     }
+                    taken = &mut frame => taken?,
                 }
             }
-            if done && taker.samples.len() > longest + after {
+            if done_at.is_some_and(|had| taker.samples.len() > had + longest + after) {
                 // What was seen instead is told by its angle.
-                return Ok(());
+                break;
             }
         }
+        self.moving = false;
         progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
         Ok(())
     }
@@ -253,17 +279,22 @@ impl Captor<'_> {
         }
         Err(Trouble::NotTurned { label: capture.about.label.clone(), wanted_deg: angle_deg, seen_deg })
     }
+}
 
-    async fn power_cycle(&mut self, off_s: f64) -> Result<(), Trouble> {
-        let board = self.bench.board;
-        board.call(&ModulePower { on: 0 }).await?;
-        self.report.powered(false, None).await?;
-        let waited = self.table.pause(Duration::from_secs_f64(off_s)).await;
-        // On again whatever comes: other items expect it.
-        let supply = board.call(&ModulePower { on: 1 }).await?;
-        self.report.powered(true, Some((supply.supply_uv, supply.supply_ua))).await?;
-        waited
-    }
+/// Takes the module's power away for so long.
+pub(super) async fn power_cycle(
+    bench: &Bench<'_>,
+    report: &Report<'_>,
+    table: &dyn Turntable,
+    off_s: f64,
+) -> Result<(), Trouble> {
+    bench.board.call(&ModulePower { on: 0 }).await?;
+    report.powered(false, None).await?;
+    let waited = table.pause(Duration::from_secs_f64(off_s)).await;
+    // On again whatever comes: other items expect it.
+    let supply = bench.board.call(&ModulePower { on: 1 }).await?;
+    report.powered(true, Some((supply.supply_uv, supply.supply_ua))).await?;
+    waited
 }
 
 /// When a capture has enough.
