@@ -90,6 +90,8 @@ pub struct LinkReport {
     pub resent: u32,
     /// Stream frames that came twice, or behind later ones, and were dropped.
     pub stale: u32,
+    /// Frames of our own that came back. Their numbers are ours, so that with them nobody knows what is missing.
+    pub echoed: u32,
 }
 
 #[derive(Debug)]
@@ -389,6 +391,7 @@ impl Conversation {
         let Header { kind, request, message, .. } = frame.header;
         // Our own words come back: an echo on the line. They are no sign of a living board.
         if kind == Kind::Request || kind == Kind::Event && message == event::KEEP_ALIVE {
+            self.report.echoed = self.report.echoed.saturating_add(1);
             return;
         }
         self.heard = now;
