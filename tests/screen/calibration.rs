@@ -2,33 +2,40 @@
 
 use gnc_tests::{Place, read_json};
 
-use crate::terminal::Terminal;
 use crate::{ESC, F5, F9, F10, STATION, mock, open, outcomes, sim};
 
 /// A spin of the magnetometer and six positions, as long as they must be to be seen.
 const PLAN: &str = "name = \"guided\"\nversion = \"1\"\n\
-                    [[item]]\nid = \"magnetometer-ellipse\"\nparams = { duration = \"60 s\" }\n\
+                    [[item]]\nid = \"magnetometer-ellipse\"\nparams = { duration = \"20 s\" }\n\
                     limits.radius = \"0.1 gauss .. 0.7 gauss\"\n\
-                    [[item]]\nid = \"six-position\"\nparams = { dwell = \"60 s\" }\nlimits.residual_rms = \"<= 5 mg\"\n";
+                    [[item]]\nid = \"six-position\"\nparams = { dwell = \"20 s\" }\nlimits.residual_rms = \"<= 5 mg\"\n";
 
-/// The number behind a label.
-fn number_after(terminal: &Terminal, label: &str) -> f64 {
-    let text = terminal.text();
-    let behind = text.split(label).nth(1).unwrap_or_else(|| panic!("no {label} in\n{text}"));
-    let word = behind.split_whitespace().next().unwrap_or_default();
-    word.parse().unwrap_or_else(|error| panic!("{label} {word}: {error}"))
+/// The number behind a label, once there is one.
+fn number_after(screen: &vt100::Screen, label: &str) -> Option<f64> {
+    let text = screen.contents();
+    text.split(label).nth(1)?.split_whitespace().next()?.parse().ok()
+}
+
+/// Width of the screen.
+const COLUMNS: u16 = 80;
+
+/// What the first run says of its end so far.
+fn said(place: &Place) -> String {
+    let journal = place.runs().first().map(|run| std::fs::read_to_string(run.join("events.jsonl")));
+    let journal = journal.and_then(Result::ok).unwrap_or_default();
+    journal.lines().filter(|line| line.contains("error")).collect()
 }
 
 /// Cells of the corrected plot that hold dots, by quarter: right and left of its middle, above and below.
 fn dots(screen: &vt100::Screen) -> [usize; 4] {
-    let rows: Vec<Vec<char>> = screen.rows(0, 160).map(|row| row.chars().collect()).collect();
+    let rows: Vec<Vec<char>> = screen.rows(0, COLUMNS).map(|row| row.chars().collect()).collect();
     let Some((top, left)) = rows.iter().enumerate().find_map(|(y, row)| {
         let line: String = row.iter().collect();
         Some((y, line.split("┌ corrected ").next().filter(|before| before.len() < line.len())?.chars().count()))
     }) else {
         return [0; 4];
     };
-    let right = (left + 1..160).find(|x| rows[top].get(*x) == Some(&'┐')).unwrap_or(left);
+    let right = (left + 1..usize::from(COLUMNS)).find(|x| rows[top].get(*x) == Some(&'┐')).unwrap_or(left);
     let bottom = (top + 1..rows.len()).find(|y| rows[*y].get(left) == Some(&'└')).unwrap_or(top);
     let mut quarters = [0; 4];
     for (y, row) in rows.iter().enumerate().take(bottom).skip(top + 1) {
@@ -45,12 +52,12 @@ fn dots(screen: &vt100::Screen) -> [usize; 4] {
 fn captures_are_guided() {
     let place = Place::new(STATION);
     let plan = place.write("p.toml", PLAN).display().to_string();
-    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), 160, 50);
+    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), COLUMNS, 24);
     terminal.wait_for("guided 1");
     terminal.types(F9);
     // Before the run: what it will capture, and for how long.
     terminal.wait_for("No item captures now");
-    assert!(terminal.text().contains("7 min 00 s"), "six times 60 s and 10 s of settling:\n{}", terminal.text());
+    assert!(terminal.text().contains("3 min 00 s"), "six times 20 s and 10 s of settling:\n{}", terminal.text());
     terminal.types(b"G-1\r");
     terminal.wait_for("G-1: F5 starts the test.");
     terminal.types(F5);
@@ -58,14 +65,20 @@ fn captures_are_guided() {
     terminal.wait_for("+Z level to the north");
     terminal.wait_for("spins at +5400 deg/s about Z");
     terminal.wait_for("to go");
+    let mut ratio = None;
     terminal.wait_until("a circle of corrected points all around", |screen| {
-        dots(screen).iter().all(|cells| *cells > 20) && screen.contents().contains("host")
+        ratio = number_after(screen, "Sensitivity X/Y ");
+        ratio.is_some() && dots(screen).iter().all(|cells| *cells > 8)
     });
-    let ratio = number_after(&terminal, "Sensitivity X/Y ");
-    terminal.wait_for("✓ spin +");
+    let ratio = ratio.expect("a ratio");
+    terminal.wait_until("the end of the first spin", |screen| {
+        let text = screen.contents();
+        assert!(!text.contains("errored"), "{}", said(&place));
+        text.contains("✓ spin +")
+    });
     // The next item: positions, each with a mark when it is finished.
     terminal.wait_for("✓ x+");
-    terminal.wait_for("-Y up, +Z to 0° clockwise from north");
+    terminal.wait_for("-Y up, +Z to 0°");
     terminal.wait_for("✓ y+");
     terminal.wait_until("the end", |screen| {
         let text = screen.contents();
