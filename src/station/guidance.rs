@@ -313,7 +313,7 @@ mod tests {
                 Step::Lay(lie),
                 Step::Settle { span_s: 10.0 },
                 Step::Capture { about: still, span_s: 60.0, uses: Uses::Inertial },
-                Step::Turn { about: about("z-", turn), rest_s: 1.0 },
+                Step::Turn { about: about("z-", turn), rest_s: 1.0, uses: Uses::Gyro },
             ],
         }
     }

@@ -190,7 +190,7 @@ impl Trouble {
                 "keep hands and draughts off the table; run the item again"
             }
             Self::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => {
-                "turn slower, or keep the magnet away; if the module lies still, suspect the sensor"
+                "keep magnets away; if there is none, the sensor does not reach its published range"
             }
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),

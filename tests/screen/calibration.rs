@@ -38,9 +38,9 @@ fn dots(screen: &vt100::Screen) -> [usize; 4] {
     let right = (left + 1..usize::from(COLUMNS)).find(|x| rows[top].get(*x) == Some(&'┐')).unwrap_or(left);
     let bottom = (top + 1..rows.len()).find(|y| rows[*y].get(left) == Some(&'└')).unwrap_or(top);
     let mut quarters = [0; 4];
-    for y in top + 1..bottom {
+    for (y, row) in rows.iter().enumerate().take(bottom).skip(top + 1) {
         for x in left + 1..right {
-            let dotted = rows[y].get(x).is_some_and(|cell| ('\u{2801}'..='\u{28ff}').contains(cell));
+            let dotted = row.get(x).is_some_and(|cell| ('\u{2801}'..='\u{28ff}').contains(cell));
             let quarter = usize::from(2 * x < left + right) + 2 * usize::from(2 * y > top + bottom);
             quarters[quarter] += usize::from(dotted);
         }

@@ -108,8 +108,8 @@ impl AllanSoFar {
 
 #[cfg(test)]
 mod tests {
-    use gnc_metrology::allan::{Input, Kind, Taus, analyse};
     use super::*;
+    use gnc_metrology::allan::{Input, Kind, Taus, analyse};
 
     /// What grows sample by sample is what the whole record gives, which the metrology's own tests hold against an
     /// outside program.

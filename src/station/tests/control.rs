@@ -197,8 +197,7 @@ async fn look_until(bench: &RunningBench, whole: impl Fn(&Readings) -> bool) -> 
 fn raw_values_are_shown_without_a_run() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
-    let whole =
-        |seen: &Readings| seen.imu.is_some() && seen.gnss.is_some() && seen.ad_v.iter().all(Option::is_some);
+    let whole = |seen: &Readings| seen.imu.is_some() && seen.gnss.is_some() && seen.ad_v.iter().all(Option::is_some);
     let seen = runtime.block_on(look_until(&bench, whole));
     let (_, sample) = seen.imu.expect("a sample");
     let up_g = f64::from(sample.accel[2]) / gnc_protocol::stream::ACCEL_LSB_PER_G;
@@ -212,7 +211,8 @@ fn the_roll_angle_of_a_calibrated_module_is_shown() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
     // Coefficients that nobody would find: what is read back is what was written.
-    let scale = |per_count: f64| [0, 1, 2].map(|row| [0, 1, 2].map(|column| if row == column { per_count } else { 0.0 }));
+    let scale =
+        |per_count: f64| [0, 1, 2].map(|row| [0, 1, 2].map(|column| if row == column { per_count } else { 0.0 }));
     let calibration = Calibration {
         id: 7,
         accel_matrix: scale(9.80665 / gnc_protocol::stream::ACCEL_LSB_PER_G),

@@ -39,7 +39,14 @@ pub(super) async fn capture(
         return Err(Trouble::CaptureLost { label: about.label.clone(), after: losses.received, at_s, losses });
     }
     let (about, receiver) = (about.clone(), ear.heard);
-    captor.captures.push(Capture { about, first_us: begin_us, samples: Vec::new(), losses, receiver });
+    captor.captures.push(Capture {
+        about,
+        first_us: begin_us,
+        samples: Vec::new(),
+        compensated: Vec::new(),
+        losses,
+        receiver,
+    });
     Ok(())
 }
 

@@ -48,8 +48,7 @@ impl Attitude {
         let reference = (next - there * there.dot(&next)).try_normalize(1e-6).unwrap_or_else(Vector3::x);
         let side = direction.cross(&heading);
         let module_side = there.cross(&reference);
-        let axes = [0, 1, 2]
-            .map(|axis| direction * there[axis] + heading * reference[axis] + side * module_side[axis]);
+        let axes = [0, 1, 2].map(|axis| direction * there[axis] + heading * reference[axis] + side * module_side[axis]);
         let sense = if there[nearest] < 0.0 { -1.0 } else { 1.0 };
         Self { axes, table: direction * sense }
     }
@@ -61,7 +60,9 @@ fn unit(axis: usize) -> Direction {
 
 /// The axis nearest to a direction; of equals the first, as the table takes it.
 fn nearest(direction: &Direction) -> usize {
-    [1, 2].into_iter().fold(0, |best, axis| if direction[axis].abs() > direction[best].abs() + 1e-9 { axis } else { best })
+    [1, 2]
+        .into_iter()
+        .fold(0, |best, axis| if direction[axis].abs() > direction[best].abs() + 1e-9 { axis } else { best })
 }
 
 /// A direction and the one from which headings about it are counted.

@@ -51,13 +51,11 @@ fn guide(model: &Model, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, 
     let cells = usize::from(inner.width);
     let pose = pose_lines(model, guidance, cells);
     let progress = progress_lines(model, item, guidance, cells);
-    let picture = inner.height.saturating_sub((pose.len() + progress.len()) as u16).clamp(MODULE.min(inner.height), MODULE_HIGH);
-    let [pose_area, module_area, progress_area] = Layout::vertical([
-        Constraint::Length(pose.len() as u16),
-        Constraint::Length(picture),
-        Constraint::Fill(1),
-    ])
-    .areas(inner);
+    let picture =
+        inner.height.saturating_sub((pose.len() + progress.len()) as u16).clamp(MODULE.min(inner.height), MODULE_HIGH);
+    let [pose_area, module_area, progress_area] =
+        Layout::vertical([Constraint::Length(pose.len() as u16), Constraint::Length(picture), Constraint::Fill(1)])
+            .areas(inner);
     frame.render_widget(Paragraph::new(pose), pose_area);
     if let Some(lie) = &guidance.lie {
         module::draw(model, frame, module_area, lie, guidance.turn());
@@ -81,7 +79,8 @@ fn progress_lines(model: &Model, item: &str, guidance: &Guidance, cells: usize) 
     let texts = model.texts;
     let mut lines = vec![Line::styled(text::cut(&texts.stage(guidance), cells), style::strong())];
     if let Some(planned) = guidance.present() {
-        let which = fill(texts.capture_of, &[&(guidance.finished + 1).to_string(), &guidance.captures.len().to_string()]);
+        let which =
+            fill(texts.capture_of, &[&(guidance.finished + 1).to_string(), &guidance.captures.len().to_string()]);
         lines.push(Line::raw(text::cut(&format!("{which}: {}", text::shown(&planned.label)), cells)));
     }
     let labels = [texts.this_capture, texts.item, texts.plan];

@@ -5,8 +5,8 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 use ratatui::widgets::Paragraph;
+use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
 use super::panels::block;
 use super::{style, text};
@@ -95,8 +95,7 @@ fn plot(
         return;
     }
     let colour = |colour| if model.look.colour { colour } else { Color::Reset };
-    let colours =
-        Colours { points: colour(Color::Cyan), fit: colour(Color::Yellow), faint: colour(Color::DarkGray) };
+    let colours = Colours { points: colour(Color::Cyan), fit: colour(Color::Yellow), faint: colour(Color::DarkGray) };
     let marker = if model.look.glyphs == Glyphs::Unicode { Marker::Braille } else { Marker::Dot };
     // A cell is about twice as high as it is wide.
     let (cells, rows) = (f64::from(inner.width), 2.0 * f64::from(inner.height));
@@ -147,10 +146,7 @@ fn figures(model: &Model, field: &Field, cells: usize) -> Vec<Line<'static>> {
     let each = [(texts.centre, centre), (texts.sensitivity_ratio, ratio), (texts.roll, roll)];
     let line = |(label, value): (&str, String)| {
         let room = cells.saturating_sub(text::width(label) + 2);
-        Line::from(vec![
-            Span::styled(format!(" {label} "), style::faint()),
-            Span::raw(text::cut(&value, room)),
-        ])
+        Line::from(vec![Span::styled(format!(" {label} "), style::faint()), Span::raw(text::cut(&value, room))])
     };
     each.into_iter().map(line).collect()
 }

@@ -95,7 +95,8 @@ impl Body {
     fn arrow(&self, context: &mut Context<'_>, direction: Direction, from: f64, color: Color) {
         let hidden = seen(&direction)[2] < 0.0;
         let shaft = (0..=STEPS).map(|step| from + (ARROW - from) * step as f64 / STEPS as f64);
-        let points: Vec<(f64, f64)> = shaft.map(|at| flat(&(direction * at))).filter(|p| !hidden || !self.covers(*p)).collect();
+        let points: Vec<(f64, f64)> =
+            shaft.map(|at| flat(&(direction * at))).filter(|p| !hidden || !self.covers(*p)).collect();
         context.draw(&Points { coords: &points, color });
         head(context, flat(&(direction * (ARROW - 0.4))), flat(&(direction * ARROW)), color);
     }
