@@ -164,7 +164,8 @@ impl fmt::Display for Program {
 }
 
 /// "1 capture", "6 captures".
-struct Count(usize, &'static str);
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Count(pub usize, pub &'static str);
 
 impl fmt::Display for Count {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -16,7 +16,7 @@ use crate::board::stream::{Closed, Losses, Stream};
 use crate::capture::{About, Capture, Pose, Receiver};
 use crate::guidance::Course;
 use crate::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use crate::motion::{Action, Program, REST_BEFORE_S, Step, Uses};
+use crate::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
 use crate::raw::{Piece, pieces};
 use crate::store::RawFile;
 use crate::turntable::{self, Turntable};
@@ -44,7 +44,7 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     }
     let over = followed?;
     if over > 0 {
-        report.note(&format!("{over} captures were taken over from the run that broke off")).await?;
+        report.note(&format!("taken over from the run that broke off: {}", Count(over, "capture"))).await?;
     }
     captor.course.works_out();
     captor.raw.finish().await?;

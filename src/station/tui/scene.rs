@@ -204,6 +204,26 @@ impl Scene {
         }
     }
 
+    /// Readings of a calibrated module, whose own roll angle comes beside the raw samples.
+    #[cfg(test)]
+    pub(crate) fn readings_of_a_calibrated_module(&mut self) {
+        use gnc_metrology::ellipse::Correction;
+        use gnc_protocol::calibration::CompensatedSample;
+        let mut readings = readings(1.0);
+        readings.correction = Some(Correction { dx: 0.01, dy: -0.02, ky: 1.02, sin_alpha: 0.03 });
+        let sample = CompensatedSample { roll: -100_000_000, ..CompensatedSample::default() };
+        readings.compensated = Some((1_000_000, sample));
+        let streams = [(StreamId::Pps, 1.0), (StreamId::Compensated, 50.0)];
+        readings.streams.extend(streams.map(|(id, rate_hz)| StreamReading {
+            id,
+            rate_hz,
+            received: 50,
+            on_board: 0,
+            on_line: 0,
+        }));
+        self.tell(Msg::Readings(Box::new(readings)));
+    }
+
     /// The screen as lines of text; the second half of a wide character is left out.
     #[cfg(test)]
     pub(crate) fn text(&mut self) -> String {

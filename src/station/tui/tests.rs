@@ -207,6 +207,10 @@ fn live() {
         scene.readings(300);
         scene.key(Key::F(9));
     });
+    check("live-roll", |scene| {
+        scene.key(Key::F(9));
+        scene.readings_of_a_calibrated_module();
+    });
     check("live-empty", |scene| drop(scene.key(Key::F(9))));
 }
 
@@ -314,6 +318,13 @@ fn no_colour_means_none() {
     fail(&mut scene);
     let colours = scene.colours();
     assert_eq!(colours, 0);
+    for play in [Scene::spinning, Scene::resting] {
+        let mut scene = play(Lang::En, (80, 24), 500).expect("memory");
+        scene.key(Key::F(9));
+        assert!(scene.colours() > 100, "the screen has colours otherwise");
+        scene.model.look.colour = false;
+        assert_eq!(scene.colours(), 0);
+    }
     scene.model.look.colour = true;
     assert!(scene.colours() > 100, "the screen has colours otherwise");
 }

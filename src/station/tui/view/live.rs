@@ -61,7 +61,10 @@ fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     lines.extend(ad(model));
     gap(&mut lines, roomy);
     lines.push(Line::styled(text::cut(texts.streams, cells), style::strong()));
-    lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    // On a small screen the figures matter more than what they are called.
+    if lines.len() + 1 + model.live.newest.streams.len() <= usize::from(inner.height) {
+        lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    }
     lines.extend(model.live.newest.streams.iter().map(|reading| stream(model, reading, cells)));
     frame.render_widget(Paragraph::new(lines), inner);
 }
