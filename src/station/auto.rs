@@ -26,7 +26,7 @@ use crate::runner::journal::Journal;
 use crate::runner::{self, Ending, Live, Order, chain};
 use crate::serial_number;
 use crate::setup::{self, Setup};
-use crate::store::{RunFolder, Scribe, Watcher, digest};
+use crate::store::{RunFolder, Scribe, Watcher, digest, seal_interrupted};
 use face::Face;
 
 /// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
@@ -111,6 +111,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         site: setup.site,
         resumed,
         one_by_one: args.one_by_one,
+        found: seal_interrupted(&setup.records),
     };
     // The simulated bench ends with this scope.
     let _simulation = setup.simulation;
@@ -131,6 +132,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         };
         let outcome = ending.outcome;
         ends.push(outcome);
+        order.found.clear();
         let enough = match args.until {
             Some(time) => began.elapsed() >= time,
             None => round >= args.loops,

@@ -6,6 +6,7 @@
 
 pub mod captures;
 pub mod chain;
+mod closing;
 pub mod digest;
 pub mod folder;
 mod raw;
@@ -17,6 +18,7 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
+pub use closing::seal_interrupted;
 pub use folder::RunFolder;
 pub use raw::RawFile;
 pub use scribe::{Scribe, Watcher};

@@ -55,6 +55,11 @@ impl RunFolder {
         Ok(folder)
     }
 
+    /// That of a run whose program died.
+    pub(super) fn existing(path: &Path) -> Self {
+        Self { path: path.to_owned() }
+    }
+
     fn fresh(parent: &Path, name: &str) -> Result<Self, StoreError> {
         for number in 1..=MAX_SAME_SECOND {
             let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
@@ -84,12 +89,24 @@ impl RunFolder {
     /// Opens a new file in a folder of its own to append to.
     pub(super) fn create_below(&self, name: &str) -> Result<File, StoreError> {
         let path = self.path.join(name);
-        let parent = path.parent().unwrap_or(&self.path);
-        on(fs::create_dir_all(parent), "create", parent)?;
+        let parent = self.parent(&path)?;
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
         sync_dir(parent)?;
         sync_dir(&self.path)?;
         Ok(file)
+    }
+
+    /// The folder of a file, made if it is one of an item. The run's own is not made again: where somebody removed it, a
+    /// part of the record must not pass for the whole.
+    fn parent<'a>(&self, path: &'a Path) -> Result<&'a Path, StoreError> {
+        let parent = path.parent().unwrap_or(path);
+        if parent == self.path {
+            return Ok(parent);
+        }
+        match DirBuilder::new().create(parent) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => on(Err(error), "create", parent),
+            _ => Ok(parent),
+        }
     }
 
     /// Writes a whole file: it appears under its name only when all of it is written.
@@ -124,8 +141,7 @@ impl RunFolder {
         sync: bool,
     ) -> Result<(), StoreError> {
         let path = self.path.join(name);
-        let parent = path.parent().unwrap_or(&self.path);
-        on(fs::create_dir_all(parent), "create", parent)?;
+        let parent = self.parent(&path)?;
         let mut hidden = path.file_name().unwrap_or_default().to_os_string();
         hidden.push(".part");
         let part = parent.join(hidden);

@@ -134,10 +134,11 @@ fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {
         Ok(state) => state,
         Err(why) => return Ok(vec![why]),
     };
-    if state.is_interrupted() || state.header().is_none() {
+    let path = folder.join(DIGESTS);
+    // The next start of a run seals it.
+    if state.header().is_none() || state.is_interrupted() && !path.exists() {
         return Ok(vec!["interrupted: the run has no end, so nothing vouches for it".into()]);
     }
-    let path = folder.join(DIGESTS);
     if !path.exists() {
         return Ok(vec![format!("{DIGESTS} is missing: nothing vouches for this run")]);
     }
