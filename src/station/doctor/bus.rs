@@ -49,7 +49,7 @@ pub(super) fn controller(interface: &str, told: &Value) -> Vec<Finding> {
         |more: &str| format!("sudo ip link set {interface} down; sudo ip link set {interface} up type can {more}");
     match data["bittiming"]["bitrate"].as_u64() {
         Some(got) if got == u64::from(rate) => {
-            findings.push(Finding::good(format!("{interface} runs at {rate} bit/s")))
+            findings.push(Finding::good(format!("{interface} runs at {rate} bit/s")));
         }
         Some(got) => {
             let what = format!("{interface} runs at {got} bit/s instead of {rate}");
