@@ -3,6 +3,7 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use gnc_protocol::can::{CanFrame, CanId};
@@ -16,8 +17,8 @@ use crate::port::Tty;
 /// Where the host finds the bus.
 #[derive(Debug)]
 pub(crate) enum CanPort {
-    /// The master's end of a pseudo-terminal, with the adapter behind it.
-    Slcan { pty: Tty, adapter: Adapter },
+    /// The master's end of a pseudo-terminal, with the adapter behind it; none while the adapter is unplugged.
+    Slcan { pty: Option<Tty>, adapter: Adapter },
     /// An interface of the kernel.
     Socket(Interface),
 }
@@ -94,7 +95,7 @@ impl Interface {
 impl CanPort {
     /// A new pseudo-terminal.
     pub(crate) fn slcan() -> io::Result<Self> {
-        Ok(Self::Slcan { pty: Tty::pseudo_terminal()?, adapter: Adapter::default() })
+        Ok(Self::Slcan { pty: Some(Tty::pseudo_terminal()?), adapter: Adapter::default() })
     }
 
     /// An interface by its name.
@@ -106,15 +107,33 @@ impl CanPort {
     /// What the host opens, as its bench file names it.
     pub(crate) fn name(&self) -> String {
         match self {
-            Self::Slcan { pty, .. } => format!("slcan:{}", pty.name.display()),
+            Self::Slcan { pty, .. } => {
+                format!("slcan:{}", pty.as_ref().map_or(Path::new(""), |pty| pty.name.as_path()).display())
+            }
             Self::Socket(interface) => interface.name.clone(),
         }
+    }
+
+    /// Pulls the adapter out, with what it held. An interface stays as it is.
+    pub(crate) fn unplug(&mut self) {
+        if let Self::Slcan { pty, adapter } = self {
+            (*pty, *adapter) = (None, Adapter::default());
+        }
+    }
+
+    /// Plugs the adapter in; gives its new port.
+    pub(crate) fn plug_in(&mut self) -> io::Result<PathBuf> {
+        let Self::Slcan { pty, adapter } = self else {
+            return Err(io::Error::new(io::ErrorKind::Unsupported, "an interface has no cable to plug in"));
+        };
+        *adapter = Adapter::default();
+        Ok(pty.insert(Tty::pseudo_terminal()?).name.clone())
     }
 
     /// What to wait for; `None` while the interface is away.
     pub(crate) fn as_fd(&self) -> Option<BorrowedFd<'_>> {
         match self {
-            Self::Slcan { pty, .. } => Some(pty.end.as_fd()),
+            Self::Slcan { pty, .. } => pty.as_ref().map(|pty| pty.end.as_fd()),
             Self::Socket(interface) => interface.socket.as_ref().map(AsFd::as_fd),
         }
     }
@@ -123,7 +142,8 @@ impl CanPort {
     pub(crate) fn read(&mut self, bench: &mut Bench, now: Duration) -> io::Result<()> {
         while bench.can_room() > 0 {
             match self {
-                Self::Slcan { pty, adapter } => {
+                Self::Slcan { pty: None, .. } => return Ok(()),
+                Self::Slcan { pty: Some(pty), adapter } => {
                     // As many bytes as the shortest frames may need: what is more stays in the port.
                     let mut buffer = [0; 4096];
                     let room = (bench.can_room() * 5).min(buffer.len());
@@ -165,6 +185,8 @@ impl CanPort {
                 {
                     adapter.send(&frame);
                 }
+                // A closed adapter has nothing to hand on.
+                let Some(pty) = pty else { return Ok(false) };
                 while !adapter.output().is_empty() {
                     match nix::unistd::write(&pty.end, adapter.output()) {
                         Ok(0) | Err(Errno::EAGAIN) => return Ok(true),

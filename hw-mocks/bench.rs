@@ -54,7 +54,7 @@ const REPAIR: Duration = Duration::from_millis(125);
 /// The same on CAN, where an answer may take 85 ms on the bus.
 const CAN_REPAIR: Duration = Duration::from_millis(250);
 
-pub use truth::Truth;
+pub use truth::{LineTruth, Truth};
 
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -453,7 +453,12 @@ impl Bench {
                         self.outgoing.push(&encode(&frame), now);
                     }
                 }
-                Port::Serial => self.wire_to_host.push(&encode(&frame), now),
+                Port::Serial => {
+                    if frame.header.kind == gnc_protocol::Kind::Hello {
+                        self.wire_to_host.begin_numbers();
+                    }
+                    self.wire_to_host.push(&encode(&frame), now);
+                }
                 Port::Can => self.can.send(&frame),
             }
         }

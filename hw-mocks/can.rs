@@ -14,6 +14,7 @@ use gnc_protocol::serial::LineCounters;
 
 use crate::can_faults::{CanWireFaults, FaultyBus};
 use crate::noise::{Dice, Source};
+use crate::wire_faults::Toll;
 
 /// Frames of streams that wait beyond which the board drops samples: 0.3 s of the bus.
 const SAMPLES_WAIT: usize = 1024;
@@ -42,6 +43,7 @@ pub(crate) struct CanBus {
     /// Every so many frames towards the host one is lost; 0: none.
     lose_every: u32,
     sent: u32,
+    lost: u32,
 }
 
 /// Who sends.
@@ -70,6 +72,7 @@ impl CanBus {
             idle: true,
             lose_every,
             sent: 0,
+            lost: 0,
         }
     }
 
@@ -123,6 +126,13 @@ impl CanBus {
     pub(crate) fn carry(&mut self, now: Duration) {
         self.from_host.extend(std::iter::from_fn(|| self.wire_to_board.pop(now)));
         self.to_host.extend(std::iter::from_fn(|| self.wire_to_host.pop(now)));
+    }
+
+    /// What the faults did: towards the host, among it what the bus itself lost, and towards the board. Nobody numbers
+    /// raw frames, so that nothing is said of what a receiver can miss.
+    pub(crate) fn tolls(&self) -> (Toll, Toll) {
+        let to_host = self.wire_to_host.toll();
+        (Toll { spoilt: to_host.spoilt + u64::from(self.lost), ..to_host }, self.wire_to_board.toll())
     }
 
     /// Whether a frame was lost or damaged between host and bus since this was asked last.
@@ -184,6 +194,7 @@ impl CanBus {
         }
         self.sent = self.sent.wrapping_add(1);
         let lost = self.lose_every != 0 && self.sent.is_multiple_of(self.lose_every);
+        self.lost += u32::from(lost);
         if !lost && self.to_host.len() + self.wire_to_host.len() < HOST_WAITS {
             self.wire_to_host.push(frame, now);
         }

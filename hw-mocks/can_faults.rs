@@ -15,6 +15,7 @@ use gnc_protocol::can::id::{
 use gnc_protocol::can::{CanFrame, CanId};
 
 use crate::noise::Dice;
+use crate::wire_faults::Toll;
 
 /// Frames that may pass one that is overtaken.
 const OVERTAKEN_BY: f64 = 3.0;
@@ -62,16 +63,22 @@ pub(crate) struct FaultyBus {
     overtaken: Option<(u32, Duration, CanFrame)>,
     burst: usize,
     harmed: bool,
+    toll: Toll,
 }
 
 impl FaultyBus {
     pub(crate) fn new(rates: CanRates, dice: Dice) -> Self {
-        Self { rates, dice, queue: VecDeque::new(), overtaken: None, burst: 0, harmed: false }
+        Self { rates, dice, queue: VecDeque::new(), overtaken: None, burst: 0, harmed: false, toll: Toll::default() }
+    }
+
+    pub(crate) fn toll(&self) -> Toll {
+        self.toll
     }
 
     /// A frame meets its fate.
     pub(crate) fn push(&mut self, frame: CanFrame, now: Duration) {
         let rates = self.rates;
+        self.toll.frames += 1;
         let passed = self.overtaken.as_mut().is_some_and(|(left, _, _)| {
             *left -= 1;
             *left == 0
@@ -79,6 +86,7 @@ impl FaultyBus {
         if self.happens(rates.babbled_frames)
             && let Some(garbage) = self.garbage()
         {
+            self.toll.others += 1;
             self.enqueue(garbage, now);
         }
         if self.burst == 0 && self.happens(rates.lost_bursts) {
@@ -88,12 +96,15 @@ impl FaultyBus {
         self.burst = self.burst.saturating_sub(1);
         if in_burst || self.happens(rates.lost_frames) {
             self.harmed = true;
+            self.toll.spoilt += 1;
         } else {
             let frame = if self.happens(rates.flipped_frames) { self.flip(frame) } else { frame };
             if self.happens(rates.doubled_frames) {
+                self.toll.others += 1;
                 self.enqueue(frame, now);
             }
             if self.overtaken.is_none() && self.happens(rates.overtaken_frames) {
+                self.toll.others += 1;
                 let by = 1 + self.below(OVERTAKEN_BY) as u32;
                 self.overtaken = Some((by, now + OVERTAKEN_FOR, frame));
             } else {
@@ -136,9 +147,11 @@ impl FaultyBus {
         let ms = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
         let mut due = self.queue.back().map_or(Duration::ZERO, |(due, _)| *due).max(now);
         if self.happens(self.rates.delayed_frames) {
+            self.toll.others += 1;
             due = due.max(now + ms(self.rates.delay_ms));
         }
         if self.happens(self.rates.stalled_frames) {
+            self.toll.others += 1;
             due += ms(self.rates.stall_ms);
         }
         self.queue.push_back((due, frame));
@@ -150,6 +163,7 @@ impl FaultyBus {
             return frame;
         }
         self.harmed = true;
+        self.toll.spoilt += 1;
         let mut data = frame.data().to_vec();
         let bit = self.below(data.len() as f64 * 8.0);
         data[bit / 8] ^= 1 << (bit % 8);

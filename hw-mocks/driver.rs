@@ -61,7 +61,19 @@ enum Command {
     SetTurn(Axis, f64),
     Sleep(Duration, Sender<()>),
     Truth(Sender<Truth>),
+    WaitOff(Sender<()>),
+    Unplug(Cable),
+    PlugIn(Cable, Sender<io::Result<PathBuf>>),
     Stop,
+}
+
+/// A cable between host and bench.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cable {
+    /// RS-422: the pseudo-terminal or the serial port.
+    Serial,
+    /// The pseudo-terminal of the slcan adapter. An interface of the kernel is nothing that a program could pull out.
+    Slcan,
 }
 
 /// What an operator or a fixture does at the bench. Each call returns when it is done, so that a request sent to the
@@ -187,6 +199,39 @@ impl Control {
         Ok(still.recv().map_err(|_| BenchGone)??)
     }
 
+    /// Waits until the module is without power, for so much wall time at most; whether it is.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn wait_off(&self, limit: Duration) -> Result<bool, BenchGone> {
+        let (done, off) = mpsc::channel();
+        self.post(Command::WaitOff(done), None)?;
+        match off.recv_timeout(limit) {
+            Ok(()) => Ok(true),
+            Err(mpsc::RecvTimeoutError::Timeout) => Ok(false),
+            Err(mpsc::RecvTimeoutError::Disconnected) => Err(BenchGone),
+        }
+    }
+
+    /// Pulls a cable out: the host's port is gone for good, while board and module stay as they are. What the board says
+    /// meanwhile nobody hears.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn unplug(&self, cable: Cable) -> Result<(), BenchGone> {
+        self.order(Command::Unplug(cable))
+    }
+
+    /// Plugs a cable in, into another pseudo-terminal than before: gives what the host opens.
+    ///
+    /// # Errors
+    /// The system has no pseudo-terminal left; or the bench has ended, or has no such cable.
+    pub fn plug_in(&self, cable: Cable) -> io::Result<PathBuf> {
+        let (told, port) = mpsc::channel();
+        self.post(Command::PlugIn(cable, told), None).map_err(io::Error::other)?;
+        port.recv().map_err(|_| io::Error::other(BenchGone))?
+    }
+
     fn set_in_motion(&self, motion: Motion) -> Result<(), TableError> {
         let (done, answer) = mpsc::channel();
         self.post(Command::Move(motion, done), None)?;
@@ -275,7 +320,8 @@ impl RunningBench {
         if interface.is_some() {
             bench.pace_can();
         }
-        let driver = Driver { bench, tty, can, woken, received, started: Instant::now() };
+        let driver =
+            Driver { bench, tty: Some(tty), can, wait_off: Vec::new(), woken, received, started: Instant::now() };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
         Ok(Self { port, can_port, control, thread: Some(thread) })
@@ -312,8 +358,10 @@ impl Drop for RunningBench {
 
 struct Driver {
     bench: Bench,
-    tty: Tty,
+    /// `None`: the cable is pulled out.
+    tty: Option<Tty>,
     can: CanPort,
+    wait_off: Vec<Sender<()>>,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
     started: Instant,
@@ -331,6 +379,12 @@ impl Driver {
             // What the adapter has not handed on yet was said and has not left: time must not pass by it.
             self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);
+            if !self.bench.is_powered() {
+                // Who gave up waiting is gone.
+                for done in self.wait_off.drain(..) {
+                    let _ = done.send(());
+                }
+            }
             let full = self.write(now)?;
             let can_full = self.can.write(&mut self.bench)?;
             self.wait(full, can_full)?;
@@ -358,6 +412,12 @@ impl Driver {
                     // Whoever asked and left needs no answer.
                     let _ = told.send(self.bench.truth());
                 }
+                Command::WaitOff(done) => self.wait_off.push(done),
+                Command::Unplug(Cable::Serial) => self.tty = None,
+                Command::Unplug(Cable::Slcan) => self.can.unplug(),
+                Command::PlugIn(cable, told) => {
+                    let _ = told.send(self.plug_in(cable));
+                }
                 Command::Stop => return false,
             }
             if let Some(done) = done {
@@ -365,6 +425,18 @@ impl Driver {
             }
         }
         true
+    }
+
+    fn plug_in(&mut self, cable: Cable) -> io::Result<PathBuf> {
+        match cable {
+            Cable::Serial => {
+                let tty = Tty::pseudo_terminal()?;
+                let unheard = self.bench.output(self.started.elapsed()).len();
+                self.bench.consume(unheard);
+                Ok(self.tty.insert(tty).name.clone())
+            }
+            Cable::Slcan => self.can.plug_in(),
+        }
     }
 
     fn set_in_motion(&mut self, motion: &Motion) -> Result<(), TableRefusal> {
@@ -381,13 +453,14 @@ impl Driver {
     }
 
     fn read(&mut self, now: Duration) -> io::Result<()> {
+        let Some(tty) = &self.tty else { return Ok(()) };
         let mut buffer = [0; 4096];
         loop {
             let room = self.bench.room().min(buffer.len());
             if room == 0 {
                 return Ok(());
             }
-            match nix::unistd::read(&self.tty.end, &mut buffer[..room]) {
+            match nix::unistd::read(&tty.end, &mut buffer[..room]) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(()),
                 Ok(count) => self.bench.receive(&buffer[..count], now),
                 Err(Errno::EINTR) => {}
@@ -403,7 +476,9 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            match nix::unistd::write(&self.tty.end, bytes) {
+            // What is said while the cable is out waits, and time at full speed with it, until it is thrown away.
+            let Some(tty) = &self.tty else { return Ok(true) };
+            match nix::unistd::write(&tty.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
                 Ok(count) => self.bench.consume(count),
                 Err(Errno::EINTR) => {}
@@ -430,18 +505,19 @@ impl Driver {
         if can_full {
             can_wanted |= PollFlags::POLLOUT;
         }
-        let mut fds =
-            vec![PollFd::new(self.tty.end.as_fd(), wanted), PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
         let can = self.can.as_fd();
         let timeout = if can.is_some() { timeout } else { timeout.min(INTERFACE_AWAY) };
+        let mut fds = vec![PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
         fds.extend(can.map(|can| PollFd::new(can, can_wanted)));
+        fds.extend(self.tty.as_ref().map(|tty| PollFd::new(tty.end.as_fd(), wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error.into()),
         }
         // A device that was pulled out would read as "no bytes" for ever; our own pseudo-terminal never hangs up, since
         // its other end is kept open.
-        if fds[0].revents().is_some_and(|events| events.contains(PollFlags::POLLHUP)) {
+        let line = fds.last().filter(|_| self.tty.is_some());
+        if line.and_then(PollFd::revents).is_some_and(|events| events.contains(PollFlags::POLLHUP)) {
             return Err(Errno::ENXIO.into());
         }
         // Only the waking mattered; what it was for is in the channel.

@@ -30,8 +30,9 @@ pub mod turntable;
 mod wire_faults;
 pub mod world;
 
-pub use bench::{Bench, Options, Speed, Truth};
-pub use driver::{BenchGone, Control, RunningBench, TableError};
+pub use bench::{Bench, LineTruth, Options, Speed, Truth};
+pub use driver::{BenchGone, Cable, Control, RunningBench, TableError};
 pub use personality::{Expectation, Personality, PersonalityError, boards};
 pub use turntable::{Direction, TableModel, TableRefusal, TableTruth};
+pub use wire_faults::Toll;
 pub use world::{Axis, Sign};

@@ -66,13 +66,53 @@ pub(crate) struct FaultyWire {
     overtaken: Option<(u32, Duration, Vec<u8>)>,
     echo: Vec<u8>,
     harmed: bool,
+    toll: Toll,
+    /// Spoilt frames behind which no whole one has come yet.
+    trailing: u64,
+    /// The frame that comes next begins the numbers of its sender afresh.
+    afresh: bool,
+}
+
+/// What a direction did to the frames that were sent on it: the injector's own count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Toll {
+    /// Frames sent.
+    pub frames: u64,
+    /// Of those lost, cut or altered, so that no receiver can take them for what they were.
+    pub spoilt: u64,
+    /// Of those the ones that a receiver can miss: a whole frame came behind them, and no new count began with it.
+    pub missable: u64,
+    /// Everything else that was done to frames: doubled, overtaken, delayed, stalled, babbled at, echoed.
+    pub others: u64,
 }
 
 impl FaultyWire {
     pub(crate) fn new(rates: WireRates, dice: Dice) -> Self {
         let clean = rates == WireRates::default();
         let (begun, queue, echo) = (Vec::new(), VecDeque::new(), Vec::new());
-        Self { rates, clean, dice, begun, queue, overtaken: None, echo, harmed: false }
+        let toll = Toll::default();
+        Self {
+            rates,
+            clean,
+            dice,
+            begun,
+            queue,
+            overtaken: None,
+            echo,
+            harmed: false,
+            toll,
+            trailing: 0,
+            afresh: false,
+        }
+    }
+
+    /// The frame that is pushed next begins the numbers of its sender afresh.
+    pub(crate) fn begin_numbers(&mut self) {
+        self.afresh = true;
+    }
+
+    pub(crate) fn toll(&self) -> Toll {
+        self.toll
     }
 
     /// Whether it hands bytes on untouched and at once, so that they need not pass through it.
@@ -144,8 +184,9 @@ impl FaultyWire {
         });
         if self.happens(rates.echoed_frames) {
             self.echo.extend_from_slice(&frame);
+            self.toll.others += 1;
         }
-        let whole = frame.len();
+        let (whole, sent) = (frame.len(), frame.clone());
         if self.happens(rates.lost_frames) {
             frame.clear();
         }
@@ -168,14 +209,18 @@ impl FaultyWire {
                 }
             }
         }
+        self.count(&sent, &frame);
         if self.happens(rates.babbled_frames) {
             let garbage = self.garbage();
             self.enqueue(garbage, now);
+            self.toll.others += 1;
         }
         if self.happens(rates.doubled_frames) {
             self.enqueue(frame.clone(), now);
+            self.toll.others += 1;
         }
         if self.overtaken.is_none() && self.happens(rates.overtaken_frames) {
+            self.toll.others += 1;
             let by = 1 + self.below(OVERTAKEN_BY) as u32;
             self.overtaken = Some((by, now + OVERTAKEN_FOR, frame));
         } else {
@@ -186,13 +231,29 @@ impl FaultyWire {
         }
     }
 
+    /// A frame that lost nothing but a delimiter is whole: the next one brings another.
+    fn count(&mut self, sent: &[u8], left: &[u8]) {
+        let afresh = std::mem::take(&mut self.afresh);
+        self.toll.frames += 1;
+        if content(sent) != content(left) {
+            self.toll.spoilt += 1;
+            self.trailing += 1;
+            return;
+        }
+        let before = std::mem::take(&mut self.trailing);
+        self.toll.missable += if afresh { 0 } else { before };
+    }
+
     /// Behind all that is on its way: a line does not let one byte pass another.
     fn enqueue(&mut self, mut bytes: Vec<u8>, now: Duration) {
         let ms = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
-        let delay = if self.happens(self.rates.delayed_frames) { ms(self.rates.delay_ms) } else { Duration::ZERO };
+        let delayed = self.happens(self.rates.delayed_frames);
+        let delay = if delayed { ms(self.rates.delay_ms) } else { Duration::ZERO };
         let last = self.queue.back().map_or(Duration::ZERO, |(due, _)| *due);
         let mut due = last.max(now + delay);
-        if self.happens(self.rates.stalled_frames) {
+        let stalled = self.happens(self.rates.stalled_frames);
+        self.toll.others += u64::from(delayed) + u64::from(stalled);
+        if stalled {
             let rest = bytes.split_off(self.below(bytes.len() as f64));
             self.queue.push_back((due, bytes));
             due += ms(self.rates.stall_ms);
@@ -224,6 +285,13 @@ impl FaultyWire {
     fn below(&mut self, bound: f64) -> usize {
         self.dice.between(0.0, bound.max(1.0)) as usize
     }
+}
+
+/// What stands between a frame's delimiters.
+fn content(frame: &[u8]) -> &[u8] {
+    let begin = frame.iter().position(|byte| *byte != 0).unwrap_or(frame.len());
+    let end = frame.iter().rposition(|byte| *byte != 0).map_or(begin, |last| last + 1);
+    &frame[begin..end]
 }
 
 #[cfg(test)]
@@ -310,5 +378,39 @@ mod tests {
 
         let (bytes, end) = through(WireRates { stalled_frames: 1e6, stall_ms: 10.0, ..WireRates::default() });
         assert!(frames(&bytes).is_sorted() && end == SECOND * 2, "a hundred stalls, one after the other: {end:?}");
+    }
+
+    /// Every frame counts once, and what a receiver can miss is what whole frames stand behind.
+    #[test]
+    fn the_toll_is_what_was_done() {
+        const AFRESH: u8 = 53;
+        let rates = WireRates { lost_frames: 3e5, ..WireRates::default() };
+        let mut wire = FaultyWire::new(rates, Dice::new(11, Source::Line));
+        let mut arrived = Vec::new();
+        for number in 1..=100 {
+            if number == AFRESH {
+                wire.begin_numbers();
+            }
+            wire.push(&[0, number, number, number, 0], SECOND);
+            arrived.extend(frames(&wire.ready(SECOND)).iter().map(|frame| frame[0]));
+        }
+        let gaps = |numbers: &[u8]| numbers.windows(2).map(|pair| u64::from(pair[1] - pair[0]) - 1).sum::<u64>();
+        let toll = wire.toll();
+        assert_eq!((toll.frames, toll.spoilt, toll.others), (100, 100 - arrived.len() as u64, 0));
+        assert!(arrived.contains(&AFRESH), "the seed lets the frame through that begins afresh: {arrived:?}");
+        let (before, after): (Vec<u8>, Vec<u8>) = arrived.iter().partition(|number| **number < AFRESH);
+        let first = u64::from(before[0]) - 1;
+        assert_eq!(toll.missable, first + gaps(&before) + gaps(&after));
+    }
+
+    #[test]
+    fn a_lost_delimiter_spoils_nothing() {
+        let toll = |byte| {
+            let rates = WireRates { lost_byte_at: byte, ..WireRates::default() };
+            let mut wire = FaultyWire::new(rates, Dice::new(7, Source::Line));
+            wire.push(&[0, 1, 2, 3, 0], SECOND);
+            wire.toll().spoilt
+        };
+        assert_eq!([1, 2, 4, 5].map(toll), [0, 1, 1, 0]);
     }
 }

@@ -103,6 +103,7 @@ impl Module {
         Capture {
             about: About { label: label.to_owned(), series, pose, rate_hz: RATE_HZ },
             first_us: 0,
+            compensated: Vec::new(),
             losses: Losses { received: samples.len() as u32, ..Losses::default() },
             samples,
             receiver: Receiver::default(),
@@ -220,11 +221,9 @@ fn sixty_figures_are_those_of_the_true_noise() {
             })
             .collect();
         let models = module.models;
-        let bounds = [
-            ("gyro", Unit::DegreePerSecond, models.gyro),
-            ("accel", Unit::Gravity, models.accel),
-        ]
-        .map(|(name, unit, model)| (name, unit, stability_of(&model, &mut dice), repeatability_of(&model, &mut dice)));
+        let bounds = [("gyro", Unit::DegreePerSecond, models.gyro), ("accel", Unit::Gravity, models.accel)].map(
+            |(name, unit, model)| (name, unit, stability_of(&model, &mut dice), repeatability_of(&model, &mut dice)),
+        );
         for (id, captures, what) in
             [(ItemId::BiasStability, &hour[..], "stability"), (ItemId::BiasRepeatability, &runs[..], "repeatability")]
         {

@@ -2,6 +2,8 @@
 
 #![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
 
+pub mod campaign;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 

@@ -85,6 +85,12 @@ impl Bench {
         self.table.stop(&mut self.board.world, now_s);
     }
 
+    /// Whether the module is under power.
+    #[must_use]
+    pub fn is_powered(&self) -> bool {
+        self.board.is_powered()
+    }
+
     /// Whether the module moves.
     #[must_use]
     pub fn is_moving(&self) -> bool {

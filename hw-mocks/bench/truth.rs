@@ -6,6 +6,7 @@ use nalgebra::Matrix3;
 use super::Bench;
 use crate::devices::inertial::{SensorModels, TrueSensors};
 use crate::turntable::TableTruth;
+use crate::wire_faults::Toll;
 use crate::world::{Influence, Site};
 
 /// What really is, for tests: nothing of it may reach the station.
@@ -43,6 +44,21 @@ pub struct Truth {
     pub internal_flash_erases: u32,
     /// The turntable.
     pub table: TableTruth,
+    /// What was done to frames on their way.
+    pub line: LineTruth,
+}
+
+/// What faults did to frames between host and board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LineTruth {
+    /// RS-422 towards the host.
+    pub to_host: Toll,
+    /// RS-422 towards the board.
+    pub to_board: Toll,
+    /// CAN towards the host.
+    pub can_to_host: Toll,
+    /// CAN towards the board.
+    pub can_to_board: Toll,
 }
 
 impl Bench {
@@ -51,7 +67,10 @@ impl Bench {
     pub fn truth(&self) -> Truth {
         let board = &self.board;
         let now_s = board.true_s(board.now_ns());
+        let (can_to_host, can_to_board) = self.can.tolls();
+        let (to_host, to_board) = (self.wire_to_host.toll(), self.wire_to_board.toll());
         Truth {
+            line: LineTruth { to_host, to_board, can_to_host, can_to_board },
             site: board.world.site,
             gravity: board.world.site.gravity(),
             attitude: board.world.attitude(now_s).into_inner(),

@@ -59,7 +59,7 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "records")]
         records: PathBuf,
     },
-    /// Writes the raw samples of a run as text.
+    /// Writes the raw samples of a run as tables, for programs that do not read MCAP.
     Export {
         /// Its folder, whole or below the records folder.
         run: PathBuf,

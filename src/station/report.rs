@@ -6,6 +6,7 @@
 mod details;
 mod markup;
 mod measurements;
+mod plots;
 #[cfg(test)]
 mod tests;
 
@@ -14,6 +15,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::text::{banners, duration};
 
+use crate::compute::plot::svg;
 use markup::Page;
 
 /// Name of the report in a run's folder.
@@ -152,6 +154,8 @@ fn whole_item(page: &mut Page, item: &ItemRecord) {
         }
         measurements::table(page, &attempt.measurements);
         for details in &attempt.details {
+            let pictures = plots::of(item.id, details).into_iter().map(|panel| svg(&[panel]));
+            page.pictures(&pictures.collect::<Vec<_>>());
             details::show(page, details);
         }
         if !attempt.error_records.is_empty() {

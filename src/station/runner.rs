@@ -12,6 +12,7 @@ mod verdict;
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
@@ -28,6 +29,7 @@ use crate::board::{Advance, Board, Desk, Readings};
 use crate::control::{Asked, Control};
 use crate::figures::Findings;
 use crate::fixture::Fixture;
+use crate::guidance::Guidance;
 use crate::link::Target;
 use crate::link::can::CanTarget;
 use crate::procedure::Trouble;
@@ -88,6 +90,8 @@ pub struct Doing {
     pub began: Instant,
     /// How far it is.
     pub advance: watch::Receiver<Advance>,
+    /// The way through its captures, if it captures.
+    pub guidance: watch::Receiver<Option<Arc<Guidance>>>,
 }
 
 /// How a run ended.

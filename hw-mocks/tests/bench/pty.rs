@@ -265,3 +265,24 @@ fn program_ends_on_a_signal_and_with_its_input_when_told() {
     assert_eq!(Program::start(&["no-such-board"]).code(), Some(2));
     assert_eq!(Program::start(&["--speed", "-3"]).code(), Some(2));
 }
+
+/// A cable that is pulled out and plugged in again: the host's port is gone, the board goes on, and its watchdog has
+/// switched the module off when somebody finds it behind another port.
+#[test]
+fn a_cable_comes_out_and_goes_in_again() {
+    let bench = RunningBench::start(&options("good", Speed::Times(1.0))).unwrap();
+    let control = bench.control();
+    let mut host = PtyHost::open(bench.port());
+    assert_eq!(host.call(&ModulePower { on: 1 }).0, 0);
+    assert!(control.truth().unwrap().powered);
+    control.unplug(hw_mocks::Cable::Serial).unwrap();
+    let gone = Instant::now();
+    let mut byte = [0];
+    assert!(matches!(host.port.read(&mut byte), Ok(0) | Err(_)), "a port without a device says nothing");
+    assert!(!control.wait_off(Duration::ZERO).unwrap());
+    assert!(control.wait_off(PATIENCE).unwrap(), "the watchdog sleeps");
+    assert!(gone.elapsed() > Duration::from_millis(1000), "not the cable but the silence switches it off");
+    let mut host = PtyHost::open(&control.plug_in(hw_mocks::Cable::Serial).unwrap());
+    assert_eq!(host.call(&ModulePower { on: 1 }).0, 0);
+    assert_eq!(control.truth().unwrap().restarts, 0);
+}

@@ -145,8 +145,8 @@ pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
         ),
     ],
     devices: &[Device::Slave],
-    resources: &[Resource::Flash, Resource::Link],
-    timeout_s: 60.0,
+    resources: &[Resource::Flash, Resource::Link, Resource::Power],
+    timeout_s: 600.0,
 };
 
 const CHECK_ACCEL: &str = "The stored calibration does not give gravity: was the module moved in its socket since, or another one stored? If not, calibrate again.";

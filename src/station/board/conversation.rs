@@ -91,6 +91,8 @@ pub struct LinkReport {
     pub resent: u32,
     /// Stream frames that came twice, or behind later ones, and were dropped.
     pub stale: u32,
+    /// Frames of our own that came back. Their numbers are ours, so that with them nobody knows what is missing.
+    pub echoed: u32,
 }
 
 #[derive(Debug)]

@@ -1,19 +1,20 @@
 //! Resolution: does the mean follow a step of the published size, in both senses?
 
 use gnc_executive::quantity::Unit;
-use gnc_metrology::earth;
+use gnc_metrology::{earth, stats};
 use gnc_protocol::stream::SATURATION;
 use nalgebra::Vector3;
 use serde_json::json;
 
 use super::budget::{Budget, finite};
 use super::captures::{self, AXES, Triad};
-use super::mean::{self, BLOCKS};
 use super::place;
 use super::stability::{Compensation, unit};
 use super::{FigureError, Findings, Question};
 use crate::capture::{Capture, Pose};
 
+/// Fewest steps of a sense, so that their scatter says something.
+const FEWEST: usize = 2;
 /// A stream shows the published resolutions from so many bits: with 16 over the published ranges its steps are
 /// 0.0122 deg/s and 1.53 mg.
 const BITS: f64 = 18.0;
@@ -34,31 +35,29 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         }
     }
     let mut findings = Findings::new(json!({
-        "equation": "(mean on the step - mean without) / step, the smaller of both senses; at least 50 % shows the resolution",
+        "equation": "(mean on the step - mean of the levels before and after it) / step, averaged over the steps, the smaller of both senses; at least 50 % shows the resolution",
         "label": "ranges: from the codes at nominal scale, not shown by motion",
     }));
-    let mut steps = Vec::new();
+    let mut shown = Vec::new();
     for triad in &compensation.triads {
         for (axis, name) in AXES.iter().enumerate() {
-            let levels = levels(question, &compensation, *triad, axis)?;
-            let responses = [levels.response(1), levels.response(-1)];
-            let (response, noise) = if responses[0].0 < responses[1].0 { responses[0] } else { responses[1] };
-            let step = levels.step;
+            let Steps { step, up, down } = steps(question, &compensation, *triad, axis)?;
+            let worse = if up.mean < down.mean { &up } else { &down };
             let pose = if *triad == Triad::Accel { pose_rad * 1e3 * 2.0_f64.sqrt() / step * 100.0 } else { 0.0 };
-            let budget = Budget::new(Unit::Percent).a("noise of both means", noise.0 * 100.0, noise.1).b(
+            let budget = Budget::new(Unit::Percent).a("scatter of the steps", worse.sd * 100.0, worse.dof).b(
                 "attitudes",
                 if pose > 0.0 { 1.0 } else { 0.0 },
                 "",
                 pose,
             );
-            findings.figure(format!("step_response_{}_{name}", triad.name()), response * 100.0, &budget, probability);
-            steps.push(json!({
+            findings.figure(format!("step_response_{}_{name}", triad.name()), worse.mean * 100.0, &budget, probability);
+            shown.push(json!({
                 "channel": format!("{} {name}", triad.name()), "step": step, "unit": unit(*triad).symbol(),
-                "response_up": responses[0].0, "response_down": responses[1].0, "dof": finite(noise.1),
+                "response_up": up.mean, "response_down": down.mean, "dof": finite(worse.dof),
             }));
         }
     }
-    findings.detail("steps", steps);
+    findings.detail("steps", shown);
     for ((triad, published), (name, unit)) in RANGES.into_iter().zip([
         ("range_gyro", Unit::DegreePerSecond),
         ("range_accel", Unit::Gravity),
@@ -92,54 +91,70 @@ fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// Means without a step and on it, in both senses: value, standard uncertainty, degrees of freedom.
-struct Levels {
+/// What the steps of a channel showed.
+struct Steps {
     /// In the unit of the triad, deg/h or mg.
     step: f64,
-    still: (f64, f64, f64),
-    up: (f64, f64, f64),
-    down: (f64, f64, f64),
+    up: Response,
+    down: Response,
 }
 
-impl Levels {
-    /// Response over the step in one sense, with its noise and degrees of freedom.
-    fn response(&self, sense: i8) -> (f64, (f64, f64)) {
-        let on = if sense > 0 { self.up } else { self.down };
-        let change = (on.0 - self.still.0) * f64::from(sense);
-        let parts = [(on.1, on.2), (self.still.1, self.still.2)];
-        let noise = (on.1.hypot(self.still.1)) / self.step;
-        (change / self.step, (noise, gnc_metrology::stats::welch_satterthwaite(&parts)))
-    }
+/// Response to the steps of one sense, each against the mean of the levels before and after it, so that a bias that
+/// wanders is taken out.
+struct Response {
+    /// Mean response over step.
+    mean: f64,
+    /// Standard deviation of that mean, by the scatter of the steps.
+    sd: f64,
+    dof: f64,
 }
 
-fn levels(
+fn steps(
     question: &Question<'_>,
     compensation: &Compensation,
     triad: Triad,
     axis: usize,
-) -> Result<Levels, FigureError> {
-    let missing = || FigureError::Missing {
-        what: format!("{} {} without a step and on it in both senses", triad.name(), AXES[axis]),
-    };
-    let (step, [still, up, down]) = match triad {
+) -> Result<Steps, FigureError> {
+    // In the unit of the figure, and as the program was told.
+    let (step, told) = match triad {
         Triad::Gyro => {
             let step = question.params.quantity("gyro_step", Unit::DegreePerHour)?;
-            let at = |rate_dph: f64| question.captures.iter().find(|capture| turns_at(capture, axis, rate_dph));
-            (step, [at(0.0), at(step), at(-step)])
+            (step, step)
         }
         _ => {
             let step_g = question.params.quantity("accel_step", Unit::Gravity)?;
-            let at = |sine: f64| question.captures.iter().find(|capture| tilted(capture, axis, sine));
             // The tilt is one of the local gravity.
-            let step_mg = step_g * place::gravity(question.site)?.mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
-            (step_mg, [at(0.0), at(step_g), at(-step_g)])
+            (step_g * place::gravity(question.site)?.mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3, step_g)
         }
     };
-    let level = |capture: Option<&Capture>| -> Result<(f64, f64, f64), FigureError> {
-        let capture = capture.ok_or_else(missing)?;
-        Ok(mean_of(compensation, capture, triad, axis))
+    let at = |capture: &Capture, sense: f64| match triad {
+        Triad::Gyro => turns_at(capture, axis, sense * told),
+        _ => tilted(capture, axis, sense * told),
     };
-    Ok(Levels { step, still: level(still)?, up: level(up)?, down: level(down)? })
+    let response = |sense: f64| -> Result<Response, FigureError> {
+        let each: Vec<f64> = question
+            .captures
+            .windows(3)
+            .filter(|three| at(&three[0], 0.0) && at(&three[1], sense) && at(&three[2], 0.0))
+            .map(|three| {
+                let [before, on, after] = [0, 1, 2].map(|k| mean_of(compensation, &three[k], triad, axis));
+                sense * (on - (before + after) / 2.0) / step
+            })
+            .collect();
+        if each.len() < FEWEST {
+            let (name, sign) = (AXES[axis], if sense > 0.0 { '+' } else { '-' });
+            let what = format!(
+                "{FEWEST} steps of {} {name} in the sense {sign}, each between two levels without one ({} there)",
+                triad.name(),
+                each.len()
+            );
+            return Err(FigureError::Missing { what });
+        }
+        let n = each.len() as f64;
+        let (mean, sd) = stats::mean_sd(&each);
+        Ok(Response { mean, sd: sd / n.sqrt(), dof: n - 1.0 })
+    };
+    Ok(Steps { step, up: response(1.0)?, down: response(-1.0)? })
 }
 
 fn turns_at(capture: &Capture, axis: usize, wanted_dph: f64) -> bool {
@@ -166,10 +181,7 @@ fn tilted(capture: &Capture, axis: usize, sine: f64) -> bool {
     }
 }
 
-fn mean_of(compensation: &Compensation, capture: &Capture, triad: Triad, axis: usize) -> (f64, f64, f64) {
+fn mean_of(compensation: &Compensation, capture: &Capture, triad: Triad, axis: usize) -> f64 {
     let [gyro, accel] = [Triad::Gyro, Triad::Accel].map(|triad| captures::mean(capture, triad));
-    let value = compensation.apply(triad, &gyro, &accel)[axis];
-    let blocks = compensation.blocks(capture, triad, capture.samples.len() / BLOCKS);
-    let noise = mean::variance(&[blocks.iter().map(|block| block[axis]).collect()]);
-    (value, noise.sd(), noise.dof)
+    compensation.apply(triad, &gyro, &accel)[axis]
 }

@@ -8,8 +8,8 @@ use super::{Program, Step, Uses};
 use crate::capture::{About, Along, Pose};
 use crate::turntable::Lie;
 
-/// Time without power where the item has none of its own: capacitors are empty and every register is forgotten.
-const OFF_S: f64 = 10.0;
+/// Time without power where an item has none of its own: capacitors are empty and every register is forgotten.
+pub(crate) const OFF_S: f64 = 10.0;
 
 /// Names of the axes in labels.
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -131,7 +131,7 @@ fn turn(
     };
     let label = format!("{prefix}{}{sign} rotation", AXES[axis % 3]);
     let about = About { label, series, pose, rate_hz: hertz(params, "turn_rate")? };
-    Ok(Step::Turn { about, rest_s: seconds(params, "rest")? })
+    Ok(Step::Turn { about, rest_s: seconds(params, "rest")?, uses: Uses::Gyro })
 }
 
 /// Z up for so long as a parameter says.
@@ -191,38 +191,63 @@ fn calibrations(params: &Params) -> Result<Vec<Step>, ParamError> {
     Ok(steps)
 }
 
-/// Each gyroscope at rest and at a small rate in both senses; each accelerometer level and tilted a little both ways.
+/// Each gyroscope at small rates in both senses in turn, each accelerometer tilted a little both ways, and before and
+/// after each step the same without it.
 fn resolution(params: &Params) -> Result<Vec<Step>, ParamError> {
     let sensors = params.choices("sensors")?;
-    let (dwell_s, settle_s) = (seconds(params, "dwell")?, seconds(params, "settle")?);
-    let rate_hz = hertz(params, "rate")?;
     let mut steps = Vec::new();
-    if sensors.contains(&"gyro") {
-        let step_dps = params.quantity("gyro_step", Unit::DegreePerSecond)?;
-        for (axis, name) in AXES.iter().enumerate() {
-            steps.extend(still(params, lie(axis, true, 0.0), format!("gyro {name} 0"), 1, dwell_s)?);
-            for (rate_dps, sign) in [(step_dps, '+'), (-step_dps, '-')] {
-                let pose = Pose::Spinning { axis: axis as u8, rate_dps, along: Along::Up };
-                let about = About { label: format!("gyro {name} {sign}"), series: 1, pose, rate_hz };
-                let capture = Step::Capture { about, span_s: dwell_s, uses: Uses::Inertial };
-                steps.extend([Step::Spin { rate_dps }, Step::Settle { span_s: settle_s }, capture, Step::Stop]);
-            }
+    for (axis, name) in AXES.iter().enumerate() {
+        if sensors.contains(&"gyro") {
+            rate_steps(&mut steps, params, axis, name)?;
         }
     }
-    if sensors.contains(&"accel") {
-        let step_g = params.quantity("accel_step", Unit::Gravity)?;
-        for (axis, name) in AXES.iter().enumerate() {
-            let top = if axis == 2 { 0 } else { 2 };
-            for (sine, sign) in [(0.0, '0'), (step_g, '+'), (-step_g, '-')] {
-                let mut up = [0.0; 3];
-                up[axis] = sine;
-                up[top] = (1.0 - sine * sine).sqrt();
-                let attitude = (Lie::Up { up, heading_deg: 0.0 }, Pose::Still { up, heading_deg: 0.0 });
-                steps.extend(still(params, attitude, format!("accel {name} {sign}"), 1, dwell_s)?);
-            }
+    for (axis, name) in AXES.iter().enumerate() {
+        if sensors.contains(&"accel") {
+            tilt_steps(&mut steps, params, axis, name)?;
         }
     }
     Ok(steps)
+}
+
+/// Levels of a channel: none, one way, none, the other way, none, ...
+fn levels(params: &Params, cycles: &str) -> Result<impl Iterator<Item = (usize, f64, char)>, ParamError> {
+    let count = 4 * usize::try_from(params.integer(cycles)?).unwrap_or(0) + 1;
+    Ok((1..=count).map(|number| match number % 4 {
+        2 => (number, 1.0, '+'),
+        0 => (number, -1.0, '-'),
+        _ => (number, 0.0, '0'),
+    }))
+}
+
+fn rate_steps(steps: &mut Vec<Step>, params: &Params, axis: usize, name: &str) -> Result<(), ParamError> {
+    let (dwell_s, settle_s) = (seconds(params, "dwell")?, seconds(params, "settle")?);
+    let (rate_hz, step_dps) = (hertz(params, "rate")?, params.quantity("gyro_step", Unit::DegreePerSecond)?);
+    let (lie, still) = lie(axis, true, 0.0);
+    steps.push(Step::Lay(lie));
+    for (number, sense, sign) in levels(params, "gyro_cycles")? {
+        let rate_dps = sense * step_dps;
+        let spins = rate_dps != 0.0;
+        let pose = if spins { Pose::Spinning { axis: axis as u8, rate_dps, along: Along::Up } } else { still.clone() };
+        let about = About { label: format!("gyro {name} {number}: {sign}"), series: 1, pose, rate_hz };
+        steps.extend(spins.then_some(Step::Spin { rate_dps }));
+        steps.push(Step::Settle { span_s: settle_s });
+        steps.push(Step::Capture { about, span_s: dwell_s, uses: Uses::Inertial });
+        steps.extend(spins.then_some(Step::Stop));
+    }
+    Ok(())
+}
+
+fn tilt_steps(steps: &mut Vec<Step>, params: &Params, axis: usize, name: &str) -> Result<(), ParamError> {
+    let (dwell_s, step_g) = (seconds(params, "dwell")?, params.quantity("accel_step", Unit::Gravity)?);
+    let top = if axis == 2 { 0 } else { 2 };
+    for (number, sense, sign) in levels(params, "accel_cycles")? {
+        let sine = sense * step_g;
+        let mut up = [0.0; 3];
+        (up[axis], up[top]) = (sine, (1.0 - sine * sine).sqrt());
+        let attitude = (Lie::Up { up, heading_deg: 0.0 }, Pose::Still { up, heading_deg: 0.0 });
+        steps.extend(still(params, attitude, format!("accel {name} {number}: {sign}"), 1, dwell_s)?);
+    }
+    Ok(())
 }
 
 /// Z to the north, spinning about it, slow and fast, in each sense.
@@ -251,11 +276,16 @@ fn receiver(params: &Params) -> Result<Vec<Step>, ParamError> {
     Ok(vec![Step::Receiver { about, timeout_s, span_s }])
 }
 
-/// One position and one rotation about the axis that is up.
+/// One position and one rotation about the axis that is up, as the module's user gets them.
 fn check(params: &Params) -> Result<Vec<Step>, ParamError> {
     let name = params.choice("axis")?;
     let axis = AXES.iter().position(|axis| *axis == name).unwrap_or(2);
     let mut steps = still(params, lie(axis, true, 0.0), format!("{name}+"), 1, seconds(params, "dwell")?)?.to_vec();
     steps.push(turn(params, axis, true, Along::Up, 1, "")?);
+    for step in &mut steps {
+        if let Step::Capture { uses, .. } | Step::Turn { uses, .. } = step {
+            *uses = Uses::Compensated;
+        }
+    }
     Ok(steps)
 }

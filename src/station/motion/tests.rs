@@ -46,6 +46,10 @@ fn every_position_comes_once_and_is_told_beforehand() {
         six.to_string(),
         "takes 31 min 00 s of bench time: 6 captures with 360000 samples, the module is laid down 6 times"
     );
+    assert_eq!(
+        of(ItemId::BiasStability, "duration = \"600 s\"").to_string(),
+        "takes 10 min 10 s of bench time: 1 capture with 120000 samples, the module is laid down once"
+    );
     for (count, headings) in [("12", 2), ("24", 4)] {
         let many = captures(&of(ItemId::SixPosition, &format!("positions = \"{count}\"")));
         let mut poses: Vec<String> = many.iter().map(|about| format!("{:?}", about.pose)).collect();
@@ -126,16 +130,17 @@ fn repeated_items_cycle_the_power_before_each_series() {
 
 #[test]
 fn a_step_of_a_milli_g_is_a_tilt_of_that_sine() {
-    let steps = captures(&of(ItemId::Resolution, "sensors = [\"accel\"], accel_step = \"1 mg\""));
+    let steps = captures(&of(ItemId::Resolution, "sensors = [\"accel\"], accel_step = \"1 mg\", accel_cycles = 2"));
     let ups = steps.iter().map(|about| match about.pose {
         Pose::Still { up, .. } => up,
         _ => panic!("{about:?}"),
     });
     let ups: Vec<[f64; 3]> = ups.collect();
-    assert_eq!(ups.len(), 9);
+    assert_eq!(ups.len(), 27);
     for (index, up) in ups.iter().enumerate() {
         assert!((up.iter().map(|part| part * part).sum::<f64>() - 1.0).abs() < 1e-12, "{up:?} is no unit vector");
-        assert_eq!(up[index / 3], [0.0, 0.001, -0.001][index % 3], "{up:?}");
+        // Level before and after each step.
+        assert_eq!(up[index / 9], [0.0, 0.001, 0.0, -0.001][index % 9 % 4], "{up:?}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! The coefficients go to the module, are stored there and read back.
+//! The coefficients go to the module, are stored there, and are read back after the module was without power.
 
 use chrono::Utc;
 use gnc_executive::catalogue::ItemId;
@@ -9,8 +9,10 @@ use gnc_protocol::calibration::{
 };
 use gnc_protocol::wire::Wire as _;
 
-use super::{Bench, Report, Trouble, calibration};
+use super::{Bench, Report, Trouble, calibration, capturing};
 use crate::figures::calibration::Coefficients;
+use crate::motion::OFF_S;
+use crate::turntable;
 
 /// Bytes of a coefficient on the wire.
 const COEFFICIENT: usize = size_of::<f64>();
@@ -26,6 +28,7 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     let board = bench.board;
     board.call(&CalibrationWrite { calibration: written.clone() }).await?;
     let stored = board.call(&CalibrationCommit { checksum: written.checksum() }).await?;
+    capturing::power_cycle(bench, report, turntable::of(bench.fixture, report).as_ref(), OFF_S).await?;
     let read = board.call(&CalibrationRead {}).await?;
     report.count("coefficients_altered", altered(&written, &read)).await?;
     report.text("checksum", checksum(&written, &read)).await?;

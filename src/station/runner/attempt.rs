@@ -12,13 +12,15 @@ use super::report::Report;
 use super::{Doing, End, Landed, Run};
 use crate::board::{Advance, Board, Desk, Pulse};
 use crate::figures::Findings;
+use crate::guidance::Guide;
 use crate::procedure::{self, Bench, Trouble};
 use crate::turntable;
 
 impl Run<'_> {
     pub(super) async fn attempt(&self, board: &Board, position: usize, item: &PlanItem, attempt: u32) -> Landed {
         let (sender, advance) = watch::channel(Advance::default());
-        let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance };
+        let (guide, guidance) = Guide::new(self.live.readings.receiver_count() > 0);
+        let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance, guidance };
         self.live.doing.send_modify(|live| live.push(doing));
         let desk = Desk::new(board, sender);
         let report = Report::new(self.journal, item, attempt, &self.order.header.serial_number);
@@ -28,7 +30,7 @@ impl Run<'_> {
             biased;
             asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
             () = self.control.given_up(&item.name) => End::GivenUp,
-            done = self.procedure(&desk, board, item, attempt, &report) => End::Done(done),
+            done = self.procedure((&desk, &guide), board, item, attempt, &report) => End::Done(done),
         };
         let uses = |resource| item.id.spec().resources.contains(&resource);
         if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
@@ -62,7 +64,7 @@ impl Run<'_> {
 
     async fn procedure(
         &self,
-        desk: &Desk<'_>,
+        (desk, guide): (&Desk<'_>, &Guide),
         board: &Board,
         item: &PlanItem,
         attempt: u32,
@@ -75,6 +77,7 @@ impl Run<'_> {
             can: self.order.can.as_ref(),
             earlier: self.earlier(),
             resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
+            guide,
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
@@ -108,9 +111,11 @@ impl Run<'_> {
     }
 }
 
-/// Ends when the board's clock has gone on by so much.
+/// Ends when the board's clock has gone on by so much since its next heartbeat. The last one says nothing of now: at full
+/// speed the simulated board has gone on by many minutes since.
 async fn board_time(mut pulse: watch::Receiver<Pulse>, limit_s: f64) {
     let mut began_us = None;
+    pulse.mark_unchanged();
     loop {
         if pulse.changed().await.is_err() {
             // The conversation has ended; the procedure hears of it by itself.

@@ -142,11 +142,15 @@ impl Run<'_> {
         }
         let received = report.received;
         let damaged = received.bad_checksum + received.malformed;
-        if damaged + received.missing + report.resent + report.stale > 0 {
+        if damaged + received.missing + report.resent + report.stale + report.echoed > 0 {
+            let (missing, echo) = match report.echoed {
+                0 => (received.missing.to_string(), String::new()),
+                echoed => ("an unknown number".to_owned(), format!("; {echoed} of our own came back: the line echoes")),
+            };
             let text = format!(
-                "the line was not clean: {} frames received, {damaged} damaged, {} missing, {} late or twice; {} \
-                 requests sent again",
-                received.frames, received.missing, report.stale, report.resent
+                "the line was not clean: {} frames received, {damaged} damaged, {missing} missing, {} late or twice; {} \
+                 requests sent again{echo}",
+                received.frames, report.stale, report.resent
             );
             self.note(Level::Warning, text, None).await?;
         }

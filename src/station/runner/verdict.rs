@@ -8,9 +8,10 @@ use gnc_protocol::FaultCode;
 
 use super::chain;
 use crate::board::BoardError;
+use crate::motion::watch::Spoilt;
 use crate::procedure::Trouble;
 
-/// A restart and a device that does not work are the module's; everything else leaves the station unable to tell.
+/// A restart, a device that does not work and a sensor at the end of its range are the module's; everything else leaves the station unable to tell.
 pub(super) fn judge(
     item: &PlanItem,
     measured: &[Measurement],
@@ -35,6 +36,8 @@ pub(super) fn judge(
         Trouble::Board(BoardError::Fault { code: FaultCode::DeviceFault | FaultCode::DeviceTimeout, .. }) => {
             Outcome::Failed
         }
+        // The plan was checked: no motion asks for more than the published range.
+        Trouble::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => Outcome::Failed,
         _ => Outcome::Errored,
     };
     (outcome, Some(AttemptError { text: chain(trouble), hint: trouble.try_this().to_owned(), again: false }))

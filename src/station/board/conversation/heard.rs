@@ -18,6 +18,7 @@ impl Conversation {
         let Header { kind, request, message, .. } = frame.header;
         // Our own words come back: an echo on the line. They are no sign of a living board.
         if kind == Kind::Request || kind == Kind::Event && message == event::KEEP_ALIVE {
+            self.report.echoed = self.report.echoed.saturating_add(1);
             return;
         }
         self.heard = now;

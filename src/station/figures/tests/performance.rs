@@ -145,52 +145,38 @@ fn scale_factors_and_couplings_over_calibrations() {
 fn resolution_needs_both_senses_and_fine_codes() {
     let mut world = World::new(15);
     let earlier = calibrated(&mut world);
+    // Three cycles of each channel: none, one way, none, the other way, ..., none.
+    const SENSES: [f64; 13] = [0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0];
     let steps = |world: &mut World| {
         let mut captures = Vec::new();
         for axis in 0..3 {
             let mut about = Vector3::zeros();
             about[axis] = 1.0;
-            let name = ["x", "y", "z"][axis];
-            captures.push(world.still(&format!("gyro {name} 0"), 1, &format!("{name}+"), 0.0, 60.0, 20));
-            for rate_dps in [0.05, -0.05] {
+            for (number, sense) in SENSES.into_iter().enumerate() {
+                let (label, rate_dps) = (format!("gyro {axis} {number}"), 0.05 * sense);
                 let frame = [about.yzx(), about.zxy(), about];
-                let mut capture = world.lying(
-                    &format!("gyro {name} {rate_dps}"),
-                    1,
-                    about.into(),
-                    0.0,
-                    frame,
-                    about * rate_dps,
-                    60.0,
-                    20,
-                );
-                capture.about.pose =
-                    crate::capture::Pose::Spinning { axis: axis as u8, rate_dps, along: crate::capture::Along::Up };
+                let mut capture = world.lying(&label, 1, about.into(), 0.0, frame, about * rate_dps, 30.0, 20);
+                if sense != 0.0 {
+                    capture.about.pose =
+                        crate::capture::Pose::Spinning { axis: axis as u8, rate_dps, along: crate::capture::Along::Up };
+                }
                 captures.push(capture);
             }
         }
         for axis in 0..3 {
             let top = if axis == 2 { 0 } else { 2 };
-            for sine in [0.0_f64, 0.001, -0.001] {
+            for (number, sense) in SENSES.into_iter().enumerate() {
+                let (label, sine) = (format!("accel {axis} {number}"), 0.001 * sense);
                 let mut up = [0.0; 3];
                 (up[axis], up[top]) = (sine, (1.0 - sine * sine).sqrt());
                 let frame = [Vector3::zeros(); 3];
-                captures.push(world.lying(
-                    &format!("accel {axis} {sine}"),
-                    1,
-                    up,
-                    0.0,
-                    frame,
-                    Vector3::zeros(),
-                    60.0,
-                    20,
-                ));
+                captures.push(world.lying(&label, 1, up, 0.0, frame, Vector3::zeros(), 30.0, 20));
             }
         }
         captures
     };
     // 0.05 deg/s: the earth's horizontal rate of 0.0034 deg/s moves between the attitudes of this small world.
-    let text = "gyro_step = \"0.05 deg/s\", dwell = \"60 s\", rate = \"20 Hz\"";
+    let text = "gyro_step = \"0.05 deg/s\", dwell = \"30 s\", rate = \"20 Hz\"";
     let captures = steps(&mut world);
     let found = ask(ItemId::Resolution, text, &captures, &earlier).unwrap();
     complete(ItemId::Resolution, &params(ItemId::Resolution, text), &found);
@@ -198,12 +184,25 @@ fn resolution_needs_both_senses_and_fine_codes() {
         let value = figure(&found, &format!("step_response_{name}")).0;
         assert!((85.0..115.0).contains(&value), "{name} {value}");
     }
-    // A dead band: the means of the steps of X are those without.
+    // A dead band in one sense: the means of these steps of X are those without.
     let mut dead = captures.clone();
-    let still = dead[9].samples.clone();
-    dead[10].samples = still;
+    for step in (0..13).filter(|number| SENSES[*number] > 0.0) {
+        let first = 3 * SENSES.len();
+        dead[first + step].samples = dead[first + step - 1].samples.clone();
+    }
     let found = ask(ItemId::Resolution, text, &dead, &earlier).unwrap();
-    assert!(figure(&found, "step_response_accel_x").0 < 5.0);
+    assert!(figure(&found, "step_response_accel_x").0 < 8.0, "{:?}", figure(&found, "step_response_accel_x"));
+    // A bias that wanders by ten steps in all is no step.
+    let mut wandering = captures.clone();
+    for (number, capture) in wandering.iter_mut().take(SENSES.len()).enumerate() {
+        for sample in &mut capture.samples {
+            sample.gyro[0] += (number as f64 / 12.0 * 0.5 * 20_000.0) as i32;
+        }
+    }
+    let found = ask(ItemId::Resolution, text, &wandering, &earlier).unwrap();
+    assert!((85.0..115.0).contains(&figure(&found, "step_response_gyro_x").0));
+    let few = ask(ItemId::Resolution, text, &captures[..2], &earlier).unwrap_err().to_string();
+    assert!(few.contains("(0 there)"), "{few}");
     // Codes of 16 bits, spread over 24: 256 counts.
     let mut coarse = captures;
     for sample in coarse.iter_mut().flat_map(|capture| &mut capture.samples) {
@@ -248,4 +247,8 @@ fn noise_is_found_over_time_and_frequency() {
     assert!(line.number > 30.0, "{line}");
     let at = found.details["spectra"]["accel_x"]["strongest_line"]["frequency_hz"].as_f64().unwrap();
     assert!((at - 3.0).abs() < 0.05 && GRAVITY > 9.0, "{at}");
+    // Its density stands at its frequency, far over the white level.
+    let spectrum = &found.details["spectra"]["accel_x"];
+    let bin = (3.0 / spectrum["frequency_step_hz"].as_f64().unwrap()).round() as usize;
+    assert!(spectrum["density"][bin].as_f64().unwrap() > 30.0 * spectrum["white"].as_f64().unwrap(), "{bin}");
 }

@@ -12,9 +12,11 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use super::panels::block;
 use super::{WIDE, style, text};
 use crate::board::StreamReading;
+use crate::guidance::field::roll_deg;
 use crate::tui::lang::fill;
 use crate::tui::live::{Imu, Point};
 use crate::tui::model::{Glyphs, Model};
+use gnc_protocol::calibration::ROLL_PER_RAD;
 use gnc_protocol::stream::StreamId;
 
 /// Time that the curves cover.
@@ -49,13 +51,20 @@ fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     if let Some(imu) = model.live.imu() {
         lines.extend(vectors(model, &imu, roomy));
     }
+    if let Some(roll) = roll(model) {
+        lines.push(roll);
+        gap(&mut lines, roomy);
+    }
     lines.extend(gnss(model, cells));
     gap(&mut lines, roomy);
     lines.push(Line::styled(format!("{}  V", texts.ad_channels), style::strong()));
     lines.extend(ad(model));
     gap(&mut lines, roomy);
     lines.push(Line::styled(text::cut(texts.streams, cells), style::strong()));
-    lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    // On a small screen the figures matter more than what they are called.
+    if lines.len() + 1 + model.live.newest.streams.len() <= usize::from(inner.height) {
+        lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    }
     lines.extend(model.live.newest.streams.iter().map(|reading| stream(model, reading, cells)));
     frame.render_widget(Paragraph::new(lines), inner);
 }
@@ -103,6 +112,18 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
     ]));
     gap(&mut lines, roomy);
     lines
+}
+
+/// The roll angle: the host's by the correction that the module keeps, and the board's own. Nothing before anybody read
+/// that correction.
+fn roll(model: &Model) -> Option<Line<'static>> {
+    let (texts, newest) = (model.texts, &model.live.newest);
+    let angle = |angle_deg: Option<f64>| angle_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:+.2}°"));
+    let correction = newest.correction.as_ref()?;
+    let host = model.live.imu().map(|imu| roll_deg(correction, [imu.field_gauss[0], imu.field_gauss[1]]));
+    let board = newest.compensated.as_ref().map(|(_, sample)| (f64::from(sample.roll) / ROLL_PER_RAD).to_degrees());
+    let said = format!("  {} {}  {} {}", texts.by_host, angle(host), texts.board_says, angle(board));
+    Some(Line::from(vec![Span::styled(texts.roll, style::strong()), Span::raw(said)]))
 }
 
 fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
@@ -192,7 +213,7 @@ fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl
 }
 
 /// Beside the end of each curve its name: colours are not the only sign.
-fn names_of_curves(
+pub(super) fn names_of_curves(
     model: &Model,
     frame: &mut Frame<'_>,
     area: Rect,

@@ -1,0 +1,68 @@
+//! A campaign of seeded runs: modules x faults of the line x stops x cables pulled out.
+//!
+//! Exit code 0: nothing was found; 1: violations, each told with the command that repeats it; 2: usage.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, carry_out, table};
+
+/// Runs the functional plan on simulated benches, each drawn from the seed: a good module is never failed, a bad one never
+/// passed, no run outlives its bound, and every loss is counted where it happened.
+#[derive(Debug, Parser)]
+struct Args {
+    /// How many.
+    #[arg(long, default_value_t = 2000)]
+    runs: u64,
+    /// Of all chance.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// This one alone.
+    #[arg(long, value_name = "NUMBER", conflicts_with = "runs")]
+    only: Option<u64>,
+    /// Runs at once.
+    #[arg(long, default_value_t = AT_ONCE)]
+    at_once: usize,
+    /// Where the records of runs that disappoint are kept.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let runs = args.only.map_or(0..args.runs, |only| only..only + 1);
+    let campaign = Campaign { seed: args.seed, runs, at_once: args.at_once.max(1), keep: args.keep };
+    let total = campaign.runs.end - campaign.runs.start;
+    let began = Instant::now();
+    // Whoever closed the terminal needs no table.
+    let mut out = std::io::stdout();
+    let _ = writeln!(out, "seed {}, {total} runs", campaign.seed);
+    let told = |count: usize, judged: &Judged| {
+        let mut out = std::io::stdout().lock();
+        for violation in &judged.violations {
+            let _ = writeln!(
+                out,
+                "VIOLATION {}: {violation}\n  {:?}\n  {}",
+                judged.case.board,
+                judged.case,
+                judged.case.command()
+            );
+        }
+        if count.is_multiple_of(50) {
+            let _ = writeln!(out, "{count} of {total} after {:.0} s", began.elapsed().as_secs_f64());
+        }
+    };
+    let all = carry_out(&campaign, &told);
+    let bad = all.iter().filter(|judged| !judged.violations.is_empty()).count();
+    let _ = writeln!(out, "\n{}", table(&all));
+    let _ = writeln!(
+        out,
+        "seed {}: {bad} of {total} runs with violations, in {:.0} s",
+        campaign.seed,
+        began.elapsed().as_secs_f64()
+    );
+    if bad == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) }
+}

@@ -1,0 +1,182 @@
+//! What a run of a campaign is made of, drawn from the campaign's seed and the run's number.
+
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use hw_mocks::boards;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+/// Events of a run of the functional plan, about: a disturbance comes at one of them.
+const EVENTS: u32 = 160;
+/// A disturbance comes so much later than its event, at most: several items are in flight, each waiting for something.
+const LATER_US: u32 = 4000;
+/// Longest time between two things that happen.
+const BETWEEN_MS: u32 = 600;
+
+/// A fault of the line: its key in a board's file, its rates from mild to harsh, and how long it lasts where it takes
+/// time.
+struct Fault {
+    key: &'static str,
+    rates: (f64, f64),
+    time: Option<(&'static str, f64, f64)>,
+}
+
+const fn fault(key: &'static str, mild: f64, harsh: f64) -> Fault {
+    Fault { key, rates: (mild, harsh), time: None }
+}
+
+const WIRE: [Fault; 10] = [
+    fault("lost_bytes_per_million", 3.0, 300.0),
+    fault("lost_frames_per_million", 300.0, 3e4),
+    fault("flipped_bits_per_million", 0.3, 30.0),
+    fault("cut_frames_per_million", 300.0, 3e4),
+    fault("doubled_frames_per_million", 1e3, 5e5),
+    fault("overtaken_frames_per_million", 1e3, 3e5),
+    Fault { time: Some(("delay_ms", 20.0, 300.0)), ..fault("delayed_frames_per_million", 300.0, 3e4) },
+    Fault { time: Some(("stall_ms", 50.0, 2500.0)), ..fault("stalled_frames_per_million", 100.0, 5e3) },
+    fault("babbled_frames_per_million", 1e3, 3e5),
+    fault("echoed_frames_per_million", 1e3, 1e6),
+];
+
+const CAN_WIRE: [Fault; 8] = [
+    fault("lost_frames_per_million", 30.0, 5e3),
+    fault("lost_bursts_per_million", 10.0, 1e3),
+    fault("flipped_frames_per_million", 30.0, 5e3),
+    fault("doubled_frames_per_million", 30.0, 5e4),
+    fault("overtaken_frames_per_million", 30.0, 2e4),
+    Fault { time: Some(("delay_ms", 20.0, 300.0)), ..fault("delayed_frames_per_million", 100.0, 3e3) },
+    Fault { time: Some(("stall_ms", 50.0, 2500.0)), ..fault("stalled_frames_per_million", 30.0, 500.0) },
+    fault("babbled_frames_per_million", 30.0, 5e4),
+];
+
+/// Over which link the station speaks with the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Link {
+    /// RS-422, with a CAN bus beside it for the item that tests it.
+    Rs422,
+    /// CAN alone.
+    Can,
+}
+
+/// What somebody does in mid-run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Disturbance {
+    /// Nothing.
+    None,
+    /// Asks for a stop, in order; and `again` after some time, at once.
+    Stop {
+        /// The second time.
+        again: Option<Duration>,
+    },
+    /// Pulls out the cable of the conversation; `back` after some time it is plugged in again.
+    Unplug {
+        /// When it comes back.
+        back: Option<Duration>,
+    },
+}
+
+/// One run of a campaign.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Case {
+    /// Of the campaign.
+    pub seed: u64,
+    /// Of the run.
+    pub number: u64,
+    /// The module's file.
+    pub board: &'static str,
+    /// The way of the conversation.
+    pub link: Link,
+    /// The line's faults as tables of a board's file; empty for a clean line.
+    pub faults: String,
+    /// Names of those faults.
+    pub kinds: Vec<&'static str>,
+    /// What happens in mid-run.
+    pub disturbance: Disturbance,
+    /// After how many events, and how much later.
+    pub moment: (u64, Duration),
+}
+
+impl Case {
+    /// The run of this number in the campaign of this seed.
+    #[must_use]
+    pub fn drawn(seed: u64, number: u64) -> Self {
+        let mut dice = ChaCha8Rng::seed_from_u64(seed);
+        dice.set_stream(number);
+        // Half of the modules are good, or most runs would test the same handful of failures.
+        let good = dice.random_bool(0.5);
+        let pool: Vec<&(&str, &str)> = boards().iter().filter(|(_, text)| is_good(text) == good).collect();
+        let (board, text) = *pool[dice.random_range(0..pool.len())];
+        let link = if has_line_of_its_own(text) || dice.random_bool(0.6) { Link::Rs422 } else { Link::Can };
+        let (faults, kinds) =
+            if has_line_of_its_own(text) { Default::default() } else { drawn_faults(link, &mut dice) };
+        let disturbance = drawn_disturbance(&mut dice);
+        let later_us = u64::from(dice.random_range(0..LATER_US));
+        let moment = (u64::from(dice.random_range(1..EVENTS)), Duration::from_micros(later_us));
+        Self { seed, number, board, link, faults, kinds, disturbance, moment }
+    }
+
+    /// The seed of bench and line.
+    #[must_use]
+    pub fn bench_seed(&self) -> u64 {
+        // Any number does; that of the run alone would make all campaigns alike.
+        self.seed.rotate_left(32) ^ self.number
+    }
+
+    /// The module's file with the line's faults.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let text = boards().iter().find(|(name, _)| *name == self.board).map_or("", |(_, text)| text);
+        format!("{text}\n{}", self.faults)
+    }
+
+    /// What repeats it.
+    #[must_use]
+    pub fn command(&self) -> String {
+        format!("cargo run --release -p gnc-tests --bin campaign -- --seed {} --only {}", self.seed, self.number)
+    }
+}
+
+fn is_good(text: &str) -> bool {
+    text.lines().skip_while(|line| *line != "[expect.functional]").nth(1) == Some("outcome = \"passed\"")
+}
+
+/// Its line has faults already, by which its expectation came about.
+fn has_line_of_its_own(text: &str) -> bool {
+    text.lines().any(|line| line.starts_with("[wire") || line.starts_with("[can_wire"))
+}
+
+fn drawn_faults(link: Link, dice: &mut ChaCha8Rng) -> (String, Vec<&'static str>) {
+    let count = [0, 1, 1, 1, 2, 3][dice.random_range(0..6)];
+    // On RS-422 the bus that is tested beside it may be the faulty one.
+    let on_can = link == Link::Can || dice.random_bool(0.2);
+    let (table, all): (_, &[Fault]) = if on_can { ("can_wire", &CAN_WIRE) } else { ("wire", &WIRE) };
+    let way = ["both", "to_host", "to_board"][dice.random_range(0..3)];
+    let mut kinds = Vec::new();
+    let mut text = format!("[{table}.{way}]\n");
+    for _ in 0..count {
+        let Fault { key, rates, time } = &all[dice.random_range(0..all.len())];
+        if kinds.contains(key) {
+            continue;
+        }
+        kinds.push(*key);
+        // Even in the logarithm; several faults together are milder each.
+        let harshness = dice.random::<f64>() / f64::from(count).sqrt();
+        let _ = writeln!(text, "{key} = {:.3}", rates.0 * (rates.1 / rates.0).powf(harshness));
+        if let Some((key, shortest, longest)) = time {
+            let _ = writeln!(text, "{key} = {:.0}.0", dice.random_range(*shortest..*longest));
+        }
+    }
+    if kinds.is_empty() { Default::default() } else { (text, kinds) }
+}
+
+fn drawn_disturbance(dice: &mut ChaCha8Rng) -> Disturbance {
+    let pause = |dice: &mut ChaCha8Rng| Duration::from_millis(u64::from(dice.random_range(0..BETWEEN_MS)));
+    match dice.random_range(0..8) {
+        0 => Disturbance::Stop { again: None },
+        1 => Disturbance::Stop { again: Some(pause(dice)) },
+        2 => Disturbance::Unplug { back: None },
+        3 => Disturbance::Unplug { back: Some(pause(dice)) },
+        _ => Disturbance::None,
+    }
+}

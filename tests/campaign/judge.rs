@@ -1,0 +1,145 @@
+//! What must hold of every run, whatever the line did and whoever pulled a cable.
+
+use gnc_executive::outcome::Outcome;
+use gnc_executive::record::{ItemRecord, RunRecord};
+use hw_mocks::{Expectation, LineTruth, Personality, Toll};
+
+use super::case::{Case, Disturbance, Link};
+use super::run::Ran;
+
+/// Faults that take frames away, or give them twice, and do nothing else.
+const SPOILS_ALONE: [&str; 5] = [
+    "lost_bytes_per_million",
+    "lost_frames_per_million",
+    "flipped_bits_per_million",
+    "cut_frames_per_million",
+    "doubled_frames_per_million",
+];
+/// Frames that the board may say between the station's last look at the line and the end of the run: heartbeats.
+const BEHIND_THE_END: u64 = 2;
+
+/// What is not as it should be; empty if all is.
+#[must_use]
+pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
+    let mut found: Vec<String> = ran.problems.clone();
+    let Some(record) = &ran.record else {
+        if found.is_empty() {
+            found.push("it left no record".to_owned());
+        }
+        return found;
+    };
+    let expected = Personality::from_toml(case.board, &case.text()).ok();
+    let Some(expected) = expected.as_ref().and_then(|personality| personality.expect.get("functional")) else {
+        found.push(format!("{} expects nothing of the plan", case.board));
+        return found;
+    };
+    if ran.outcome != Some(record.outcome) {
+        found.push(format!("the station ended {:?}, its record says {}", ran.outcome, record.outcome));
+    }
+    verdicts(case, record, expected, &mut found);
+    ends(case, ran, record, &mut found);
+    found.extend(losses(case, ran, record));
+    found
+}
+
+/// Never against a good module, never for a bad one; on a clean line that nobody touched, exactly as expected.
+fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut Vec<String>) {
+    for item in &record.items {
+        let is_bad = expected.items.contains(&item.name);
+        // A bad module whose fault is in the line says nothing of the item.
+        let may_fail = is_bad && expected.outcome == "failed";
+        let failed = item.attempts.iter().any(|attempt| attempt.outcome == Outcome::Failed);
+        if (failed || item.outcome == Outcome::Failed) && !may_fail {
+            found.push(format!("{} failed, and nothing is wrong with it", item.name));
+        }
+        if is_bad && item.outcome.is_good() {
+            found.push(format!("{} is {}, and it is bad", item.name, item.outcome));
+        }
+    }
+    let reached = expected.items.is_empty() || record.items.iter().any(|item| is_judged(item, expected));
+    if expected.outcome != "passed" && record.outcome.is_good() && reached {
+        found.push(format!("a bad module is {}", record.outcome));
+    }
+    if record.outcome == Outcome::Failed && expected.outcome != "failed" {
+        found.push("a good module is failed".to_owned());
+    }
+    if case.kinds.is_empty() && case.disturbance == Disturbance::None && reached {
+        let good = |outcome: Outcome| outcome.is_good() && expected.outcome == "passed";
+        if record.outcome.to_string() != expected.outcome && !good(record.outcome) {
+            found.push(format!("{} instead of {} on a clean line", record.outcome, expected.outcome));
+        }
+    }
+}
+
+/// An item that is expected to be bad and was not skipped for want of a link.
+fn is_judged(item: &ItemRecord, expected: &Expectation) -> bool {
+    expected.items.contains(&item.name) && item.outcome != Outcome::Skipped
+}
+
+/// A run that was stopped says so; the module is off after every run.
+fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
+    let broken_off =
+        record.items.iter().any(|item| item.selected && matches!(item.outcome, Outcome::Aborted | Outcome::NotRun));
+    if record.stop.is_some() && broken_off && record.outcome != Outcome::Aborted {
+        found.push(format!("it was stopped and is {}", record.outcome));
+    }
+    if record.stop.is_some() && !matches!(case.disturbance, Disturbance::Stop { .. }) {
+        found.push("nobody asked for a stop, and it stopped".to_owned());
+    }
+    if ran.off_after.is_none() {
+        found.push("the module is still on".to_owned());
+    }
+}
+
+/// What the station said of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Booked {
+    damaged: u64,
+    missing: u64,
+}
+
+impl Booked {
+    /// From the note of the run: "the line was not clean: 4 frames received, 0 damaged, 1 missing, ...".
+    fn read(record: &RunRecord) -> Self {
+        let mut notes = record.notes.iter().rev().filter_map(|note| note.text.strip_prefix("the line was not clean: "));
+        let Some(note) = notes.next() else { return Self::default() };
+        let count = |what: &str| {
+            let part = note.split([',', ';']).find(|part| part.trim_end().ends_with(what));
+            part.and_then(|part| part.split_whitespace().next()).and_then(|number| number.parse().ok()).unwrap_or(0)
+        };
+        Self { damaged: count("damaged"), missing: count("missing") }
+    }
+}
+
+/// Losses are booked where they happened: none that the line did not make, and each that it did.
+fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
+    let booked = Booked::read(record);
+    let LineTruth { to_host, to_board, can_to_host, can_to_board } = ran.line;
+    let unplugged = matches!(case.disturbance, Disturbance::Unplug { .. });
+    let acted = |toll: Toll| toll.spoilt + toll.others > 0;
+    let harmed = [to_host, to_board, can_to_host, can_to_board].into_iter().any(acted) || ran.restarts > 0 || unplugged;
+    if !harmed && booked != Booked::default() {
+        return Some(format!("the line did nothing, and the station books {booked:?}"));
+    }
+    let (missing, missable) = counted_losses(case, ran)?;
+    if (missing..=missing + BEHIND_THE_END).contains(&missable) {
+        return None;
+    }
+    Some(format!("{missing} frames are booked as missing; the line spoilt {missable} that could be missed"))
+}
+
+/// Frames that the station missed, and those that it could miss by the line's own count, where the two must agree.
+pub(super) fn counted_losses(case: &Case, ran: &Ran) -> Option<(u64, u64)> {
+    let record = ran.record.as_ref().filter(|record| record.board.is_some())?;
+    let LineTruth { to_host, to_board, .. } = ran.line;
+    let spoils = |kind: &&str| SPOILS_ALONE.contains(kind);
+    // What overtakes or comes back shifts the numbers; what is late may not have come at the end; a restart throws away
+    // what is on its way, and so does a stop.
+    let exact = case.link == Link::Rs422
+        && to_host.frames > 0
+        && (case.kinds.iter().all(spoils) || to_host.spoilt + to_board.others == 0)
+        && !case.kinds.contains(&"overtaken_frames_per_million")
+        && ran.restarts == 0
+        && case.disturbance == Disturbance::None;
+    exact.then(|| (Booked::read(record).missing, to_host.missable))
+}

@@ -1,0 +1,75 @@
+//! Forty runs of a campaign; `cargo run --release -p gnc-tests --bin campaign` makes two thousand.
+
+use std::time::Duration;
+
+use gnc_tests::campaign::{AT_ONCE, Campaign, Case, Disturbance, Link, Ran, carry_out, run, table, violations};
+
+/// Another seed gives other runs.
+const SEED: u64 = 7;
+
+#[test]
+fn forty_runs_hold_what_every_run_must() {
+    let campaign = Campaign { seed: SEED, runs: 0..40, at_once: AT_ONCE, keep: None };
+    let all = carry_out(&campaign, &|_, _| {});
+    eprintln!("seed {SEED}\n{}", table(&all));
+    let wrong: Vec<String> = all
+        .iter()
+        .filter(|judged| !judged.violations.is_empty())
+        .map(|judged| format!("{}\n{:?}\n{}", judged.violations.join("\n"), judged.case, judged.case.command()))
+        .collect();
+    assert!(wrong.is_empty(), "{} of {} runs:\n\n{}", wrong.len(), all.len(), wrong.join("\n\n"));
+}
+
+/// A run that nobody touches, on a clean line.
+fn calm(board: &'static str, faults: &str) -> Case {
+    Case {
+        seed: SEED,
+        number: 0,
+        board,
+        link: Link::Rs422,
+        faults: faults.to_owned(),
+        kinds: if faults.is_empty() { Vec::new() } else { vec!["lost_frames_per_million"] },
+        disturbance: Disturbance::None,
+        moment: (1, Duration::ZERO),
+    }
+}
+
+fn check(case: &Case, ran: &Ran, expected: &str) {
+    let found = violations(case, ran);
+    assert!(found.iter().any(|violation| violation.contains(expected)), "no \"{expected}\" in {found:?}");
+}
+
+/// What the campaign looks for it also finds: true runs, held to what is true of others.
+#[test]
+fn violations_are_seen() {
+    let (good, bad) = (calm("good", ""), calm("pps-missing", ""));
+    let (passed, failed) = (run(&good, None), run(&bad, None));
+    assert_eq!((violations(&good, &passed), violations(&bad, &failed)), (Vec::new(), Vec::new()));
+    check(&good, &failed, "gnss failed, and nothing is wrong with it");
+    check(&good, &failed, "a good module is failed");
+    check(&bad, &passed, "gnss is passed, and it is bad");
+    check(&bad, &passed, "a bad module is passed");
+    check(&calm("supply-low", ""), &failed, "gnss failed");
+    check(&good, &Ran { off_after: None, ..passed }, "still on");
+    check(&good, &Ran::default(), "no record");
+
+    let lossy = calm("good", "[wire.to_host]\nlost_frames_per_million = 2e4\n");
+    let mut ran = run(&lossy, None);
+    assert_eq!(violations(&lossy, &ran), Vec::<String>::new());
+    assert!(ran.line.to_host.missable > 0, "{:?}", ran.line);
+    ran.line.to_host.missable += 3;
+    check(&lossy, &ran, "booked as missing");
+    ran.line = Default::default();
+    check(&lossy, &ran, "the line did nothing");
+}
+
+/// A seed repeats what is drawn, and another seed draws something else.
+#[test]
+fn a_seed_repeats_its_runs() {
+    for number in 0..100 {
+        assert_eq!(Case::drawn(SEED, number), Case::drawn(SEED, number));
+        assert_eq!(Case::drawn(SEED, number).text(), Case::drawn(SEED, number).text());
+    }
+    let differs = (0..100).filter(|number| Case::drawn(SEED, *number).text() != Case::drawn(SEED + 1, *number).text());
+    assert!(differs.count() > 50);
+}
