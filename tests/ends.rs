@@ -1,6 +1,6 @@
 //! Ends that nobody asked for: what the next start makes of them, and that the board is safe without the station.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "what cannot be set up fails the test that needs it")]
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
