@@ -1,6 +1,6 @@
 //! Ends that nobody asked for: what the next start makes of them, and that the board is safe without the station.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "what cannot be set up fails the test that needs it")]
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -210,4 +210,38 @@ fn records_that_are_removed_end_the_run_as_errored() {
     board.until_safe();
     assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
+}
+
+/// A bench that names a key signs what it closes: whoever has the public half finds what was written since, also where
+/// all digests were made again.
+#[test]
+fn a_run_is_signed_where_the_bench_names_a_key() {
+    let board = Board::start();
+    let place = with_board(&board);
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(0));
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(2), "never written over");
+    let bench = fs::read_to_string(place.path().join("bench.toml")).expect("a bench file");
+    place.write("bench.toml", &bench.replace("id = \"ends\"\n", "id = \"ends\"\nkey = \"station.key\"\n"));
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    let verify = || place.run(["records", "verify", "--key", "station.key.pub"]);
+    assert_eq!(verify().code, Some(0), "{}", verify().stdout);
+
+    let run = &place.runs()[0];
+    let sums = fs::read_to_string(run.join("SHA256SUMS")).expect("digests");
+    fs::write(run.join("SHA256SUMS"), sums.lines().rev().map(|line| format!("{line}\n")).collect::<String>())
+        .expect("digests");
+    assert!(reader::verify(run).is_empty(), "as digests they are as good as before");
+    assert_eq!(verify().code, Some(1));
+    assert!(verify().stdout.contains("is not the signature of SHA256SUMS with this key"), "{}", verify().stdout);
+    fs::write(run.join("SHA256SUMS"), sums).expect("digests");
+    fs::remove_file(run.join("SHA256SUMS.sig")).expect("a signature");
+    assert!(verify().stdout.contains("the run is not signed"), "{}", verify().stdout);
+
+    // A key that others may read is refused before anything is switched on.
+    let open = std::os::unix::fs::PermissionsExt::from_mode(0o644);
+    fs::set_permissions(place.path().join("station.key"), open).expect("rights");
+    let (code, complaint) = Running::start(&place, &["--only", "identity"]).end();
+    assert_eq!(code, Some(2), "{complaint}");
+    assert!(complaint.contains("may be used by others") && complaint.contains("chmod 600"), "{complaint}");
+    assert_eq!(place.runs().len(), 1);
 }

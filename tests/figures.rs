@@ -190,7 +190,7 @@ fn stability_of(noise: &AxisNoise, dice: &mut Dice) -> (f64, f64) {
         let means: Vec<f64> = (0..360).map(|_| mean(dice)).collect();
         deviation(&means)
     };
-    interval((0..1000).map(|_| replicate(dice)).collect())
+    interval((0..300).map(|_| replicate(dice)).collect())
 }
 
 /// What it gives for the standard deviation of six means of ten minutes, one every twenty: the slow processes go on while

@@ -10,7 +10,7 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use nix::fcntl::{Flock, FlockArg};
 
-use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, StoreError, chain, digest, on, reader};
+use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, digest, on, reader};
 use crate::report::{self, REPORT};
 
 /// Newest runs among which interrupted ones are looked for: a station that died is started again before a thousand
@@ -37,6 +37,11 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<()
     // One wait for all files of the run, then the digests that vouch for them.
     folder.sync()?;
     let digests = digest::list(folder.path())?;
+    if let Some(key) = folder.key() {
+        // Before the digests, which close the folder.
+        let signature = key.sign(digests.as_bytes());
+        folder.put_synced(SIGNATURE, |out| out.write_all(&signature))?;
+    }
     folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
     chain::append(folder.path())
 }
@@ -44,12 +49,12 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<()
 /// Seals the runs that were interrupted, and says in a line each what became of them. One that ended and was not closed
 /// stays as it is: what nobody vouched for at its end must not become a pass later.
 #[must_use]
-pub fn seal_interrupted(records: &Path) -> Vec<String> {
+pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String> {
     let is_open = |run: &Path| run.join(JOURNAL).is_file() && !run.join(DIGESTS).exists();
     let mut open: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| is_open(run)).collect();
     open.reverse();
     let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
-    let told = open.iter().filter_map(|run| match seal(run) {
+    let told = open.iter().filter_map(|run| match seal(run, key) {
         Ok(what) => what.map(|what| format!("{} {what}", name(run))),
         Err(error) => Some(format!(
             "{} was interrupted and cannot be sealed: {}; {}",
@@ -62,13 +67,13 @@ pub fn seal_interrupted(records: &Path) -> Vec<String> {
 }
 
 /// `None`: it goes on, has an end, or holds nothing.
-fn seal(run: &Path) -> Result<Option<String>, StoreError> {
+fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
     // Another station may have sealed it meanwhile.
     let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(None) };
     let Some(record) = RunRecord::from_state(&state).filter(|record| record.interrupted) else { return Ok(None) };
-    close(&RunFolder::existing(run), Some(&record))?;
+    close(&RunFolder::existing(run).signed_with(key.cloned()), Some(&record))?;
     Ok(Some(in_words(&state, &record)))
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset};
 use sha2::{Digest as _, Sha256};
 
-use super::{StoreError, on};
+use super::{StationKey, StoreError, on};
 
 /// Runs of one plan with one serial number in one second; more are a loop gone wild.
 const MAX_SAME_SECOND: u32 = 10_000;
@@ -18,6 +18,8 @@ const MAX_NAME: usize = 64;
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
+    /// Signs the folder when it is closed.
+    key: Option<StationKey>,
 }
 
 impl RunFolder {
@@ -57,14 +59,24 @@ impl RunFolder {
 
     /// That of a run whose program died.
     pub(super) fn existing(path: &Path) -> Self {
-        Self { path: path.to_owned() }
+        Self { path: path.to_owned(), key: None }
+    }
+
+    /// The same folder, signed when it is closed.
+    #[must_use]
+    pub fn signed_with(self, key: Option<StationKey>) -> Self {
+        Self { key, ..self }
+    }
+
+    pub(super) fn key(&self) -> Option<&StationKey> {
+        self.key.as_ref()
     }
 
     fn fresh(parent: &Path, name: &str) -> Result<Self, StoreError> {
         for number in 1..=MAX_SAME_SECOND {
             let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
             match DirBuilder::new().create(&path) {
-                Ok(()) => return Ok(Self { path }),
+                Ok(()) => return Ok(Self { path, key: None }),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
             }

@@ -8,7 +8,7 @@ use gnc_executive::journal;
 use gnc_executive::record::RunRecord;
 
 use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, RECORD, StoreError, digest, on};
+use super::{DIGESTS, JOURNAL, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
 
 /// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
@@ -127,6 +127,19 @@ pub fn fold(folder: &Path) -> Result<gnc_executive::state::RunState, String> {
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
     compare(folder).unwrap_or_else(|error| vec![crate::runner::chain(&error)])
+}
+
+/// What is wrong with the signature of a run's digests.
+#[must_use]
+pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
+    let read = |name| fs::read(folder.join(name));
+    match (read(DIGESTS), read(SIGNATURE)) {
+        (Ok(digests), Ok(signature)) if key.signed(&digests, &signature) => None,
+        (Ok(_), Ok(_)) => Some(format!("{SIGNATURE} is not the signature of {DIGESTS} with this key")),
+        (Ok(_), Err(_)) => Some(format!("{SIGNATURE} is missing: the run is not signed")),
+        // That they are missing is said by `verify`.
+        (Err(_), _) => None,
+    }
 }
 
 fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {

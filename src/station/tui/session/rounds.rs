@@ -110,8 +110,8 @@ async fn all(
     let job =
         Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
     let header = auto::header(args, &plan, &setup, &start.serial_number);
-    let Setup { records, target, can, fixture, site, simulation, .. } = setup;
-    let (one_by_one, found) = (args.one_by_one, seal_interrupted(&records));
+    let Setup { records, key, target, can, fixture, site, simulation, .. } = setup;
+    let (one_by_one, found) = (args.one_by_one, seal_interrupted(&records, key.as_ref()));
     let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one, found };
     // The simulated bench ends with this scope.
     let _simulation = simulation;
@@ -125,7 +125,8 @@ async fn all(
         };
         order.header.looped = looped;
         let folder = RunFolder::create(&records, Local::now().fixed_offset(), &start.serial_number, &plan.name)
-            .map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
+            .map_err(|error| Refusal::new(chain(&error), error.try_this()))?
+            .signed_with(key.clone());
         // A screen that is that far behind reads the record later.
         let _ = handles.screen.try_send(Msg::RoundBegins { folder: folder.path().to_owned() });
         let screen = handles.screen.clone();
