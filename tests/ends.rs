@@ -6,6 +6,7 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Instant;
 
 use gnc_station::store::{chain, reader};
 use gnc_tests::{Place, functional_plan, read_json};
@@ -94,7 +95,9 @@ impl Board {
 
     /// Until its watchdog has made it safe.
     fn until_safe(&mut self) {
+        let began = Instant::now();
         assert!((0..LOOKS).any(|_| !self.is_powered()), "the module still has power");
+        println!("the module was off {:.2} s later", began.elapsed().as_secs_f64());
     }
 }
 
