@@ -1,8 +1,6 @@
 //! The sixty figures of stability and repeatability: five modules of the published table, six axes, against what the true
 //! noise of the simulated module gives, by a parametric bootstrap. Samples come from the sensors alone, without frames.
 
-#![expect(clippy::unwrap_used, clippy::panic, reason = "a test may end with a panic")]
-
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
