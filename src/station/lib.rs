@@ -12,9 +12,11 @@ mod export;
 pub mod figures;
 mod files;
 pub mod fixture;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 pub mod link;
 pub mod motion;
-mod nmea;
+pub mod nmea;
 pub mod passport;
 mod ports;
 pub mod procedure;
