@@ -13,9 +13,11 @@ pub mod figures;
 mod files;
 pub mod fixture;
 pub mod guidance;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 pub mod link;
 pub mod motion;
-mod nmea;
+pub mod nmea;
 pub mod passport;
 mod ports;
 pub mod procedure;
