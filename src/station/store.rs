@@ -19,6 +19,7 @@ use gnc_executive::state::OutOfOrder;
 
 pub use folder::RunFolder;
 pub use raw::RawFile;
+pub(crate) use scribe::pretty;
 pub use scribe::{Scribe, Watcher};
 
 /// The journal of a run.
@@ -31,6 +32,8 @@ pub const ITEM: &str = "item.json";
 pub const LOG: &str = "log.txt";
 /// Digests of all other files, in the form that `sha256sum -c` reads.
 pub const DIGESTS: &str = "SHA256SUMS";
+/// Papers made from the record; the digest of the record that the passport names leaves them out.
+pub const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
 
@@ -50,6 +53,9 @@ pub enum StoreError {
     /// An event could not be turned into text: a mistake in this program.
     #[error("an event cannot be written as JSON")]
     Json(#[from] serde_json::Error),
+    /// The passport could not be turned into text: a mistake in this program.
+    #[error("the passport cannot be written")]
+    Passport(#[from] crate::passport::XmlError),
     /// The runner emitted an event that cannot follow: a mistake in this program.
     #[error("the run's events are out of order")]
     OutOfOrder(#[source] OutOfOrder),

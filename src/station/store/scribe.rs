@@ -15,11 +15,12 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use tokio::sync::{mpsc, oneshot};
 
+use super::digest::Sums;
 use super::raw::RawThread;
 use super::{
-    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, chain, digest, folder, item_folder, on,
-    raw_file,
+    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, chain, folder, item_folder, on, raw_file,
 };
+use crate::passport::{self, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
 
 /// Events on their way to the disk: more than the largest item yields at once.
@@ -234,25 +235,42 @@ impl Writer {
     }
 
     fn close_folder(&self) -> Result<(), StoreError> {
+        let mut sums = Sums::default();
         let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
         if let Some(record) = record {
             self.folder.put(LOG, |out| out.write_all(text::log_txt(&record).as_bytes()))?;
             self.folder.put(RECORD, |out| pretty(out, &record))?;
-            // Those of the files from which everything else can be made again.
-            let digests = [JOURNAL, RECORD]
-                .map(|name| digest::of_file(&self.folder.path().join(name)).map(|digest| (name.to_owned(), digest)));
-            let digests: Vec<_> = digests.into_iter().collect::<Result<_, _>>()?;
-            self.folder.put(REPORT, |out| out.write_all(report::html(&record, &digests).as_bytes()))?;
+            sums.add_new(self.folder.path())?;
+            self.file_papers(&record, &mut sums)?;
         }
         // One wait for all files of the run, then the digests that vouch for them.
         self.folder.sync()?;
-        let digests = digest::list(self.folder.path())?;
+        sums.add_new(self.folder.path())?;
+        let digests = sums.text();
         self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
         chain::append(self.folder.path())
     }
+
+    /// Passport and report name the digest of all that was there before them.
+    fn file_papers(&self, record: &RunRecord, sums: &mut Sums) -> Result<(), StoreError> {
+        let record_sha256 = sums.of_record();
+        let passport = passport::of_run(record, &record_sha256);
+        if let Ok(passport) = &passport {
+            let xml = passport::xml(passport)?;
+            self.folder.put(PASSPORT, |out| pretty(out, passport))?;
+            self.folder.put(PASSPORT_XML, |out| out.write_all(&xml))?;
+            sums.add_new(self.folder.path())?;
+        }
+        let digest = |name: &str| sums.get(name).map(|digest| (name.to_owned(), digest.to_owned()));
+        let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
+        let all = ("the whole record, as the passport names it".to_owned(), record_sha256);
+        let digests: Vec<_> = files.chain([all]).collect();
+        self.folder.put(REPORT, |out| out.write_all(report::html(record, &passport, &digests).as_bytes()))
+    }
 }
 
-fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
+/// JSON as the record's files hold it.
+pub(crate) fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
     serde_json::to_writer_pretty(&mut *out, value)?;
     out.write_all(b"\n")
 }
