@@ -13,8 +13,6 @@ pub mod figures;
 mod files;
 pub mod fixture;
 pub mod guidance;
-#[cfg(fuzzing)]
-pub mod fuzzing;
 pub mod link;
 pub mod motion;
 pub mod nmea;
