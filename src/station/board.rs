@@ -68,6 +68,14 @@ pub enum BoardError {
         /// Time since it was first sent.
         waited: Duration,
     },
+    /// Bytes came and not one whole frame.
+    #[error("the line carries bytes and not one whole frame: {damaged} damaged ones and no answer to {asked} HELLO")]
+    Garbled {
+        /// Frames that were damaged.
+        damaged: u32,
+        /// Times that HELLO was sent.
+        asked: u32,
+    },
     /// Not even a heartbeat.
     #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
     Silent {
@@ -183,6 +191,7 @@ impl BoardError {
                 "plug the adapter in and start again: `gnc-station ports` lists serial ports; `sudo ip link set NAME up type \
                  can bitrate 500000` switches a CAN interface on"
             }
+            Self::Garbled { .. } => "are both ends set to the same rate? RS-422: are A and B of a pair swapped?",
             Self::Away { .. } | Self::Interrupted { .. } => {
                 "see to the adapter's plug and cable, and to the board's supply"
             }

@@ -66,6 +66,8 @@ pub struct Order {
     pub resumed: Option<Resumed>,
     /// One item after the other, also where they could run at once.
     pub one_by_one: bool,
+    /// What was found in the records folder before the run began, for its log.
+    pub found: Vec<String>,
 }
 
 /// What people watch while a run goes on; some of it may be skipped.
@@ -176,6 +178,9 @@ impl Run<'_> {
     async fn whole(&self) -> Result<Outcome, StoreError> {
         let header = Box::new(self.order.header.clone());
         self.journal.emit(EventKind::RunStarted { header, items: self.order.job.planned() }).await?;
+        for found in &self.order.found {
+            self.note(Level::Warning, found.clone(), None).await?;
+        }
         let body = tokio::select! {
             biased;
             asked = self.control.asked_times(2) => Err(asked),

@@ -6,8 +6,10 @@
 
 pub mod captures;
 pub mod chain;
+mod closing;
 pub mod digest;
 pub mod folder;
+pub mod key;
 mod raw;
 pub mod reader;
 mod scribe;
@@ -17,7 +19,9 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
+pub use closing::seal_interrupted;
 pub use folder::RunFolder;
+pub use key::{PublicKey, StationKey};
 pub use raw::RawFile;
 pub use scribe::{Scribe, Watcher};
 
@@ -31,6 +35,8 @@ pub const ITEM: &str = "item.json";
 pub const LOG: &str = "log.txt";
 /// Digests of all other files, in the form that `sha256sum -c` reads.
 pub const DIGESTS: &str = "SHA256SUMS";
+/// The station's signature of the digests, where it has a key.
+pub const SIGNATURE: &str = "SHA256SUMS.sig";
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
 

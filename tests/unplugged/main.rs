@@ -160,6 +160,17 @@ fn a_board_that_restarts_with_the_plug_is_nobody_s_fault() {
     assert!(log.contains("the board restarted") || log.contains("the run waits"), "{log}");
 }
 
+/// A line that damages every frame, as one at another rate does, is told from a silent one.
+#[test]
+fn bytes_that_are_no_frames_are_told_from_silence() {
+    let place = Place::new(STATION);
+    let text = "description = \"No frame is whole.\"\n[wire.to_host]\nflipped_bits_per_million = 1e5\n";
+    let board = place.write("garbled.toml", text);
+    let run = place.functional(&format!("--sim={}", board.display()), &["--only", "identity"]);
+    assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
+    assert!(run.stdout.contains("not one whole frame") && run.stdout.contains("the same rate"), "{}", run.stdout);
+}
+
 /// Somebody stops the run while the plug is out.
 #[test]
 fn a_stop_does_not_wait_for_the_plug() {

@@ -350,7 +350,13 @@ impl Conversation {
     fn greet_again(&mut self, now: Instant) {
         let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
         if now - greeting.since > HELLO_FOR {
-            let error = BoardError::NoAnswer { what: "HELLO", asked: greeting.asked, waited: now - greeting.since };
+            let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
+            let (damaged, asked, waited) = (bad_checksum + malformed, greeting.asked, now - greeting.since);
+            let error = match frames {
+                // One may be the rest of a frame in whose middle the port was opened.
+                0 if damaged > 1 => BoardError::Garbled { damaged, asked },
+                _ => BoardError::NoAnswer { what: "HELLO", asked, waited },
+            };
             if let Some(greeting) = self.greeting.take() {
                 let _ = greeting.answer.send(Err(error));
             }

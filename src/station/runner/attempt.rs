@@ -111,9 +111,11 @@ impl Run<'_> {
     }
 }
 
-/// Ends when the board's clock has gone on by so much.
+/// Ends when the board's clock has gone on by so much since its next heartbeat. The last one says nothing of now: at full
+/// speed the simulated board has gone on by many minutes since.
 async fn board_time(mut pulse: watch::Receiver<Pulse>, limit_s: f64) {
     let mut began_us = None;
+    pulse.mark_unchanged();
     loop {
         if pulse.changed().await.is_err() {
             // The conversation has ended; the procedure hears of it by itself.

@@ -166,6 +166,7 @@ pub(super) fn session_lives(trouble: &Trouble) -> bool {
                 | BoardError::Away { .. }
                 | BoardError::Interrupted { .. }
                 | BoardError::NoAnswer { .. }
+                | BoardError::Garbled { .. }
                 | BoardError::Silent { .. }
                 | BoardError::NoHeartbeat { .. }
                 | BoardError::Restarted { .. }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
 
-use super::{DIGESTS, StoreError, on};
+use super::{DIGESTS, SIGNATURE, StoreError, on};
 
 /// Hexadecimal digits of a SHA-256.
 #[must_use]
@@ -56,7 +56,7 @@ impl io::Write for HashWriter<'_> {
     }
 }
 
-/// All files below a run's folder but the list of digests itself, as sorted relative paths.
+/// All files below a run's folder but the list of digests itself and its signature, as sorted relative paths.
 ///
 /// # Errors
 /// [`StoreError::File`].
@@ -70,7 +70,7 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
             if on(path.symlink_metadata(), "read", &path)?.is_dir() {
                 folders.push(path);
             } else if let Ok(relative) = path.strip_prefix(folder)
-                && relative != Path::new(DIGESTS)
+                && ![Path::new(DIGESTS), Path::new(SIGNATURE)].contains(&relative)
             {
                 files.push(relative.to_owned());
             }

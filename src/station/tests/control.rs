@@ -82,6 +82,7 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
             site: None,
             resumed: None,
             one_by_one: false,
+            found: Vec::new(),
         };
         let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
         let (watcher, events) = mpsc::sync_channel(1000);
