@@ -537,6 +537,19 @@ fn check_captures(name: &str, item: &str, finished: usize) {
     }
 }
 
+/// Raw samples that come no more say nothing of the attitude that the board tells.
+#[test]
+fn a_roll_angle_of_long_ago_is_not_compared() {
+    let mut scene = scene(Lang::En);
+    scene.key(Key::F(9));
+    scene.readings_of_a_calibrated_module();
+    assert!(scene.text().contains("Roll  host -62.64°  board -57.30°"), "{}", scene.text());
+    if let Some((board_time_us, _)) = &mut scene.model.live.newest.compensated {
+        *board_time_us += 2_000_000;
+    }
+    assert!(scene.text().contains("Roll  host -  board -57.30°"), "{}", scene.text());
+}
+
 #[test]
 fn captures() {
     check_captures("captures-still", "six-position", 3);

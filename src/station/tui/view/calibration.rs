@@ -9,7 +9,7 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::{bar, block};
 use super::rows::first_shown;
-use super::{WIDE, allan, field, module, style, text};
+use super::{WIDE, allan, field, live, module, style, text};
 use crate::guidance::{Guidance, Picture, Planned, Stage};
 use crate::tui::lang::fill;
 use crate::tui::model::{Model, ProgramView};
@@ -50,7 +50,10 @@ fn guide(model: &Model, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, 
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
     let pose = pose_lines(model, guidance, cells);
-    let progress = progress_lines(model, item, guidance, cells);
+    let mut progress = progress_lines(model, item, guidance, cells);
+    if guidance.stage == Stage::Capturing && guidance.picture.is_none() {
+        progress.extend(live::roll(model).filter(|_| model.live.newest.compensated.is_some()));
+    }
     let picture =
         inner.height.saturating_sub((pose.len() + progress.len()) as u16).clamp(MODULE.min(inner.height), MODULE_HIGH);
     let [pose_area, module_area, progress_area] =

@@ -23,6 +23,8 @@ use gnc_protocol::stream::StreamId;
 const SPAN: Duration = Duration::from_secs(60);
 /// Width of the numbers.
 const NUMBERS: u16 = 40;
+/// Raw and compensated samples within so much board time are of one attitude, microseconds.
+const TOGETHER_US: u64 = 1_000_000;
 /// Older readings are said to be so.
 const FRESH: Duration = Duration::from_secs(2);
 
@@ -115,13 +117,18 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
 }
 
 /// The roll angle: the host's by the correction that the module keeps, and the board's own. Nothing before anybody read
-/// that correction.
-fn roll(model: &Model) -> Option<Line<'static>> {
+/// that correction. Of raw and compensated samples those that come no more are of another attitude.
+pub(super) fn roll(model: &Model) -> Option<Line<'static>> {
     let (texts, newest) = (model.texts, &model.live.newest);
-    let angle = |angle_deg: Option<f64>| angle_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:+.2}°"));
     let correction = newest.correction.as_ref()?;
-    let host = model.live.imu().map(|imu| roll_deg(correction, [imu.field_gauss[0], imu.field_gauss[1]]));
-    let board = newest.compensated.as_ref().map(|(_, sample)| (f64::from(sample.roll) / ROLL_PER_RAD).to_degrees());
+    let times = [newest.imu.as_ref().map(|(us, _)| *us), newest.compensated.as_ref().map(|(us, _)| *us)];
+    let last_us = times.into_iter().flatten().max()?;
+    let [raw, compensated] = times.map(|us| us.is_some_and(|us| us + TOGETHER_US >= last_us));
+    let angle = |angle_deg: Option<f64>| angle_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:+.2}°"));
+    let imu = model.live.imu().filter(|_| raw);
+    let host = imu.map(|imu| roll_deg(correction, [imu.field_gauss[0], imu.field_gauss[1]]));
+    let board = newest.compensated.as_ref().filter(|_| compensated);
+    let board = board.map(|(_, sample)| (f64::from(sample.roll) / ROLL_PER_RAD).to_degrees());
     let said = format!("  {} {}  {} {}", texts.by_host, angle(host), texts.board_says, angle(board));
     Some(Line::from(vec![Span::styled(texts.roll, style::strong()), Span::raw(said)]))
 }
