@@ -144,6 +144,18 @@ fn a_plug_that_is_put_back_later_costs_an_attempt() {
     assert!(log.contains("the run waits 10 s for it"), "{log}");
 }
 
+/// Nobody puts it back: errored, not failed, and the rest of the plan is not run.
+#[test]
+fn a_plug_that_stays_out_is_the_bench_s_fault() {
+    let mut bench = Bench::start("1", "identity,sdram,spi-flash");
+    bench.until("item_started", "sdram");
+    bench.cable.unplug();
+    let (code, record, log) = bench.end();
+    assert_eq!(code, Some(3), "{log}");
+    assert_eq!(outcomes(&record, "sdram"), ["errored"], "{log}");
+    assert!(log.contains("adapter went away and did not come back in 10 s"), "{log}");
+}
+
 /// A board that gets its power by the same plug starts anew with it: no item is charged with that.
 #[test]
 fn a_board_that_restarts_with_the_plug_is_nobody_s_fault() {

@@ -17,6 +17,10 @@ use crate::link::absence::Absence;
 /// Bytes read at once: what an adapter passes on in a frame of USB, several times over.
 const READ_AT_ONCE: usize = 4096;
 
+/// Numbers of pseudo-terminals. One that is free again is given to the next program that asks, so that the same name
+/// would be somebody else's terminal. A link to one has an owner who moves it.
+const PSEUDO_TERMINALS: &str = "/dev/pts";
+
 /// The port, its buffers, and whether it is there.
 #[derive(Debug)]
 pub(in crate::link) struct Port {
@@ -111,7 +115,7 @@ impl Port {
                 }
                 // Whatever the driver says of a port that is gone, it is gone.
                 Moved::Written(_) | Moved::Read(_) => {
-                    if self.went_away() {
+                    if self.went_away()? {
                         return Ok(PortEvent::Away);
                     }
                 }
@@ -126,14 +130,18 @@ impl Port {
     }
 
     /// `true`: this is news.
-    fn went_away(&mut self) -> bool {
-        let State::Open { mute, .. } = &mut self.state else { return false };
+    fn went_away(&mut self) -> io::Result<bool> {
+        let State::Open { mute, .. } = &mut self.state else { return Ok(false) };
+        if self.path.starts_with(PSEUDO_TERMINALS) {
+            let text = format!("{} went away, and a pseudo-terminal does not come back", self.name());
+            return Err(io::Error::new(io::ErrorKind::NotConnected, text));
+        }
         let absence = Absence::begin(mute.take());
         let is_new = absence.is_new();
         // The descriptor is closed with this, or the kernel would give the adapter another name when it is back.
         self.state = State::Away(absence);
         self.outgoing.clear();
-        is_new
+        Ok(is_new)
     }
 
     /// Opens the port once more.
