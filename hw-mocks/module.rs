@@ -102,7 +102,7 @@ impl Module {
             ),
             sensors: Sensors::new(model.sensors, model.sensor_faults, seed),
             calibration: CalibrationMemory::new(model.calibration),
-            gnss: Receiver::new(model.gnss, seed),
+            gnss: Receiver::new(model.gnss, model.playback.clone(), seed),
             ad: Ad::new(rails, model.unwired_switches, seed),
             lines: Lines::new(model.lines.clone()),
             sci: Sci::new(model.sci),

@@ -14,7 +14,7 @@ use nix::sys::signal::{SigSet, Signal};
 
 use crate::bench::{Options, Speed, Truth};
 use crate::driver::{BenchGone, RunningBench, TableError};
-use crate::personality::{Personality, boards};
+use crate::personality::{Personality, beside, boards};
 use crate::turntable::Direction;
 use crate::world::{Axis, Sign};
 
@@ -309,7 +309,7 @@ fn load(name: &str) -> Result<Personality, ProgramError> {
     }
     let text = std::fs::read_to_string(path).map_err(unreadable)?;
     let stem = path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned());
-    Ok(Personality::from_toml(&stem, &text)?)
+    Ok(Personality::with_files(&stem, &text, &mut beside(path))?)
 }
 
 fn list_boards() -> Result<(), ProgramError> {

@@ -180,8 +180,8 @@ impl SimulatedBoard {
             let epoch_s = stream.tick as f64 / EPOCHS_HZ - self.world.utc_start_s;
             let time_us = self.board_us(self.stream_due_ns(stream));
             stream.tick += 1;
-            let sentences = self.module.gnss.epoch(&self.world, epoch_s);
-            for frame in stream.add_bytes(sentences.as_bytes(), time_us) {
+            let said = self.module.gnss.say(&self.world, epoch_s);
+            for frame in stream.add_bytes(&said, time_us) {
                 self.send(stream, frame);
             }
         }

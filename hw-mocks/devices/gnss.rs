@@ -7,10 +7,16 @@
 //! Errors of a fix are Gauss-Markov: 2.2 m north and east, 3.8 m up with 60 s of correlation; 0.03 m/s north and
 //! east with 1 s. That is inside the published 1-sigma limits of 10 m, 15 m and 0.1 m/s. The edges of 1PPS scatter
 //! by 15 ns (1 sigma) before the slave's timer rounds them to its 10 ns.
+//!
+//! A receiver that plays a log says its epochs at a steady pace from each start on, and is mute after the last. What
+//! nobody listens to is lost. Its pulses come from the start on: they are those of a clock and not of the log.
+
+use std::sync::Arc;
 
 use gnc_protocol::message::GnssStart;
 
 use super::nmea::{Epoch, Solution};
+use super::playback::Recording;
 use super::sky;
 use crate::noise::{Dice, GaussMarkov, Source};
 use crate::world::World;
@@ -35,10 +41,20 @@ pub struct GnssFaults {
     pub pps_jitter_s: f64,
 }
 
+/// A log that is played instead.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Playback {
+    /// What is said.
+    pub recording: Arc<Recording>,
+    /// Epochs a second, at most [`EPOCHS_HZ`].
+    pub epochs_hz: f64,
+}
+
 /// The receiver. Times are seconds since the bench was started.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     faults: GnssFaults,
+    playback: Option<Playback>,
     started_at_s: f64,
     time_known_s: f64,
     fix_at_s: f64,
@@ -55,13 +71,14 @@ pub struct Receiver {
 impl Receiver {
     /// A receiver without power, under a seed.
     #[must_use]
-    pub fn new(faults: GnssFaults, seed: u64) -> Self {
+    pub fn new(faults: GnssFaults, playback: Option<Playback>, seed: u64) -> Self {
         let mut dice = Dice::new(seed, Source::Gnss);
         let mut slow = |deviation, correlation_s| GaussMarkov::new(deviation, correlation_s, &mut dice);
         let (north, east, up) = (slow(2.2, 60.0), slow(2.2, 60.0), slow(3.8, 60.0));
         let velocity = [slow(0.03, 1.0), slow(0.03, 1.0)];
         Self {
             faults,
+            playback,
             started_at_s: 0.0,
             time_known_s: 0.0,
             fix_at_s: 0.0,
@@ -111,8 +128,16 @@ impl Receiver {
         !self.faults.no_sky && !covered
     }
 
+    /// What it says at `now_s`, once for each of its epochs.
+    pub fn say(&mut self, world: &World, now_s: f64) -> Vec<u8> {
+        match &self.playback {
+            Some(playback) => playback.said(now_s - self.started_at_s).to_vec(),
+            None => self.epoch(world, now_s).into_bytes(),
+        }
+    }
+
     /// The sentences of the epoch at `now_s`.
-    pub fn epoch(&mut self, world: &World, now_s: f64) -> String {
+    fn epoch(&mut self, world: &World, now_s: f64) -> String {
         self.move_errors(now_s);
         let mut view = if self.sees_sky(now_s) { sky::satellites(now_s) } else { Vec::new() };
         for satellite in &mut view {
@@ -136,7 +161,8 @@ impl Receiver {
     /// Scatter of the 1PPS edge of a whole second, if there is one on the line.
     pub fn pps_scatter_s(&mut self, now_s: f64) -> Option<f64> {
         let scatter_s = 15e-9_f64.hypot(self.faults.pps_jitter_s) * self.pps_dice.normal();
-        (self.has_fix(now_s) && !self.faults.pps_open).then_some(scatter_s)
+        let runs = self.has_fix(now_s) || self.playback.is_some();
+        (runs && !self.faults.pps_open).then_some(scatter_s)
     }
 
     fn solution(&self, world: &World, dilution: sky::Dilution) -> Solution {
@@ -162,6 +188,15 @@ impl Receiver {
         for error in [&mut self.north, &mut self.east, &mut self.up].into_iter().chain(&mut self.velocity) {
             error.step(span_s, &mut self.dice);
         }
+    }
+}
+
+impl Playback {
+    /// The epoch that became due since the last one of the receiver's own, if one did.
+    fn said(&self, since_start_s: f64) -> &[u8] {
+        let due = |at_s: f64| (at_s * self.epochs_hz).floor();
+        let (before, now) = (due(since_start_s - 1.0 / EPOCHS_HZ), due(since_start_s));
+        if now < 0.0 || before == now { &[] } else { self.recording.epoch(now as usize) }
     }
 }
 

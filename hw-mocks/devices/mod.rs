@@ -10,6 +10,7 @@ pub mod inertial;
 pub mod lines;
 pub mod memory;
 pub mod nmea;
+pub mod playback;
 pub mod sci;
 pub mod sky;
 pub mod timer;

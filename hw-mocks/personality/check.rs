@@ -1,20 +1,22 @@
 //! From the file as written to a model: every value in its range, every refusal with its place.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use toml::Spanned;
 
-use super::{Model, RebootTrigger, raw};
+use super::{Load, Model, RebootTrigger, raw};
 use crate::can_faults::{CanRates, CanWireFaults};
 use crate::devices::ad::Rails;
 use crate::devices::calibration::{CalibrationFaults, LostBit};
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_FLASH};
-use crate::devices::gnss::GnssFaults;
+use crate::devices::gnss::{EPOCHS_HZ, GnssFaults, Playback};
 use crate::devices::inertial::{SensorFaults, SensorModels};
 use crate::devices::lines::LineFaults;
 use crate::devices::memory::MemoryFaults;
+use crate::devices::playback::{LONGEST, Recording};
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
@@ -123,7 +125,7 @@ fn line_pair(pair: &[Spanned<u32>; 2], name: &str, high: u8) -> Result<(u8, u8),
 }
 
 impl raw::Personality {
-    pub(super) fn check(self) -> Result<Model, Mistake> {
+    pub(super) fn check(self, load: Load<'_>) -> Result<Model, Mistake> {
         let d = Model::default();
         let raw::Module { serial_number, part, hardware, firmware, protocol } = self.module;
         let raw::Board { serial, firmware: board_firmware, clock_error_ppm } = self.board;
@@ -179,6 +181,7 @@ impl raw::Personality {
             },
             calibration: self.calibration.check()?,
             gnss: self.gnss.check()?,
+            playback: self.gnss.playback(load)?,
             unwired_switches: self.ad.check()?,
             lines: self.io.check(&self.spi)?,
             sci: SciFaults {
@@ -287,6 +290,25 @@ impl raw::Gnss {
             pps_open: self.pps_open,
             pps_jitter_s: number(self.pps_jitter_ns.as_ref(), "pps_jitter_ns", 0.0, 1e4, 0.0)? * 1e-9,
         })
+    }
+}
+
+impl raw::Gnss {
+    fn playback(&self, load: Load<'_>) -> Result<Option<Playback>, Mistake> {
+        let epochs_hz = number(self.playback_hz.as_ref(), "playback_hz", 0.01, EPOCHS_HZ, 1.0)?;
+        let Some(name) = &self.playback else {
+            return match &self.playback_hz {
+                Some(pace) => Err(mistake(pace, "playback_hz has no playback beside it".to_owned())),
+                None => Ok(None),
+            };
+        };
+        let refused = |why: String| mistake(name, format!("playback = \"{}\": {why}", name.get_ref()));
+        let log = load(name.get_ref()).map_err(refused)?;
+        if log.len() > LONGEST {
+            return Err(refused(format!("the log is longer than {LONGEST} bytes")));
+        }
+        let recording = Recording::new(&log).ok_or_else(|| refused("the log says nothing".to_owned()))?;
+        Ok(Some(Playback { recording: Arc::new(recording), epochs_hz }))
     }
 }
 

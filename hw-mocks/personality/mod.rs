@@ -88,6 +88,8 @@
 //! covered_after_fix_s = 1.0
 //! pps_open = true
 //! pps_jitter_ns = 300.0                # deviation, beside the usual one
+//! playback = "lost-fix.nmea"           # a log beside this file, NMEA or UBX, that the receiver plays from each start on
+//! playback_hz = 1.0                    # its epochs a second, at most 5
 //!
 //! [ad]
 //! unwired_switches = [2]
@@ -161,7 +163,8 @@
 //! after_ms = 20.0                      # of board time
 //! at_board_time_s = 60.0               # once, whatever runs
 //! # "#;
-//! # hw_mocks::Personality::from_toml("everything", text).unwrap();
+//! # let mut log = |_: &str| Ok(b"$GPGGA,,,,,,0,,,,,,,,*66".to_vec());
+//! # hw_mocks::Personality::with_files("everything", text, &mut log).unwrap();
 //! ```
 
 mod check;
@@ -170,6 +173,9 @@ mod sensors;
 mod table;
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
 
 use serde::Deserialize;
 
@@ -182,10 +188,11 @@ use crate::devices::calibration::CalibrationFaults;
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
 use crate::devices::flash::FlashFaults;
-use crate::devices::gnss::GnssFaults;
+use crate::devices::gnss::{GnssFaults, Playback};
 use crate::devices::inertial::{SensorFaults, SensorModels};
 use crate::devices::lines::LineFaults;
 use crate::devices::memory::MemoryFaults;
+use crate::devices::playback::LONGEST;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::SupplyModel;
@@ -267,6 +274,7 @@ pub(crate) struct Model {
     pub(crate) sensor_faults: SensorFaults,
     pub(crate) calibration: CalibrationFaults,
     pub(crate) gnss: GnssFaults,
+    pub(crate) playback: Option<Playback>,
     pub(crate) unwired_switches: [bool; 5],
     pub(crate) lines: LineFaults,
     pub(crate) sci: SciFaults,
@@ -298,11 +306,19 @@ impl Personality {
         Self::from_toml(name, text).ok()
     }
 
-    /// Reads a personality.
+    /// Reads a personality that needs no other file.
     ///
     /// # Errors
     /// [`PersonalityError`] for a text that is not TOML, has keys unknown here or values out of their range.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, PersonalityError> {
+        Self::with_files(name, text, &mut |_| Err("files are read beside a board's own file only".to_owned()))
+    }
+
+    /// Reads a personality, and by `load` the files that it names beside its own.
+    ///
+    /// # Errors
+    /// As [`Personality::from_toml`]; or a file cannot be read.
+    pub fn with_files(name: &str, text: &str, load: Load<'_>) -> Result<Self, PersonalityError> {
         let at = |offset: usize, message: &str| {
             let before = text.get(..offset).unwrap_or(text);
             let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
@@ -317,8 +333,22 @@ impl Personality {
             toml::from_str(text).map_err(|error| at(error.span().map_or(0, |span| span.start), error.message()))?;
         let raw::Personality { description, expect, .. } = &raw;
         let (description, expect) = (description.clone(), expect.clone());
-        let model = raw.check().map_err(|Mistake { span, message }| at(span.start, &message))?;
+        let model = raw.check(load).map_err(|Mistake { span, message }| at(span.start, &message))?;
         Ok(Self { name: name.to_owned(), description, expect, model })
+    }
+}
+
+/// Reads a file that a personality names, or says why it cannot.
+pub type Load<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
+
+/// Reads files in the folder of a personality's own. A file that is too long for anything is not read to its end.
+pub fn beside(board: &Path) -> impl FnMut(&str) -> Result<Vec<u8>, String> {
+    let folder = board.parent().unwrap_or(Path::new("")).to_owned();
+    move |name| {
+        let mut bytes = Vec::new();
+        let file = File::open(folder.join(name)).map_err(|error| error.to_string())?;
+        file.take(LONGEST as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+        Ok(bytes)
     }
 }
 
@@ -351,6 +381,7 @@ impl Default for Model {
             sensor_faults: SensorFaults::default(),
             calibration: CalibrationFaults::default(),
             gnss: GnssFaults::default(),
+            playback: None,
             unwired_switches: [false; 5],
             lines: LineFaults::default(),
             sci: SciFaults::default(),

@@ -222,6 +222,8 @@ pub(super) struct Gnss {
     pub(super) covered_after_fix_s: Option<Spanned<f64>>,
     pub(super) pps_open: bool,
     pub(super) pps_jitter_ns: Option<Spanned<f64>>,
+    pub(super) playback: Option<Spanned<String>>,
+    pub(super) playback_hz: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -15,7 +15,7 @@ pub mod fixture;
 pub mod guidance;
 pub mod link;
 pub mod motion;
-mod nmea;
+pub mod nmea;
 pub mod passport;
 mod ports;
 pub mod procedure;

@@ -3,7 +3,7 @@
 //! Each sentence is parsed by itself: nothing of an older one is carried over, and an implausible one counts as an
 //! error. An epoch is what GGA, GSA and RMC of the same time say together.
 
-use chrono::NaiveTime;
+use chrono::{NaiveDate, NaiveTime};
 use nmea::ParseResult;
 use nmea::sentences::gsa::GsaMode2;
 use nmea::sentences::{FixType, GgaData, GsaData, RmcData};
@@ -14,40 +14,45 @@ const KNOT_MPS: f64 = 1852.0 / 3600.0;
 
 /// One solution of the receiver.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Epoch {
+pub struct Epoch {
     /// 0 none, 2 or 3.
-    pub(crate) dimensions: u8,
+    pub dimensions: u8,
     /// North positive.
-    pub(crate) latitude_deg: Option<f64>,
+    pub latitude_deg: Option<f64>,
     /// East positive.
-    pub(crate) longitude_deg: Option<f64>,
+    pub longitude_deg: Option<f64>,
     /// Above the WGS-84 ellipsoid.
-    pub(crate) height_m: Option<f64>,
+    pub height_m: Option<f64>,
     /// Over ground.
-    pub(crate) ground_speed_mps: Option<f64>,
+    pub ground_speed_mps: Option<f64>,
     /// In the solution.
-    pub(crate) satellites_used: Option<u32>,
+    pub satellites_used: Option<u32>,
     /// Horizontal dilution of precision.
-    pub(crate) hdop: Option<f32>,
+    pub hdop: Option<f32>,
     /// Vertical dilution of precision.
-    pub(crate) vdop: Option<f32>,
+    pub vdop: Option<f32>,
+    /// Day by the receiver's calendar.
+    pub date: Option<NaiveDate>,
 }
 
 impl Epoch {
     /// Whether there is a position.
     #[must_use]
-    pub(crate) fn has_fix(&self) -> bool {
+    pub fn has_fix(&self) -> bool {
         self.dimensions > 0 && self.latitude_deg.is_some() && self.longitude_deg.is_some()
     }
 }
 
 /// Finds sentences in bytes and epochs in sentences.
 #[derive(Debug, Default)]
-pub(crate) struct Sentences {
+pub struct Sentences {
     line: Vec<u8>,
     synchronised: bool,
     errors: u32,
+    repeated: u32,
     time: Option<NaiveTime>,
+    /// Of the last epoch that ended.
+    last_time: Option<NaiveTime>,
     gga: Option<GgaData>,
     gsa: Option<GsaData>,
     rmc: Option<RmcData>,
@@ -55,7 +60,7 @@ pub(crate) struct Sentences {
 
 impl Sentences {
     /// Takes bytes as they come; gives the epochs that ended in them.
-    pub(crate) fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
         let mut epochs = Vec::new();
         for &byte in bytes {
             if byte == b'\n' {
@@ -76,8 +81,14 @@ impl Sentences {
 
     /// Sentences with a wrong checksum, broken or implausible.
     #[must_use]
-    pub(crate) fn errors(&self) -> u32 {
+    pub fn errors(&self) -> u32 {
         self.errors
+    }
+
+    /// Epochs of the time of the one before: said again, or a clock that stands. They are none of their own.
+    #[must_use]
+    pub fn repeated(&self) -> u32 {
+        self.repeated
     }
 
     fn sentence(&mut self, line: &[u8], epochs: &mut Vec<Epoch>) {
@@ -122,6 +133,11 @@ impl Sentences {
     fn close(&mut self) -> Option<Epoch> {
         let (gsa, rmc) = (self.gsa.take(), self.rmc.take());
         let gga = self.gga.take()?;
+        let last = std::mem::replace(&mut self.last_time, gga.fix_time);
+        if gga.fix_time.is_some() && last == gga.fix_time {
+            self.repeated += 1;
+            return None;
+        }
         let fixed = !matches!(gga.fix_type, None | Some(FixType::Invalid | FixType::Estimated | FixType::Simulation));
         let dimensions = match gsa.as_ref().map(|gsa| &gsa.mode2) {
             Some(GsaMode2::Fix3D) if fixed => 3,
@@ -134,6 +150,7 @@ impl Sentences {
             latitude_deg: gga.latitude,
             longitude_deg: gga.longitude,
             height_m: height_m.map(|(above_sea, geoid)| above_sea + geoid),
+            date: rmc.as_ref().and_then(|rmc| rmc.fix_date),
             ground_speed_mps: rmc.and_then(|rmc| rmc.speed_over_ground).map(|knots| f64::from(knots) * KNOT_MPS),
             satellites_used: gga.fix_satellites,
             hdop: gga.hdop,

@@ -142,7 +142,7 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
                 let what = format!("cannot read the board {name}: {error}");
                 Refusal::new(what, "hw-mocks/boards/ has boards to start from; `hw-mocks --boards` lists their names")
             })?;
-            Personality::from_toml(&name, &text)
+            Personality::with_files(&name, &text, &mut hw_mocks::beside(personality))
         }
     };
     let personality = personality.map_err(|error| Refusal::new(error, ""))?;

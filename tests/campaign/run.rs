@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use chrono::Local;
@@ -46,6 +47,8 @@ pub struct Ran {
     pub since_disturbed: Option<Duration>,
     /// From the end of the run until the module was off; `None` if it never was.
     pub off_after: Option<Duration>,
+    /// From the disturbance until the module was off; `None` if nobody disturbed it, or it never was.
+    pub off_since_disturbed: Option<Duration>,
     /// What the line really did.
     pub line: LineTruth,
     /// Restarts of the board, its first start not counted.
@@ -122,7 +125,7 @@ fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         Link::Rs422 => (Cable::Serial, port.as_path()),
         Link::Can => (Cable::Slcan, adapter.as_path()),
     };
-    let (ended, disturbed) = watch(case, &news, &control, &hands, cable)?;
+    let (ended, disturbed, off) = watch(case, &news, &control, &hands, cable)?;
     let took = began.elapsed();
     let mut ran = Ran { took, since_disturbed: disturbed.map(|at| at.elapsed()), ..Ran::default() };
     let Some(ended) = ended else {
@@ -133,6 +136,7 @@ fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     let truth = hands.truth().map_err(|error| error.to_string())?;
     (ran.line, ran.restarts) = (truth.line, truth.restarts);
     ran.off_after = off_after(&hands);
+    ran.off_since_disturbed = off.and_then(|off| off.join().ok().flatten());
     let _ = thread.join();
     let (outcome, folder) = ended?;
     ran.outcome = Some(outcome);
@@ -159,9 +163,9 @@ fn watch(
     control: &Control,
     hands: &hw_mocks::Control,
     (cable, link): (Cable, &Path),
-) -> Result<(Option<Ended>, Option<Instant>), String> {
+) -> Result<Watched, String> {
     let mut due: Vec<(Instant, Act)> = Vec::new();
-    let (mut events, mut disturbed) = (0, None);
+    let (mut events, mut disturbed, mut off) = (0, None, None);
     let end = Instant::now() + LONGEST;
     loop {
         due.sort_by_key(|(at, _)| *at);
@@ -169,6 +173,10 @@ fn watch(
         if due.first().is_some_and(|(at, _)| *at <= now) {
             let (_, act) = due.remove(0);
             disturbed.get_or_insert(now);
+            off = off.or_else(|| {
+                let hands = hands.clone();
+                Some(std::thread::spawn(move || off_after(&hands)))
+            });
             match act {
                 Act::Stop => control.stop("SIGTERM"),
                 Act::Unplug => {
@@ -188,13 +196,16 @@ fn watch(
                     due.extend(acts(case));
                 }
             }
-            Ok(News::Ended(ended)) => return Ok((Some(ended), disturbed)),
+            Ok(News::Ended(ended)) => return Ok((Some(ended), disturbed, off)),
             Err(RecvTimeoutError::Timeout) if Instant::now() < end => {}
-            Err(RecvTimeoutError::Timeout) => return Ok((None, disturbed)),
+            Err(RecvTimeoutError::Timeout) => return Ok((None, disturbed, None)),
             Err(RecvTimeoutError::Disconnected) => return Err("the station's thread came to grief".to_owned()),
         }
     }
 }
+
+/// How a run ended, when it was disturbed, and who waits for the module to be off since then.
+type Watched = (Option<Ended>, Option<Instant>, Option<JoinHandle<Option<Duration>>>);
 
 /// What somebody does.
 #[derive(Debug, Clone, Copy)]

@@ -106,6 +106,11 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
             "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
         ),
         count("sentence_errors", "Sentences arrive broken: check the line between receiver and DSP."),
+        count(
+            "epochs_repeated",
+            "The receiver says the same moment again: its clock stands, or it plays something back.",
+        ),
+        count("week_rollovers", "The date is 1024 weeks too early, or more: the receiver's firmware is too old."),
     ],
     devices: &[Device::Slave],
     resources: &[],

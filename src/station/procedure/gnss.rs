@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use chrono::NaiveDate;
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
@@ -17,6 +18,14 @@ use crate::statistics::mean;
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
+
+/// Older than any run of this program; a receiver that counts its weeks wrongly is 19.6 years away.
+const EARLIEST: NaiveDate = match NaiveDate::from_ymd_opt(2026, 1, 1) {
+    Some(date) => date,
+    None => NaiveDate::MIN,
+};
+/// The GPS week of the old navigation message counts to 1023 (IS-GPS-200, 20.3.3.3.1.1).
+const WEEKS_DAYS: u64 = 1024 * 7;
 
 /// A receiver's slowest pace.
 const RECEIVER_SPEAKS_EVERY: Duration = Duration::from_secs(1);
@@ -67,6 +76,7 @@ struct Heard {
     /// Epochs after the first fix that had none.
     fixes_lost: u32,
     sentence_errors: u32,
+    epochs_repeated: u32,
     pulses_ns: Vec<u64>,
     /// When the first sentence came, by link time.
     first: Option<Instant>,
@@ -94,6 +104,17 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
     let mut now_us = 0;
     loop {
         tokio::select! {
+            // Pulses first: at full speed the simulated bench says seconds at once, and the window ends with the sentences.
+            biased;
+            frame = pulses.next() => {
+                let Some(frame) = frame? else { continue };
+                let mut reader = Reader::new(&frame.samples);
+                for _ in 0..frame.head.count {
+                    let capture = PpsCapture::get(&mut reader)
+                        .map_err(|error| Trouble::Nonsense { what: "the PPS stream", why: error.to_string() })?;
+                    heard.pulses_ns.push(capture.board_time_ns);
+                }
+            }
             frame = bytes.next() => match frame? {
                 Some(frame) => {
                     now_us = frame.head.board_time_us;
@@ -114,15 +135,6 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                     now_us = bytes.board_time_us();
                     began_us.get_or_insert(now_us);
                 }
-            },
-            frame = pulses.next() => {
-                let Some(frame) = frame? else { continue };
-                let mut reader = Reader::new(&frame.samples);
-                for _ in 0..frame.head.count {
-                    let capture = PpsCapture::get(&mut reader)
-                        .map_err(|error| Trouble::Nonsense { what: "the PPS stream", why: error.to_string() })?;
-                    heard.pulses_ns.push(capture.board_time_ns);
-                }
             }
         }
         let Some(began_us) = began_us else { continue };
@@ -130,6 +142,7 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
         heard.time_to_fix_s = fixed_us.map(|fixed: u64| fixed.saturating_sub(began_us) as f64 * 1e-6);
         if fixed_us.map_or(waited_s(began_us) > timeout_s, |fixed| waited_s(fixed) > window_s) {
             heard.sentence_errors = sentences.errors();
+            heard.epochs_repeated = sentences.repeated();
             heard.listened = Duration::from_secs_f64(waited_s(began_us));
             return Ok(heard);
         }
@@ -138,6 +151,7 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
 
 async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Report<'_>) -> Result<(), Trouble> {
     report.count("sentence_errors", heard.sentence_errors.into()).await?;
+    report.count("epochs_repeated", heard.epochs_repeated.into()).await?;
     report.count("pps_pulses", heard.pulses_ns.len() as u64).await?;
     let Some(last) = heard.fixes.last() else {
         let satellites = heard.without_fix.as_ref().and_then(|epoch| epoch.satellites_used).unwrap_or(0);
@@ -149,13 +163,16 @@ async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Repo
     let worst = heard.fixes.iter().map(|epoch| epoch.dimensions).min().unwrap_or(0);
     let state = if heard.fixes_lost > 0 { "lost".to_owned() } else { format!("{worst}D") };
     report.text("fix_type", &state).await?;
+    // Of a broken sentence nothing is known, but those of other epochs say it too.
+    match heard.fixes.iter().rev().find_map(|epoch| epoch.date) {
+        Some(date) => report.count("week_rollovers", week_rollovers(date)).await?,
+        None => report.not_available("week_rollovers", "the receiver says no date").await?,
+    }
     match heard.time_to_fix_s.filter(|_| restarted) {
         Some(time_s) => report.number("time_to_fix", time_s, Unit::Second).await?,
         None => report.not_available("time_to_fix", "the receiver was not restarted").await?,
     }
-    let average = |pick: &dyn Fn(&Epoch) -> Option<f64>| {
-        mean(&heard.fixes.iter().map(|epoch| pick(epoch).unwrap_or(f64::NAN)).collect::<Vec<_>>())
-    };
+    let average = |pick: &dyn Fn(&Epoch) -> Option<f64>| mean(&heard.fixes.iter().filter_map(pick).collect::<Vec<_>>());
     let latitude_deg = average(&|epoch| epoch.latitude_deg);
     // The average of 179.9 and -179.9 degrees is 180, not 0: all are counted from the last one.
     let from_deg = last.longitude_deg.unwrap_or(f64::NAN);
@@ -193,6 +210,12 @@ async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Repo
     Ok(())
 }
 
+/// By how many turns of the 10-bit GPS week a date is too early, at least: no module is tested before [`EARLIEST`].
+fn week_rollovers(date: NaiveDate) -> u64 {
+    let early_days = EARLIEST.signed_duration_since(date).num_days();
+    u64::try_from(early_days).unwrap_or(0).div_ceil(WEEKS_DAYS)
+}
+
 /// Distance on the ellipsoid, by its radii of curvature at the site: exact to a millimetre over a kilometre.
 fn horizontal_distance_m(site: &SitePlace, latitude_deg: f64, longitude_deg: f64) -> f64 {
     let (sin, cos) = site.latitude_deg.to_radians().sin_cos();
@@ -213,6 +236,17 @@ fn short_way_deg(angle_deg: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 2019-04-07 was a week 0, and receivers of before said 1999-08-22.
+    #[test]
+    fn a_date_of_another_era_is_known() {
+        let date = |year, month, day| NaiveDate::from_ymd_opt(year, month, day).unwrap();
+        assert_eq!(week_rollovers(date(2026, 11, 22)), 0);
+        assert_eq!(week_rollovers(date(2044, 12, 31)), 0);
+        assert_eq!(week_rollovers(date(2026, 11, 22) - chrono::TimeDelta::days(7168)), 1);
+        assert_eq!(week_rollovers(date(1999, 8, 22)), 2);
+        assert_eq!(week_rollovers(date(2025, 12, 31)), 1);
+    }
 
     #[test]
     fn the_date_line_is_no_step() {

@@ -118,10 +118,7 @@ fn freedom(of: &Value) -> String {
 fn facts(page: &mut Page, whole: &Value) {
     page.open("table", "facts");
     for (name, value) in flattened("", whole) {
-        page.open("tr", "");
-        page.element("th", "", &heading(&name));
-        page.element("td", "", &inline(value));
-        page.close("tr");
+        page.fact(&heading(&name), &inline(value));
     }
     page.close("table");
 }

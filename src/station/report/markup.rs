@@ -85,6 +85,14 @@ impl Page {
         let _ = writeln!(self.0, "<td colspan=\"{columns}\">{}</td>", Text(text));
     }
 
+    /// A row of a name and what it is.
+    pub(super) fn fact(&mut self, name: &str, value: &str) {
+        self.open("tr", "");
+        self.element("th", "", name);
+        self.element("td", "", value);
+        self.close("tr");
+    }
+
     /// A row of a table.
     pub(super) fn row<T: AsRef<str>>(&mut self, cell: &'static str, texts: &[T]) {
         self.open("tr", "");

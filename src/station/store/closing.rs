@@ -10,7 +10,9 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use nix::fcntl::{Flock, FlockArg};
 
-use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, digest, on, reader};
+use super::digest::Sums;
+use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, on, reader};
+use crate::passport::{self, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
 
 /// Newest runs among which interrupted ones are looked for: a station that died is started again before a thousand
@@ -25,18 +27,17 @@ pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError
 
 /// Closes the folder of a run with what its journal says.
 pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<(), StoreError> {
+    let mut sums = Sums::default();
     if let Some(record) = record {
         folder.put(LOG, |out| out.write_all(text::log_txt(record).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;
-        // Those of the files from which everything else can be made again.
-        let digests = [JOURNAL, RECORD]
-            .map(|name| digest::of_file(&folder.path().join(name)).map(|digest| (name.to_owned(), digest)));
-        let digests: Vec<_> = digests.into_iter().collect::<Result<_, _>>()?;
-        folder.put(REPORT, |out| out.write_all(report::html(record, &digests).as_bytes()))?;
+        sums.add_new(folder.path())?;
+        file_papers(folder, record, &mut sums)?;
     }
     // One wait for all files of the run, then the digests that vouch for them.
     folder.sync()?;
-    let digests = digest::list(folder.path())?;
+    sums.add_new(folder.path())?;
+    let digests = sums.text();
     if let Some(key) = folder.key() {
         // Before the digests, which close the folder.
         let signature = key.sign(digests.as_bytes());
@@ -44,6 +45,23 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<()
     }
     folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
     chain::append(folder.path())
+}
+
+/// Passport and report name the digest of all that was there before them.
+fn file_papers(folder: &RunFolder, record: &RunRecord, sums: &mut Sums) -> Result<(), StoreError> {
+    let record_sha256 = sums.of_record();
+    let passport = passport::of_run(record, &record_sha256);
+    if let Ok(passport) = &passport {
+        let xml = passport::xml(passport)?;
+        folder.put(PASSPORT, |out| pretty(out, passport))?;
+        folder.put(PASSPORT_XML, |out| out.write_all(&xml))?;
+        sums.add_new(folder.path())?;
+    }
+    let digest = |name: &str| sums.get(name).map(|digest| (name.to_owned(), digest.to_owned()));
+    let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
+    let all = ("the whole record, as the passport names it".to_owned(), record_sha256);
+    let digests: Vec<_> = files.chain([all]).collect();
+    folder.put(REPORT, |out| out.write_all(report::html(record, &passport, &digests).as_bytes()))
 }
 
 /// Seals the runs that were interrupted, and says in a line each what became of them. One that ended and was not closed
@@ -86,7 +104,8 @@ fn in_words(state: &RunState, record: &RunRecord) -> String {
     format!("was interrupted{during}{last}; it is sealed as that, and {serial_number} has to be tested again")
 }
 
-pub(super) fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
+/// JSON as the record's files hold it.
+pub(crate) fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
     serde_json::to_writer_pretty(&mut *out, value)?;
     out.write_all(b"\n")
 }

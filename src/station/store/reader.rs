@@ -1,12 +1,12 @@
 //! Reads records back. The journal is the truth; what was made from it is compared with it.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::journal;
 use gnc_executive::record::RunRecord;
 
+use super::digest::Sums;
 use super::folder::folder_name;
 use super::{DIGESTS, JOURNAL, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
 
@@ -155,16 +155,9 @@ fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {
     if !path.exists() {
         return Ok(vec![format!("{DIGESTS} is missing: nothing vouches for this run")]);
     }
-    let mut problems = Vec::new();
-    let mut promised = BTreeMap::new();
-    for line in String::from_utf8_lossy(&on(fs::read(&path), "read", &path)?).lines() {
-        match line.split_once("  ") {
-            Some((digest, file)) if digest.len() == 64 => {
-                promised.insert(PathBuf::from(file), digest.to_owned());
-            }
-            _ => problems.push(format!("{DIGESTS} holds a line that is no digest")),
-        }
-    }
+    let (sums, bad) = Sums::read(folder)?;
+    let mut problems = vec![format!("{DIGESTS} holds a line that is no digest"); bad];
+    let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
             None => problems.push(format!("{} was added", file.display())),

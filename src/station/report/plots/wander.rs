@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{AXES, part, thinned};
-use crate::compute::plot::{Mark, Panel, Series};
+use crate::compute::plot::{Panel, Series};
 
 #[derive(Deserialize)]
 struct Channel {
@@ -18,17 +18,17 @@ struct Channel {
 /// Means of blocks over the capture.
 pub(super) fn blocks(details: &Value) -> Option<Vec<Panel>> {
     let block_s: f64 = part(details, "block_s")?;
-    triads(details, "bias less its mean", "min", |k| (k + 0.5) * block_s / 60.0, &Mark::Line)
+    triads(details, "bias less its mean", "min", |k| (k + 0.5) * block_s / 60.0, true)
 }
 
 /// Means of the runs.
 pub(super) fn runs(details: &Value) -> Option<Vec<Panel>> {
-    triads(details, "bias of each power-on less their mean", "run", |k| k + 1.0, &Mark::Dots)
+    triads(details, "bias of each power-on less their mean", "run", |k| k + 1.0, false)
 }
 
-fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, mark: &Mark) -> Option<Vec<Panel>> {
+/// A panel for the gyroscopes and one for the accelerometers, as lines or as dots.
+fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, lines: bool) -> Option<Vec<Panel>> {
     let channels: BTreeMap<String, Channel> = part(details, "series")?;
-    let lines = matches!(mark, Mark::Line);
     let panel = |(key, name): (&str, &str)| {
         let mut unit = String::new();
         let series: Vec<Series> = AXES

@@ -44,7 +44,7 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, lie: &Lie, 
         Canvas::default().marker(marker).x_bounds([-width, width]).y_bounds([-height, height]).paint(move |context| {
             let body = Body::of(&attitude);
             compass(context, north, colour(Color::DarkGray), (width, height));
-            body.edges(context, colour(Color::White));
+            body.edges(context, Color::Reset);
             for (axis, name) in AXES.into_iter().enumerate() {
                 let axis_colour = style::axis(model.look, axis).fg.unwrap_or(Color::Reset);
                 let direction = attitude.axes[axis];

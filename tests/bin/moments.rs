@@ -1,0 +1,82 @@
+//! Stops and cables pulled out at random moments of runs of a good module on a clean line: how long until the run has
+//! ended and the module is off. Prints the figures with their bounds; one run at a time, since they are times.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use gnc_tests::campaign::{Case, Disturbance, Link, Ran, run, violations};
+
+/// Of a live link: the module is off so soon after a stop.
+const SAFE_LIVE_MS: f64 = 300.0;
+/// Of a dead one: the station has ended so soon.
+const ENDED_DEAD_MS: f64 = 300.0;
+/// Of a dead one: the board's own watchdog has switched the module off so soon.
+const SAFE_DEAD_MS: f64 = 2000.0;
+
+/// Disturbs so many runs of each kind.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Stops, and cables pulled out.
+    #[arg(long, default_value_t = 100)]
+    count: u64,
+    /// Of all chance.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let mut out = std::io::stdout();
+    // Whoever closed the terminal needs no figures.
+    let _ = writeln!(out, "seed {}", args.seed);
+    let mut bad = 0;
+    for (disturbance, name) in
+        [(Disturbance::Stop { again: None }, "stop"), (Disturbance::Unplug { back: None }, "cable pulled out")]
+    {
+        let mut times: [Vec<f64>; 2] = Default::default();
+        for number in 0..args.count {
+            let case = calm(args.seed, number, disturbance);
+            let ran = run(&case, None);
+            for violation in violations(&case, &ran) {
+                bad += 1;
+                let _ = writeln!(out, "VIOLATION {name} {number}: {violation}");
+            }
+            let Ran { since_disturbed, off_since_disturbed, .. } = ran;
+            // A run that ended before was not disturbed.
+            if let Some((ended, off)) = since_disturbed.zip(off_since_disturbed) {
+                times[0].push(ms(ended));
+                times[1].push(ms(off));
+            }
+        }
+        let live = matches!(disturbance, Disturbance::Stop { .. });
+        let bounds = if live { [f64::NAN, SAFE_LIVE_MS] } else { [ENDED_DEAD_MS, SAFE_DEAD_MS] };
+        for ((times, bound), what) in times.iter_mut().zip(bounds).zip(["end of the run", "module off"]) {
+            let _ = writeln!(out, "{}", row(&format!("{name} to {what}"), times, bound));
+        }
+    }
+    if bad == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) }
+}
+
+fn calm(seed: u64, number: u64, disturbance: Disturbance) -> Case {
+    let drawn = Case::drawn(seed, number);
+    let link = if number % 4 == 3 { Link::Can } else { Link::Rs422 };
+    Case { board: "good", link, faults: String::new(), kinds: Vec::new(), disturbance, ..drawn }
+}
+
+fn ms(span: Duration) -> f64 {
+    span.as_secs_f64() * 1e3
+}
+
+fn row(what: &str, times: &mut [f64], bound_ms: f64) -> String {
+    times.sort_by(f64::total_cmp);
+    let at = |share: f64| times.get(((times.len() as f64 - 1.0) * share).round().max(0.0) as usize).copied();
+    let [median, most, longest] = [0.5, 0.95, 1.0].map(|share| at(share).unwrap_or(f64::NAN));
+    let beyond = times.iter().filter(|time| **time > bound_ms).count();
+    let bound = if bound_ms.is_nan() { String::new() } else { format!(", {beyond} beyond the bound of {bound_ms} ms") };
+    format!(
+        "{what:34} {:4} times: median {median:6.1} ms, 95 % {most:6.1} ms, longest {longest:6.1} ms{bound}",
+        times.len()
+    )
+}
