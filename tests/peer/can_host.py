@@ -6,7 +6,7 @@ Usage: can_host.py BOARD_PROGRAM slcan                the board's bus as an slca
 
 Prints a line per check. Every wait has a deadline.
 """
-import math, queue, random, struct, subprocess, sys, time
+import math, os, queue, random, struct, subprocess, sys, time
 
 import can, isotp
 
@@ -191,7 +191,9 @@ def join(arguments):
             assert named[0] == 'ok', named
             return board, dict(interface='slcan', channel=named[1].removeprefix('slcan:'), bitrate=500_000, sleep_after_open=0)
         case [program, 'socketcan', interface]:
-            board = subprocess.Popen([program, '--can', interface], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            # On one processor: frames of a sender that moves to another may overtake one another in the kernel's queues.
+            stay = lambda: os.sched_setaffinity(0, {0})  # noqa: E731
+            board = subprocess.Popen([program, '--can', interface], stdin=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=stay)
             port_of(board)
             return board, dict(interface='socketcan', channel=interface)
     sys.exit(__doc__)
