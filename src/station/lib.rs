@@ -12,8 +12,6 @@ mod export;
 pub mod figures;
 mod files;
 pub mod fixture;
-#[cfg(fuzzing)]
-pub mod fuzzing;
 pub mod link;
 pub mod motion;
 pub mod nmea;
