@@ -140,7 +140,7 @@ fn a_port_that_vanishes_is_the_bench_s_fault() {
     let items = record["items"].as_array().expect("items");
     let sdram = items.iter().find(|item| item["id"] == "sdram").expect("sdram");
     let error = sdram["attempts"][0]["error"]["text"].as_str().expect("an error").to_owned();
-    assert!(error.contains("the port is gone"), "{error}");
+    assert!(error.contains(&format!("port {} went away", board.port)), "{error}");
 }
 
 /// A result that the line lost is asked for before the board forgets it: each attempt erases once, however many other

@@ -223,6 +223,9 @@ pub struct Expectation {
     /// The measured figures that do not pass; empty where the items say all. Names are the plan's and mean nothing here.
     #[serde(default)]
     pub figures: Vec<String>,
+    /// Figures so near to their limit that chance decides: they, and with them their items, may pass or not.
+    #[serde(default)]
+    pub chance: Vec<String>,
 }
 
 /// Why a text is no personality.

@@ -4,6 +4,7 @@
 //! [station]
 //! id = "line-2"                      # required
 //! records = "records"                # folder of the records, relative to this file
+//! key = "station.key"                # optional: signs each run that is closed
 //!
 //! [site]                             # optional
 //! name = "hall 3"
@@ -45,6 +46,8 @@ pub struct BenchFile {
     pub station_id: String,
     /// Folder of the records as written; `None` leaves it to the program.
     pub records: Option<String>,
+    /// File of the station's key as written; `None` signs nothing.
+    pub key: Option<String>,
     /// Where the bench stands.
     pub site: Option<Site>,
     /// How the board is reached; `None` on a bench that only simulates.
@@ -108,11 +111,11 @@ impl BenchFile {
         let tree = parse(&source)?;
         let walk = Walk::new(&source, Mistakes::default());
         let root = Table::new(&walk, &tree, 0..0);
-        let (station_id, records) = match root.table("station") {
+        let (station_id, records, key) = match root.table("station") {
             Some(table) => station(&walk, table),
             None => {
                 walk.mistake(0..0, "the table [station] is missing", "write [station] and id = \"line-2\" below it");
-                (String::new(), None)
+                (String::new(), None, None)
             }
         };
         let site = root.table("site").map(|table| site(&walk, table));
@@ -120,18 +123,19 @@ impl BenchFile {
         let socket = root.table("socket").and_then(|table| socket(&walk, table, has_can));
         let can = root.table("can").and_then(|table| can(&walk, table));
         root.finish();
-        walk.into_mistakes().or(BenchFile { station_id, records, site, socket, can })
+        walk.into_mistakes().or(BenchFile { station_id, records, key, site, socket, can })
     }
 }
 
-fn station(walk: &Walk<'_>, table: Table<'_, '_>) -> (String, Option<String>) {
+fn station(walk: &Walk<'_>, table: Table<'_, '_>) -> (String, Option<String>, Option<String>) {
     let id = table.required_text("id", "write id = \"line-2\" below [station]");
-    let records = table.text("records");
-    for (text, span) in id.iter().chain(&records) {
+    let (records, key) = (table.text("records"), table.text("key"));
+    for (text, span) in id.iter().chain(&records).chain(&key) {
         check_text(walk, text, span.clone());
     }
     table.finish();
-    (id.map(|(id, _)| id.to_owned()).unwrap_or_default(), records.map(|(records, _)| records.to_owned()))
+    let owned = |text: Option<(&str, _)>| text.map(|(text, _)| text.to_owned());
+    (owned(id).unwrap_or_default(), owned(records), owned(key))
 }
 
 fn site(walk: &Walk<'_>, table: Table<'_, '_>) -> Site {

@@ -97,6 +97,22 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    /// The value as it was measured, before its judgement.
+    pub fn measured(&self) -> Value {
+        let unit = self.unit.unwrap_or(Unit::Count);
+        match (&self.value, self.raw.as_deref()) {
+            (Reading::Number(number), _) => match self.uncertainty {
+                Some(uncertainty) => Value::estimate(*number, unit, uncertainty),
+                None => Value::number(*number, unit),
+            },
+            (Reading::Text(text), _) => Value::text(text.clone()),
+            (Reading::Null, Some("NaN")) => Value::number(f64::NAN, unit),
+            (Reading::Null, Some("inf")) => Value::number(f64::INFINITY, unit),
+            (Reading::Null, Some("-inf")) => Value::number(f64::NEG_INFINITY, unit),
+            (Reading::Null, raw) => Value::NotAvailable(raw.unwrap_or_default().to_owned()),
+        }
+    }
+
     /// Judges a value against its limit, if there is one.
     ///
     /// `shown` is the unit for a number without a limit; with one, the limit's unit is taken. `serial_number` is the

@@ -51,7 +51,17 @@ impl Correction {
         (x - y * self.sin_alpha, self.ky * y)
     }
 
-    /// Radius of the corrected circle: sensitivity of x times the field in the plane.
+    /// The correction of an ellipse by its centre, semi-axes (major, minor) and the direction of the major axis from x
+    /// towards y in degrees, and the radius of the circle that comes of it: with `Q = R diag(a^2, b^2) R'`, as above.
+    #[must_use]
+    pub fn of_axes(centre: [f64; 2], [major, minor]: [f64; 2], rotation_deg: f64) -> (Self, f64) {
+        let (sin, cos) = rotation_deg.to_radians().sin_cos();
+        let (a, b) = (major * major, minor * minor);
+        let xy = (a - b) * sin * cos;
+        let q = nalgebra::Matrix2::new(a * cos * cos + b * sin * sin, xy, xy, a * sin * sin + b * cos * cos);
+        (Self::of(&q, &nalgebra::Vector2::from(centre)), q[(0, 0)].sqrt())
+    }
+
     fn of<const D: usize>(q: &nalgebra::Matrix2<f64>, centre: &nalgebra::SVector<f64, D>) -> Self {
         Self {
             dx: centre[0],

@@ -26,7 +26,7 @@ use crate::runner::journal::Journal;
 use crate::runner::{self, Ending, Live, Order, chain};
 use crate::serial_number;
 use crate::setup::{self, Setup};
-use crate::store::{RunFolder, Scribe, Watcher, digest};
+use crate::store::{RunFolder, Scribe, StationKey, Watcher, digest, seal_interrupted};
 use face::Face;
 
 /// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
@@ -111,6 +111,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         site: setup.site,
         resumed,
         one_by_one: args.one_by_one,
+        found: seal_interrupted(&setup.records, setup.key.as_ref()),
     };
     // The simulated bench ends with this scope.
     let _simulation = setup.simulation;
@@ -120,7 +121,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         let count = args.until.is_none().then_some(args.loops);
         let looped = args.until.is_some() || args.loops > 1;
         order.header.looped = looped.then_some(Loop { index: round, count });
-        let ending = match one_round(args, &order, plan, &setup.records, &control).await {
+        let ending = match one_round(args, &order, plan, (&setup.records, setup.key.as_ref()), &control).await {
             Ok(ending) => ending,
             Err(refusal) if ends.is_empty() => return Err(refusal),
             Err(refusal) => {
@@ -131,6 +132,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         };
         let outcome = ending.outcome;
         ends.push(outcome);
+        order.found.clear();
         let enough = match args.until {
             Some(time) => began.elapsed() >= time,
             None => round >= args.loops,
@@ -168,13 +170,14 @@ async fn one_round(
     args: &RunArgs,
     order: &Order,
     plan: &Plan,
-    records: &std::path::Path,
+    (records, key): (&std::path::Path, Option<&StationKey>),
     control: &Control,
 ) -> Result<Ending, Refusal> {
     let store_refusal = |error: crate::store::StoreError| Refusal::new(chain(&error), error.try_this());
     // Before power-on, so that no module is tested whose record cannot be kept.
     let folder = RunFolder::create(records, Local::now().fixed_offset(), &order.header.serial_number, &plan.name)
-        .map_err(store_refusal)?;
+        .map_err(store_refusal)?
+        .signed_with(key.cloned());
     let path = folder.path().to_owned();
     let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
     let live = Live::default();

@@ -29,6 +29,9 @@ pub use readings::{GnssReading, Readings, StreamReading};
 
 /// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;
+/// Absences of the port that nobody has read of yet: a port that goes more often between two looks has a loose plug, and
+/// sixteen lines say so.
+const ABSENCES: usize = 16;
 
 /// Why the board did not do what it was asked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -39,6 +42,22 @@ pub enum BoardError {
         /// What the system said.
         reason: String,
     },
+    /// The port or interface went away; it may still come back.
+    #[error("{name} went away")]
+    Away {
+        /// The port or interface.
+        name: String,
+    },
+    /// The port or interface was away for a moment, and the session did not outlive that.
+    #[error("{name} was away for {:.1} s, and meanwhile {meanwhile}", lasted.as_secs_f64())]
+    Interrupted {
+        /// The port or interface.
+        name: String,
+        /// How long it was away.
+        lasted: Duration,
+        /// What became of the session.
+        meanwhile: &'static str,
+    },
     /// Nobody answered, however often it was asked.
     #[error("no answer from the board to {what}: asked {asked} times in {} ms", waited.as_millis())]
     NoAnswer {
@@ -48,6 +67,14 @@ pub enum BoardError {
         asked: u32,
         /// Time since it was first sent.
         waited: Duration,
+    },
+    /// Bytes came and not one whole frame.
+    #[error("the line carries bytes and not one whole frame: {damaged} damaged ones and no answer to {asked} HELLO")]
+    Garbled {
+        /// Frames that were damaged.
+        damaged: u32,
+        /// Times that HELLO was sent.
+        asked: u32,
     },
     /// Not even a heartbeat.
     #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
@@ -150,6 +177,12 @@ impl BoardError {
         matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
     }
 
+    /// Whether the port or interface was away: whatever the board did meanwhile is the bench's.
+    #[must_use]
+    pub fn is_absence(&self) -> bool {
+        matches!(self, Self::Away { .. } | Self::Interrupted { .. })
+    }
+
     /// What the operator can try.
     #[must_use]
     pub fn try_this(&self) -> &'static str {
@@ -157,6 +190,10 @@ impl BoardError {
             Self::Gone { .. } => {
                 "plug the adapter in and start again: `gnc-station ports` lists serial ports; `sudo ip link set NAME up type \
                  can bitrate 500000` switches a CAN interface on"
+            }
+            Self::Garbled { .. } => "are both ends set to the same rate? RS-422: are A and B of a pair swapped?",
+            Self::Away { .. } | Self::Interrupted { .. } => {
+                "see to the adapter's plug and cable, and to the board's supply"
             }
             Self::NoAnswer { .. } | Self::Silent { .. } => {
                 "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
@@ -184,6 +221,15 @@ impl BoardError {
 
 fn colon(text: &str) -> String {
     if text.is_empty() { String::new() } else { format!(": {text}") }
+}
+
+/// An absence of the port or interface that is over.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Absent {
+    /// The port or interface.
+    pub name: String,
+    /// How long it was away.
+    pub lasted: Duration,
 }
 
 /// What the board said last of its own time.
@@ -215,6 +261,7 @@ pub struct Board {
     next_request: Cell<u16>,
     task: JoinHandle<LinkReport>,
     tap: Option<Tap>,
+    absences: tokio::sync::Mutex<mpsc::Receiver<Absent>>,
 }
 
 impl Board {
@@ -229,10 +276,12 @@ impl Board {
             Link::Serial(_) => None,
             Link::Can(link) => link.tap(),
         };
-        let conversation = Conversation::new(link, receiver, pulse_sender, readings);
+        let (absent, absences) = mpsc::channel(ABSENCES);
+        let conversation = Conversation::new(link, receiver, pulse_sender, readings, absent);
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
-        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap };
+        let absences = tokio::sync::Mutex::new(absences);
+        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap, absences };
         board.reopen(nonce).await?;
         Ok(board)
     }
@@ -260,6 +309,11 @@ impl Board {
     #[must_use]
     pub fn pulse(&self) -> watch::Receiver<Pulse> {
         self.pulse.clone()
+    }
+
+    /// The next absence of the port or interface, once it is over; `None` after the end of the conversation.
+    pub async fn absence(&self) -> Option<Absent> {
+        self.absences.lock().await.recv().await
     }
 
     /// Ends the conversation and says what the line was like.

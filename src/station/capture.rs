@@ -1,19 +1,22 @@
 //! Captures: uninterrupted stretches of raw samples, each with how the module lay or moved meanwhile.
 
+use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::ImuSample;
 use serde::{Deserialize, Serialize};
 
 use crate::board::stream::Losses;
 
-/// Raw samples of the IMU without a gap, on the board's clock.
+/// Samples of the IMU without a gap, on the board's clock.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
     /// What was captured.
     pub about: About,
     /// Board time of the first sample, microseconds.
     pub first_us: u64,
-    /// The samples, `1/about.rate_hz` apart.
+    /// The raw samples, `1/about.rate_hz` apart.
     pub samples: Vec<ImuSample>,
+    /// In their place, what the board itself makes of them with the calibration that the module holds.
+    pub compensated: Vec<CompensatedSample>,
     /// What is missing, by place. A capture with losses is evidence of the loss, and no figure comes from it.
     pub losses: Losses,
     /// What the satellite receiver said meanwhile, where that was captured.

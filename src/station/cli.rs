@@ -59,7 +59,7 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "records")]
         records: PathBuf,
     },
-    /// Writes the raw samples of a run as text.
+    /// Writes the raw samples of a run as tables, for programs that do not read MCAP.
     Export {
         /// Its folder, whole or below the records folder.
         run: PathBuf,
@@ -114,6 +114,14 @@ pub enum RecordsCommand {
     Verify {
         /// Their folders or serial numbers; all runs if none is named.
         runs: Vec<PathBuf>,
+        /// The station's public key: each run must be signed with its other half.
+        #[arg(long, value_name = "FILE.pub")]
+        key: Option<PathBuf>,
+    },
+    /// Makes a key with which a station signs its runs: FILE for [station] key in its bench file, FILE.pub to verify.
+    Key {
+        /// The file to write.
+        file: PathBuf,
     },
 }
 

@@ -1,13 +1,19 @@
-//! `gnc-station export RUN`: raw samples of a run as text, for programs that read nothing else.
+//! `gnc-station export RUN`: raw samples of a run as tables, for programs that do not read MCAP.
+
+mod csv;
+mod parquet;
+mod table;
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
 
-use crate::capture::{Capture, Pose};
+pub(crate) use self::table::labels;
+use self::table::{Kind, Table};
+use crate::capture::Capture;
 use crate::cli::{complain, refuse};
 use crate::records;
 use crate::runner::chain;
@@ -17,13 +23,20 @@ use crate::store::{StoreError, on};
 /// The form of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
-    /// One file for each raw file: a row for each sample, raw counts.
+    /// Text with commas, a row for each sample.
     Csv,
+    /// Apache Parquet: the same columns with their types, a third of the size.
+    Parquet,
 }
 
-/// Columns of a row.
-const HEADER: &str = "capture,series,position,run,number,t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z,\
-                      gyro_temperature_degc,accel_temperature_degc";
+impl Format {
+    fn extension(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Parquet => "parquet",
+        }
+    }
+}
 
 /// Why nothing was exported.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +49,8 @@ enum ExportError {
     Nothing { folder: PathBuf },
     #[error("{} is there already", path.display())]
     Exists { path: PathBuf },
+    #[error("{} cannot be written", path.display())]
+    Parquet { path: PathBuf, source: ::parquet::errors::ParquetError },
 }
 
 impl ExportError {
@@ -47,6 +62,7 @@ impl ExportError {
                 "`gnc-station records list` shows the runs; only items that capture leave raw samples"
             }
             Self::Exists { .. } => "name another folder with --out",
+            Self::Parquet { .. } => "is the disk full? free some space, or name another folder with --out",
         }
     }
 }
@@ -59,22 +75,20 @@ pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>)
     };
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let out = out.map_or_else(|| PathBuf::from(format!("{name}-export")), Path::to_owned);
-    match format {
-        Format::Csv => match all(&folder, &out) {
-            Ok(cut_off) => {
-                for path in cut_off {
-                    let try_this = "what stands before the end is exported";
-                    complain(format_args!("{} was cut off", path.display()), try_this);
-                }
-                ExitCode::SUCCESS
+    match all(&folder, &out, format) {
+        Ok(cut_off) => {
+            for path in cut_off {
+                let try_this = "what stands before the end is exported";
+                complain(format_args!("{} was cut off", path.display()), try_this);
             }
-            Err(error) => refuse(chain(&error), error.try_this()),
-        },
+            ExitCode::SUCCESS
+        }
+        Err(error) => refuse(chain(&error), error.try_this()),
     }
 }
 
 /// Exports every raw file; gives those that have no end.
-fn all(folder: &Path, out: &Path) -> Result<Vec<PathBuf>, ExportError> {
+fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<PathBuf>, ExportError> {
     let files = captures::files(folder)?;
     if files.is_empty() {
         return Err(ExportError::Nothing { folder: folder.to_owned() });
@@ -89,60 +103,26 @@ fn all(folder: &Path, out: &Path) -> Result<Vec<PathBuf>, ExportError> {
         let record = captures::read(&file)?;
         let item = file.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
         let attempt = file.file_stem().unwrap_or_default().to_string_lossy();
-        let path = out.join(format!("{item}-{attempt}.csv"));
-        let mut csv = BufWriter::new(on(File::create(&path), "create", &path)?);
-        on(write(&mut csv, &record.captures).and_then(|()| csv.flush()), "write", &path)?;
-        let samples: usize = record.captures.iter().map(|capture| capture.samples.len()).sum();
-        let _ = writeln!(told, "{}: {} captures, {samples} samples", path.display(), record.captures.len());
+        let (compensated, raw): (Vec<&Capture>, Vec<&Capture>) =
+            record.captures.iter().partition(|capture| !capture.compensated.is_empty());
+        for (captures, kind) in [(raw, Kind::Raw), (compensated, Kind::Compensated)] {
+            if captures.is_empty() && (kind == Kind::Compensated || !record.captures.is_empty()) {
+                continue;
+            }
+            let path = out.join(format!("{item}-{attempt}{}.{}", kind.suffix(), format.extension()));
+            let file = on(File::create(&path), "create", &path)?;
+            let tables = captures.iter().map(|capture| Table::of(capture, kind));
+            match format {
+                Format::Csv => on(csv::write(file, kind, tables), "write", &path)?,
+                Format::Parquet => parquet::write(file, kind, tables)
+                    .map_err(|source| ExportError::Parquet { path: path.clone(), source })?,
+            }
+            let samples: usize = captures.iter().map(|capture| kind.samples(capture)).sum();
+            let _ = writeln!(told, "{}: {} captures, {samples} samples", path.display(), captures.len());
+        }
         if record.cut_off {
             cut_off.push(file);
         }
     }
     Ok(cut_off)
-}
-
-fn write(out: &mut impl Write, captures: &[Capture]) -> io::Result<()> {
-    writeln!(out, "{HEADER}")?;
-    for capture in captures {
-        let (position, run) = labels(capture);
-        let label = quoted(&capture.about.label);
-        for (number, sample) in (0u64..).zip(&capture.samples) {
-            // As exact as the board's own microseconds.
-            let us = number * 1_000_000 / u64::from(capture.about.rate_hz.max(1));
-            write!(
-                out,
-                "{label},{},{position},{run},{number},{}.{:06}",
-                capture.about.series,
-                us / 1_000_000,
-                us % 1_000_000
-            )?;
-            for count in sample.gyro.iter().chain(&sample.accel).chain(&sample.mag) {
-                write!(out, ",{count}")?;
-            }
-            let [gyro, accel] =
-                [sample.gyro_temperature, sample.accel_temperature].map(|value| f64::from(value) / 100.0);
-            writeln!(out, ",{gyro},{accel}")?;
-        }
-    }
-    Ok(())
-}
-
-/// `position` (the axis that is up) and `run` (axis and sense of a turn), as `compute` calls them; empty where the
-/// capture is none of the two.
-pub(crate) fn labels(capture: &Capture) -> (String, String) {
-    let name =
-        |axis: usize, positive: bool| format!("{}{}", ["x", "y", "z"][axis % 3], if positive { '+' } else { '-' });
-    match &capture.about.pose {
-        Pose::Still { up, .. } => {
-            let axis = up.iter().position(|part| part.abs() == 1.0);
-            (axis.map(|axis| name(axis, up[axis] > 0.0)).unwrap_or_default(), String::new())
-        }
-        Pose::Rotating { axis, angle_deg, .. } => (String::new(), name(usize::from(*axis), *angle_deg > 0.0)),
-        Pose::Spinning { .. } => (String::new(), String::new()),
-    }
-}
-
-/// A text from outside as a field.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\"").replace(char::is_control, " "))
 }

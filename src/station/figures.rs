@@ -28,6 +28,7 @@ mod rotation;
 mod six_position;
 mod stability;
 mod still_fit;
+mod thin;
 
 use gnc_executive::bench::Site;
 use gnc_executive::catalogue::ItemId;

@@ -8,6 +8,7 @@ use tokio::sync::{Mutex, oneshot};
 
 use crate::procedure::Trouble;
 use crate::runner::report::Report;
+use crate::turntable::Lie;
 
 /// Number of DIP switches.
 const SWITCHES: u8 = 5;
@@ -80,6 +81,26 @@ pub enum Ask {
         /// Degrees.
         deg: f64,
     },
+    /// Lay the module on the table.
+    Lay(Lie),
+    /// Turn the table, on which the module lies so.
+    Turn {
+        /// How the module was laid down.
+        lie: Option<Lie>,
+        /// Right-handed about the module's axis along the table's.
+        angle_deg: f64,
+        /// Time of the turn, ramps included, seconds.
+        span_s: f64,
+    },
+    /// Spin the table, on which the module lies so.
+    Spin {
+        /// How the module was laid down.
+        lie: Option<Lie>,
+        /// Right-handed about the module's axis along the table's.
+        rate_dps: f64,
+    },
+    /// Bring the table to rest.
+    StopTable,
     /// What a plan wants in its own words.
     Words(String),
 }
@@ -90,6 +111,16 @@ impl fmt::Display for Ask {
             Self::Switches(Some(number)) => write!(f, "set DIP switch {number} to ON and the other four to OFF"),
             Self::Switches(None) => f.write_str("set all five DIP switches to OFF"),
             Self::Heading { deg } => write!(f, "turn the module, kept level, to {deg:.0} degrees on the table"),
+            Self::Lay(lie) => write!(f, "{lie}; press Enter when it lies still"),
+            Self::Turn { angle_deg, span_s, .. } => write!(
+                f,
+                "turn the table by {angle_deg:+.0} degrees in {span_s} s, ramps included; press Enter when it stands still \
+                 again"
+            ),
+            Self::Spin { rate_dps, .. } => {
+                write!(f, "spin the table at {rate_dps:+.0} deg/s; press Enter when it has reached that rate")
+            }
+            Self::StopTable => f.write_str("stop the table; press Enter when it stands still"),
             Self::Words(words) => f.write_str(words),
         }
     }
@@ -148,7 +179,15 @@ impl Fixture {
     /// # Errors
     /// As [`Fixture::only_switch`].
     pub async fn prompt(&self, what: &str, report: &Report<'_>) -> Result<(), Trouble> {
-        self.ask(&Ask::Words(what.to_owned()), report, |_| Ok(())).await
+        self.request(&Ask::Words(what.to_owned()), report).await
+    }
+
+    /// Asks for something that nobody does for a person.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub async fn request(&self, ask: &Ask, report: &Report<'_>) -> Result<(), Trouble> {
+        self.ask(ask, report, |_| Ok(())).await
     }
 
     async fn ask(

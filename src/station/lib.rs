@@ -12,6 +12,7 @@ mod export;
 pub mod figures;
 mod files;
 pub mod fixture;
+pub mod guidance;
 pub mod link;
 pub mod motion;
 pub mod nmea;

@@ -1,5 +1,6 @@
 //! Ways to reach a slave board. A link carries frames and knows nothing of what they mean.
 
+mod absence;
 pub mod can;
 pub mod serial;
 
@@ -16,8 +17,24 @@ use gnc_protocol::serial::LineCounters;
 use can::{CanLink, CanOpenError, CanTarget};
 use serial::{OpenError, SerialLink};
 
-/// What comes out of a link: damaged frames come through as such and do not end it.
-pub type Received = Result<Frame, FrameError>;
+pub use absence::RETURNS_WITHIN;
+
+/// What comes out of a link.
+pub type Received = Result<Frame, NoFrame>;
+
+/// What a link tells instead of a frame; none of it ends the link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoFrame {
+    /// A frame that was damaged on the line.
+    Damaged(FrameError),
+    /// The port or interface went away; it is looked for until it is back.
+    Away,
+    /// It is back.
+    Back {
+        /// How long it was away.
+        lasted: Duration,
+    },
+}
 
 /// Which link reaches the board, and where it is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -98,11 +115,20 @@ impl Link {
     /// sends, and never returns but with an error.
     ///
     /// # Errors
-    /// The link is gone.
+    /// The link is gone and did not come back within [`RETURNS_WITHIN`].
     pub async fn next(&mut self, read: bool) -> io::Result<Received> {
         match self {
             Self::Serial(link) => link.next(read).await,
             Self::Can(link) => link.next(read).await,
+        }
+    }
+
+    /// The port or interface, as people call it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Serial(link) => link.name(),
+            Self::Can(link) => link.name(),
         }
     }
 

@@ -42,6 +42,8 @@ pub enum Step {
         about: About,
         /// Stillness after the turn.
         rest_s: f64,
+        /// The sensors that count.
+        uses: Uses,
     },
     /// The table spins from here on.
     Spin {
@@ -66,7 +68,7 @@ pub enum Step {
     },
 }
 
-/// The sensors whose saturation spoils a capture.
+/// The sensors that a capture is made for, whose saturation spoils it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Uses {
     /// Gyroscopes and accelerometers.
@@ -75,6 +77,8 @@ pub enum Uses {
     Gyro,
     /// The magnetometer alone: the gyroscopes may be out of range.
     Magnetometer,
+    /// Gyroscopes and accelerometers, as the board compensates them.
+    Compensated,
 }
 
 /// Stillness before a turn: the analysis wants half a second at least.
@@ -128,7 +132,7 @@ impl Step {
     pub fn span_s(&self) -> f64 {
         match self {
             Self::Settle { span_s } | Self::Capture { span_s, .. } | Self::Receiver { span_s, .. } => *span_s,
-            Self::Turn { about, rest_s } => match about.pose {
+            Self::Turn { about, rest_s, .. } => match about.pose {
                 Pose::Rotating { span_s, .. } => REST_BEFORE_S + span_s + rest_s,
                 _ => REST_BEFORE_S + rest_s,
             },
@@ -144,7 +148,8 @@ impl fmt::Display for Program {
         let is_capture =
             |step: &&Step| matches!(step, Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. });
         let captures = self.steps.iter().filter(is_capture).count();
-        write!(f, "takes {} of bench time: {captures} captures", Span(self.span_s()))?;
+        let captures = Count(captures, "capture");
+        write!(f, "takes {} of bench time: {captures}", Span(self.span_s()))?;
         if self.samples() > 0 {
             write!(f, " with {} samples", self.samples())?;
         }
@@ -154,7 +159,18 @@ impl fmt::Display for Program {
             times => write!(f, ", the module is laid down {times} times")?,
         }
         let cycles = self.steps.iter().filter(|step| matches!(step, Step::PowerCycle { .. })).count();
-        if cycles > 0 { write!(f, ", {cycles} power cycles") } else { Ok(()) }
+        if cycles > 0 { write!(f, ", {}", Count(cycles, "power cycle")) } else { Ok(()) }
+    }
+}
+
+/// "1 capture", "6 captures".
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Count(pub usize, pub &'static str);
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(count, what) = self;
+        write!(f, "{count} {what}{}", if *count == 1 { "" } else { "s" })
     }
 }
 

@@ -24,6 +24,7 @@ use crate::board::stream::Losses;
 use crate::board::{BoardError, Desk};
 use crate::figures::{FigureError, Findings};
 use crate::fixture::{Fixture, FixtureError};
+use crate::guidance::Guide;
 use crate::link::can::{CanOpenError, CanTarget};
 use crate::motion::watch::Spoilt;
 use crate::resume::{ResumeError, Resumed};
@@ -46,6 +47,8 @@ pub struct Bench<'a> {
     pub earlier: Vec<(String, Findings)>,
     /// The run whose captures are taken over; a second attempt captures anew.
     pub resumed: Option<&'a Resumed>,
+    /// Tells people how far captures are.
+    pub guide: &'a Guide,
 }
 
 /// Why a procedure came to no end.

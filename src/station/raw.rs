@@ -7,6 +7,7 @@
 //! | --- | --- | --- |
 //! | `/capture` | `gnc.CaptureMark` | begin and end of a capture: what it is of, and at its end what was lost where |
 //! | `/imu` | `gnc.ImuSample` | sample: counts as they came; log time is its board time, sequence its number in the capture |
+//! | `/compensated` | `gnc.CompensatedSample` | sample that the board compensated by the stored calibration |
 //! | `/gnss` | `gnc.GnssBytes` | piece of the receiver's bytes |
 //! | `/pps` | `gnc.PpsEdge` | edge of the 1PPS |
 //!
@@ -22,17 +23,18 @@ mod writer;
 pub use reader::{RawError, RawRecord, Unfinished, read};
 pub use writer::{Piece, RawWriter, pieces};
 
-/// Numbers of the four channels, which are those of their schemas as well.
+/// Numbers of the channels, which are those of their schemas as well.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Topic {
     Capture = 1,
     Imu = 2,
     Gnss = 3,
     Pps = 4,
+    Compensated = 5,
 }
 
 impl Topic {
-    const ALL: [Topic; 4] = [Topic::Capture, Topic::Imu, Topic::Gnss, Topic::Pps];
+    const ALL: [Topic; 5] = [Topic::Capture, Topic::Imu, Topic::Gnss, Topic::Pps, Topic::Compensated];
 
     fn name(self) -> &'static str {
         match self {
@@ -40,6 +42,7 @@ impl Topic {
             Topic::Imu => "/imu",
             Topic::Gnss => "/gnss",
             Topic::Pps => "/pps",
+            Topic::Compensated => "/compensated",
         }
     }
 
@@ -49,6 +52,7 @@ impl Topic {
             Topic::Imu => "gnc.ImuSample",
             Topic::Gnss => "gnc.GnssBytes",
             Topic::Pps => "gnc.PpsEdge",
+            Topic::Compensated => "gnc.CompensatedSample",
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod again;
 mod differences;
+mod papers;
 mod source;
 
 use std::io::Write as _;
@@ -51,12 +52,17 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     let run = Run::read(folder)?;
     let plan = run.recorded_plan()?;
     let again = again::judge(&run, &plan, None)?;
+    let papers = papers::check(folder, &fold(&again.events)?)?;
+    let same = again.differences.is_empty() && papers.differences.is_empty();
     let mut out = std::io::stdout().lock();
     for line in problems.iter().map(|problem| format!("record: {problem}")).chain(again.differences.iter().cloned()) {
         let _ = writeln!(out, "{}", printable(&line));
     }
-    let _ = writeln!(out, "{}: {}", folder.display(), again.summary());
-    if problems.is_empty() && again.differences.is_empty() {
+    for line in &papers.differences {
+        let _ = writeln!(out, "{}", printable(line));
+    }
+    let _ = writeln!(out, "{}: {}{}", folder.display(), again.summary(same), papers.summary);
+    if problems.is_empty() && same {
         return Ok(ExitCode::SUCCESS);
     }
     let try_this = match problems.is_empty() {

@@ -10,7 +10,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 
 use crate::cli::{RecordsCommand, complain, refuse};
-use crate::store::{DIGESTS, JOURNAL, RECORD, StoreError, chain, reader};
+use crate::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -22,9 +22,25 @@ pub(crate) fn run(what: &RecordsCommand, records: &Path) -> ExitCode {
             Some(newest) => show(newest),
             None => no_such(run),
         }),
-        RecordsCommand::Verify { runs } => verify(records, runs),
+        RecordsCommand::Verify { runs, key } => match key.as_deref().map(PublicKey::read).transpose() {
+            Ok(key) => verify(records, runs, key.as_ref()),
+            Err(error) => return refuse(crate::runner::chain(&error), error.try_this()),
+        },
+        RecordsCommand::Key { file } => return make_key(file),
     };
     done.unwrap_or_else(|error| refuse(crate::runner::chain(&error), error.try_this()))
+}
+
+fn make_key(file: &Path) -> ExitCode {
+    match StationKey::create(file) {
+        Ok(public) => {
+            let mut out = std::io::stdout().lock();
+            let _ = writeln!(out, "{}: name it as key under [station] in the bench file, and keep it", file.display());
+            let _ = writeln!(out, "{}: give it to whoever verifies records", public.display());
+            ExitCode::SUCCESS
+        }
+        Err(error) => refuse(crate::runner::chain(&error), error.try_this()),
+    }
 }
 
 fn list(records: &Path) -> Result<ExitCode, StoreError> {
@@ -71,7 +87,7 @@ fn show(folder: &Path) -> ExitCode {
     }
 }
 
-fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
+fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<ExitCode, StoreError> {
     let folders: Vec<PathBuf> = if runs.is_empty() {
         reader::list(records)?.into_iter().map(|found| found.path).collect()
     } else {
@@ -88,7 +104,8 @@ fn verify(records: &Path, runs: &[PathBuf]) -> Result<ExitCode, StoreError> {
     let mut bad = 0;
     let mut out = std::io::stdout().lock();
     for folder in &folders {
-        let problems = reader::verify(folder);
+        let mut problems = reader::verify(folder);
+        problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
         if problems.is_empty() {
             let _ = writeln!(out, "{}: as written", folder.display());
         } else {

@@ -3,9 +3,11 @@
 //! A pure function of the record. Everything in it from outside (serial numbers, answers of boards, plans) goes
 //! through `markup::Text`, so that no text can become markup.
 
+mod calibration;
 mod details;
 mod markup;
 mod measurements;
+mod plots;
 #[cfg(test)]
 mod tests;
 
@@ -13,21 +15,26 @@ use gnc_executive::event::{BenchKind, Level};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::text::{banners, duration};
+use gnc_executive::uncertainty::Decision;
 
+use crate::compute::plot::svg;
+use crate::passport::{NoPassport, Passport};
 use markup::Page;
 
 /// Name of the report in a run's folder.
 pub const REPORT: &str = "report.html";
 
-/// The report. `digests` are those of the files of the record that the report stands beside: name and SHA-256.
+/// The report. `passport` is that of the run, or why it has none; `digests` are those of the files of the record that the
+/// report stands beside: name and SHA-256.
 #[must_use]
-pub fn html(record: &RunRecord, digests: &[(String, String)]) -> String {
+pub fn html(record: &RunRecord, passport: &Result<Passport, NoPassport>, digests: &[(String, String)]) -> String {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
     let mut page = Page::new(&title);
     verdict(&mut page, record);
     identity(&mut page, record);
     what_decided(&mut page, record);
     table_of_items(&mut page, record);
+    calibration::show(&mut page, passport);
     for item in record.items.iter().filter(|item| !item.attempts.is_empty()) {
         whole_item(&mut page, item);
     }
@@ -75,18 +82,34 @@ fn identity(page: &mut Page, record: &RunRecord) {
         ("Ended", record.finished.map(|at| at.to_rfc3339())),
         ("Took", Some(duration(record.elapsed_s))),
         ("Round", record.looped.map(|round| round.index.to_string())),
+        ("Decision rule", decision_rule(record)),
         ("Stopped by", record.stop.as_ref().map(|stop| stop.by.clone())),
     ];
     page.open("table", "facts");
     for (name, value) in rows {
         if let Some(value) = value {
-            page.open("tr", "");
-            page.element("th", "", name);
-            page.element("td", "", &value);
-            page.close("tr");
+            page.fact(name, &value);
         }
     }
     page.close("table");
+}
+
+/// The rules by which coverage intervals counted in this run; `None` where no value had one.
+fn decision_rule(record: &RunRecord) -> Option<String> {
+    let attempts = record.items.iter().flat_map(|item| &item.attempts);
+    let used: Vec<Decision> =
+        attempts.flat_map(|attempt| &attempt.measurements).filter_map(|measurement| measurement.decision).collect();
+    let rules = [
+        (
+            Decision::Simple,
+            "simple acceptance: the value decides, and inside its limit it is marginal where its coverage interval \
+             crosses the limit",
+        ),
+        (Decision::GuardBand, "guard band by the uncertainty: the whole coverage interval must keep the limit"),
+    ];
+    let words: Vec<&str> = rules.iter().filter(|(rule, _)| used.contains(rule)).map(|(_, words)| *words).collect();
+    let both = if words.len() > 1 { ", as the plan says for each item" } else { "" };
+    (!words.is_empty()).then(|| format!("{}{both}", words.join("; or ")))
 }
 
 /// What is not good first: nobody should have to look for it.
@@ -152,6 +175,8 @@ fn whole_item(page: &mut Page, item: &ItemRecord) {
         }
         measurements::table(page, &attempt.measurements);
         for details in &attempt.details {
+            let pictures = plots::of(item.id, details).into_iter().map(|panel| svg(&[panel]));
+            page.pictures(&pictures.collect::<Vec<_>>());
             details::show(page, details);
         }
         if !attempt.error_records.is_empty() {
@@ -194,6 +219,13 @@ fn how_to_read(page: &mut Page, record: &RunRecord, digests: &[(String, String)]
         "A value is passed where it lies within its limits, bounds included, and marginal where it is good but inside \
          the band that the plan sets beside a limit. Errored says that the station could not tell; it is no verdict \
          about the module. A value without a limit is information. The worst item counts.",
+    );
+    page.element(
+        "p",
+        "",
+        "Uncertainties are expanded ones, U = k u with the coverage factor k of the effective degrees of freedom \
+         (Welch-Satterthwaite) for the probability stated, or chi-square intervals of standard deviations; the budgets \
+         stand with the items. Pictures show at most 400 points of a curve, the smallest and largest of each part.",
     );
     page.element(
         "p",

@@ -1,6 +1,7 @@
 //! The only doer: it follows a plan on a bench, several items at once where they share nothing, and emits what
 //! happens.
 
+mod attempt;
 mod connection;
 mod error_records;
 pub mod journal;
@@ -11,34 +12,33 @@ mod verdict;
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
-use gnc_executive::catalogue::Resource;
 use gnc_executive::event::{AttemptError, EventKind, Level, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
-use gnc_protocol::message::{ErrorRecord, ModulePower};
+use gnc_protocol::message::ErrorRecord;
 use tokio::sync::watch;
 
-use crate::board::{Advance, Board, Desk, Pulse, Readings};
+use crate::board::{Advance, Board, Desk, Readings};
 use crate::control::{Asked, Control};
 use crate::figures::Findings;
 use crate::fixture::Fixture;
+use crate::guidance::Guidance;
 use crate::link::Target;
 use crate::link::can::CanTarget;
-use crate::procedure::{self, Bench, Trouble};
+use crate::procedure::Trouble;
 use crate::resume::Resumed;
 use crate::store::StoreError;
 use crate::turntable;
 use connection::connect;
 use journal::Journal;
 use recovery::{session_lives, spoilt};
-use report::Report;
 use verdict::judge;
 
 pub use gnc_executive::bench::Site;
@@ -66,6 +66,8 @@ pub struct Order {
     pub resumed: Option<Resumed>,
     /// One item after the other, also where they could run at once.
     pub one_by_one: bool,
+    /// What was found in the records folder before the run began, for its log.
+    pub found: Vec<String>,
 }
 
 /// What people watch while a run goes on; some of it may be skipped.
@@ -88,6 +90,8 @@ pub struct Doing {
     pub began: Instant,
     /// How far it is.
     pub advance: watch::Receiver<Advance>,
+    /// The way through its captures, if it captures.
+    pub guidance: watch::Receiver<Option<Arc<Guidance>>>,
 }
 
 /// How a run ended.
@@ -174,6 +178,9 @@ impl Run<'_> {
     async fn whole(&self) -> Result<Outcome, StoreError> {
         let header = Box::new(self.order.header.clone());
         self.journal.emit(EventKind::RunStarted { header, items: self.order.job.planned() }).await?;
+        for found in &self.order.found {
+            self.note(Level::Warning, found.clone(), None).await?;
+        }
         let body = tokio::select! {
             biased;
             asked = self.control.asked_times(2) => Err(asked),
@@ -240,6 +247,10 @@ impl Run<'_> {
             let landed = tokio::select! {
                 biased;
                 Some(landed) = flight.next() => landed,
+                Some(absent) = board.absence(), if !flight.is_empty() => {
+                    self.was_away(&absent).await?;
+                    continue;
+                }
                 () = self.control.resumed(), if held => continue,
                 else => break,
             };
@@ -301,97 +312,6 @@ impl Run<'_> {
     async fn end_item(&self, position: usize, outcome: Outcome, cause: Option<Cause>) -> Result<(), StoreError> {
         let Some(item) = self.order.job.item(position) else { return Ok(()) };
         self.journal.emit(EventKind::ItemEnded { item: item.name.clone(), outcome, cause }).await
-    }
-
-    async fn attempt(&self, board: &Board, position: usize, item: &PlanItem, attempt: u32) -> Landed {
-        let (sender, advance) = watch::channel(Advance::default());
-        let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance };
-        self.live.doing.send_modify(|live| live.push(doing));
-        let desk = Desk::new(board, sender);
-        let report = Report::new(self.journal, item, attempt, &self.order.header.serial_number);
-        // After a stop only teardown items run, and those may be ended by a second one alone.
-        let may_stop = item.phase != Phase::Teardown;
-        let end = tokio::select! {
-            biased;
-            asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
-            () = self.control.given_up(&item.name) => End::GivenUp,
-            done = self.procedure(&desk, board, item, attempt, &report) => End::Done(done),
-        };
-        let uses = |resource| item.id.spec().resources.contains(&resource);
-        if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
-            // Before anything else: somebody may have his hands there.
-            turntable::stop_at_once(&self.order.fixture);
-        }
-        let left_behind = match &end {
-            End::Done(Err(trouble)) => session_lives(trouble),
-            End::GivenUp => true,
-            End::Done(Ok(())) | End::Stopped(_) => false,
-        };
-        if left_behind {
-            tokio::select! {
-                biased;
-                _ = self.control.asked_times(1) => {}
-                () = desk.clear() => {}
-            }
-            if uses(Resource::Power) {
-                // It may have been left without; whoever comes next finds out if it stays so.
-                let _ = desk.call(&ModulePower { on: 1 }).await;
-            }
-        }
-        self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
-        let (requests, busy) = (desk.requests(), desk.busy());
-        let (measured, findings) = report.into_measured();
-        if let Some(findings) = findings {
-            self.findings.borrow_mut().insert(position, findings);
-        }
-        Landed { position, attempt, end, measured, requests, busy }
-    }
-
-    async fn procedure(
-        &self,
-        desk: &Desk<'_>,
-        board: &Board,
-        item: &PlanItem,
-        attempt: u32,
-        report: &Report<'_>,
-    ) -> Result<(), Trouble> {
-        let bench = Bench {
-            board: desk,
-            fixture: &self.order.fixture,
-            site: self.order.site.as_ref(),
-            can: self.order.can.as_ref(),
-            earlier: self.earlier(),
-            resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
-        };
-        if let (Some(prompt), 1) = (&item.prompt, attempt) {
-            bench.fixture.prompt(prompt, report).await?;
-        }
-        let all_repeats = async {
-            for repeat in 1..=item.repeats {
-                report.begin_repeat(repeat);
-                procedure::run(item.id, &bench, &item.params, report).await?;
-            }
-            Ok(())
-        };
-        tokio::select! {
-            biased;
-            done = all_repeats => done,
-            () = board_time(board.pulse(), item.timeout_s) => Err(Trouble::TookTooLong { limit_s: item.timeout_s }),
-        }
-    }
-
-    /// What the items that have ended found, in the order of the plan.
-    fn earlier(&self) -> Vec<(String, Findings)> {
-        let findings = self.findings.borrow();
-        let ended = self.journal.look(|state| {
-            let rows = state.rows();
-            let over = |position: &usize| rows.get(*position).is_some_and(gnc_executive::state::Row::is_over);
-            findings.keys().copied().filter(over).collect::<Vec<usize>>()
-        });
-        let named = ended.into_iter().filter_map(|position| {
-            Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
-        });
-        named.collect()
     }
 
     /// Files an attempt that came to its end, and deals with its trouble.
@@ -511,25 +431,6 @@ impl Run<'_> {
 
     async fn note(&self, level: Level, text: String, item: Option<&str>) -> Result<(), StoreError> {
         self.journal.emit(EventKind::Note { level, text, item: item.map(str::to_owned) }).await
-    }
-}
-
-/// Ends when the board's clock has gone on by so much.
-async fn board_time(mut pulse: watch::Receiver<Pulse>, limit_s: f64) {
-    let mut began_us = None;
-    loop {
-        if pulse.changed().await.is_err() {
-            // The conversation has ended; the procedure hears of it by itself.
-            return std::future::pending().await;
-        }
-        let now = *pulse.borrow_and_update();
-        if now.beats == 0 {
-            continue;
-        }
-        let began_us = *began_us.get_or_insert(now.board_time_us);
-        if now.board_time_us.saturating_sub(began_us) as f64 * 1e-6 > limit_s {
-            return;
-        }
     }
 }
 

@@ -14,6 +14,7 @@ use crate::files;
 use crate::fixture::Fixture;
 use crate::link::Target;
 use crate::link::can::CanTarget;
+use crate::store::StationKey;
 
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
@@ -25,6 +26,8 @@ pub(crate) const RECORDS: &str = "records";
 pub(crate) struct Setup {
     pub station: String,
     pub records: PathBuf,
+    /// Signs the runs that are closed.
+    pub key: Option<StationKey>,
     pub bench: Bench,
     pub target: Target,
     pub can: Option<CanTarget>,
@@ -88,6 +91,7 @@ fn real(args: &RunArgs, operator: impl FnOnce() -> Result<Fixture, Refusal>) -> 
     Ok(Setup {
         station: station(args, &file),
         records: records(args, &file, path.parent()),
+        key: key(&file, path.parent())?,
         bench,
         target,
         can,
@@ -175,6 +179,8 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
     Ok(Setup {
         station: station(args, &file),
         records: records(args, &file, None),
+        // Simulation is never evidence, and needs no signature.
+        key: None,
         bench,
         target,
         can: Some(can),
@@ -210,6 +216,13 @@ pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
         Ok(file) if args.sim.is_none() => records(args, &file, path.parent()),
         _ => args.records.clone().unwrap_or_else(|| RECORDS.into()),
     }
+}
+
+/// The station's key, by the folder of the bench file.
+fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, Refusal> {
+    let Some(key) = &file.key else { return Ok(None) };
+    let path = folder.unwrap_or_else(|| Path::new("")).join(key);
+    StationKey::read(&path).map(Some).map_err(|error| Refusal::new(crate::runner::chain(&error), error.try_this()))
 }
 
 /// A folder in a bench file goes from the folder of that file.

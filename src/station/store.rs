@@ -6,8 +6,10 @@
 
 pub mod captures;
 pub mod chain;
+mod closing;
 pub mod digest;
 pub mod folder;
+pub mod key;
 mod raw;
 pub mod reader;
 mod scribe;
@@ -17,7 +19,10 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
+pub(crate) use closing::pretty;
+pub use closing::seal_interrupted;
 pub use folder::RunFolder;
+pub use key::{PublicKey, StationKey};
 pub use raw::RawFile;
 pub use scribe::{Scribe, Watcher};
 
@@ -31,6 +36,10 @@ pub const ITEM: &str = "item.json";
 pub const LOG: &str = "log.txt";
 /// Digests of all other files, in the form that `sha256sum -c` reads.
 pub const DIGESTS: &str = "SHA256SUMS";
+/// The station's signature of the digests, where it has a key.
+pub const SIGNATURE: &str = "SHA256SUMS.sig";
+/// Papers made from the record; the digest of the record that the passport names leaves them out.
+pub const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
 
@@ -50,6 +59,9 @@ pub enum StoreError {
     /// An event could not be turned into text: a mistake in this program.
     #[error("an event cannot be written as JSON")]
     Json(#[from] serde_json::Error),
+    /// The passport could not be turned into text: a mistake in this program.
+    #[error("the passport cannot be written")]
+    Passport(#[from] crate::passport::XmlError),
     /// The runner emitted an event that cannot follow: a mistake in this program.
     #[error("the run's events are out of order")]
     OutOfOrder(#[source] OutOfOrder),

@@ -6,13 +6,14 @@
 #[cfg(feature = "sim")]
 mod simulated;
 
+use std::cell::Cell;
 use std::fmt;
 use std::time::Duration;
 
 use futures_util::future::LocalBoxFuture;
 
 use crate::capture::Along;
-use crate::fixture::Fixture;
+use crate::fixture::{Ask, Fixture};
 use crate::procedure::Trouble;
 use crate::runner::report::Report;
 #[cfg(feature = "sim")]
@@ -68,7 +69,7 @@ pub fn of<'a>(fixture: &'a Fixture, report: &'a Report<'a>) -> Box<dyn Turntable
     match fixture {
         #[cfg(feature = "sim")]
         Fixture::Simulated(control) => Box::new(Simulated::new(control.clone())),
-        _ => Box::new(ByHand { fixture, report }),
+        _ => Box::new(ByHand { fixture, report, lie: Cell::new(None) }),
     }
 }
 
@@ -85,31 +86,32 @@ pub fn stop_at_once(fixture: &Fixture) {
 struct ByHand<'a> {
     fixture: &'a Fixture,
     report: &'a Report<'a>,
+    /// How the module was laid down last: a picture of a turn shows it.
+    lie: Cell<Option<Lie>>,
 }
 
 impl ByHand<'_> {
-    fn ask(&self, what: String) -> Motion<'_> {
-        Box::pin(async move { self.fixture.prompt(&what, self.report).await })
+    fn ask(&self, ask: Ask) -> Motion<'_> {
+        Box::pin(async move { self.fixture.request(&ask, self.report).await })
     }
 }
 
 impl Turntable for ByHand<'_> {
     fn lay(&self, lie: Lie) -> Motion<'_> {
-        self.ask(format!("{lie}; press Enter when it lies still"))
+        self.lie.set(Some(lie));
+        self.ask(Ask::Lay(lie))
     }
 
     fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
-        self.ask(format!(
-            "turn the table by {angle_deg:+.0} degrees in {span_s} s, ramps included; press Enter when it stands still again"
-        ))
+        self.ask(Ask::Turn { lie: self.lie.get(), angle_deg, span_s })
     }
 
     fn spin(&self, rate_dps: f64) -> Motion<'_> {
-        self.ask(format!("spin the table at {rate_dps:+.0} deg/s; press Enter when it has reached that rate"))
+        self.ask(Ask::Spin { lie: self.lie.get(), rate_dps })
     }
 
     fn stop(&self) -> Motion<'_> {
-        self.ask("stop the table; press Enter when it stands still".to_owned())
+        self.ask(Ask::StopTable)
     }
 
     fn pause(&self, span: Duration) -> Motion<'_> {

@@ -290,6 +290,7 @@ impl Station {
             site: file.site,
             resumed: None,
             one_by_one: false,
+            found: Vec::new(),
         };
         let folder = RunFolder::create(&self.records, Local::now().fixed_offset(), "T-1", &plan.name)
             .map_err(|error| said(&error))?;

@@ -2,6 +2,7 @@
 
 #![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
 
+mod calibration;
 mod terminal;
 
 use std::io::{BufRead as _, BufReader};

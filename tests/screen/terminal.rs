@@ -62,7 +62,7 @@ impl Terminal {
         self.wait_until(what, |screen| screen.contents().contains(what));
     }
 
-    pub(crate) fn wait_until(&mut self, what: &str, seen: impl Fn(&vt100::Screen) -> bool) {
+    pub(crate) fn wait_until(&mut self, what: &str, mut seen: impl FnMut(&vt100::Screen) -> bool) {
         while !seen(self.parser.screen()) {
             self.read(what);
         }

@@ -65,6 +65,15 @@ fn records_keep_their_schema() {
     validate(&serde_json::to_value(record()).unwrap());
 }
 
+/// An item that the schema does not know would make a good record refused by whoever checks it.
+#[test]
+fn the_schema_knows_every_item() {
+    let schema: Value = serde_json::from_str(SCHEMA).unwrap();
+    let known = &schema["properties"]["items"]["items"]["properties"]["id"]["enum"];
+    let items: Vec<&str> = crate::catalogue::ItemId::ALL.iter().map(|item| item.as_str()).collect();
+    assert_eq!(*known, Value::from(items));
+}
+
 #[test]
 fn the_schema_refuses_what_is_wrong() {
     let schema: Value = serde_json::from_str(SCHEMA).unwrap();

@@ -21,6 +21,12 @@ use nix::unistd::{SysconfVar, sysconf};
 
 /// Drawing of 160 x 50, the slowest of a hundred.
 const DRAW_MS: f64 = 2.0;
+/// Samples of a spin of which as many points are kept as there may be.
+const POINTS: u32 = 4095;
+/// Samples of a capture.
+const SAMPLES: u32 = 1_000_000;
+/// What a picture may cost for each sample where it comes by: a tenth of a percent of a core at 1 kHz.
+const SAMPLE_US: f64 = 1.0;
 /// Share of a core while nothing happens.
 const IDLE_SHARE: f64 = 0.01;
 /// Share of a core of the program, station included, while a stream is shown.
@@ -37,6 +43,7 @@ const FAST_PLAN: &str = "name = \"fast\"\nversion = \"1\"\n[[item]]\nid = \"imu\
 
 fn main() {
     drawing();
+    pictures();
     program();
 }
 
@@ -45,13 +52,20 @@ fn verdict(what: &str, value: f64, bound: f64, unit: &str) {
     println!("{what:<46} {value:>10.4} {unit:<4} {word} the bound of {bound} {unit}");
 }
 
-/// Every page of a run at work, with curves that go on.
+/// Every page of a run at work, with curves that go on, and what a capture shows on its own.
 fn drawing() {
-    for page in ["tests", "live"] {
-        let mut scene = Scene::at_work(Lang::En, 160, 50).expect("a screen in memory");
-        if page == "live" {
-            scene.next_page();
-        }
+    let size = (160, 50);
+    let scene = |scene: std::io::Result<Scene>| scene.expect("a screen in memory");
+    let pages: [(&str, Scene, usize); 6] = [
+        ("tests", scene(Scene::at_work(Lang::En, size.0, size.1)), 0),
+        ("live", scene(Scene::at_work(Lang::En, size.0, size.1)), 1),
+        ("captures, tests", scene(Scene::capturing(Lang::En, size, "six-position", 3)), 0),
+        ("captures, turn", scene(Scene::capturing(Lang::En, size, "rotation", 3)), 1),
+        ("captures, field", scene(Scene::spinning(Lang::En, size, POINTS)), 1),
+        ("captures, Allan", scene(Scene::resting(Lang::En, size, 200_000)), 1),
+    ];
+    for (page, mut scene, turns) in pages {
+        (0..turns).for_each(|_| scene.next_page());
         let mut times: Vec<f64> = (0..3000)
             .map(|_| {
                 scene.next_sample();
@@ -63,6 +77,21 @@ fn drawing() {
         times.sort_by(f64::total_cmp);
         println!("drawing 160 x 50, {page}, median                 {:>10.4} ms", times[times.len() / 2]);
         verdict(&format!("drawing 160 x 50, {page}, p99 of 3000"), times[times.len() * 99 / 100], DRAW_MS, "ms");
+    }
+}
+
+/// What pictures cost where samples come by: most of what a scene does is to take them.
+fn pictures() {
+    type Play = fn(Lang, (u16, u16), u32) -> std::io::Result<Scene>;
+    let plays: [(&str, Play); 2] = [("field", Scene::spinning), ("Allan deviations", Scene::resting)];
+    for (what, play) in plays {
+        let took = |samples: u32| {
+            let began = own_time();
+            play(Lang::En, (80, 24), samples).expect("a screen in memory");
+            (own_time() - began).as_secs_f64() * 1e6
+        };
+        let us = (took(SAMPLES) - took(1)) / f64::from(SAMPLES);
+        verdict(&format!("{what} of a sample, with its simulation"), us, SAMPLE_US, "us");
     }
 }
 

@@ -1,24 +1,25 @@
 //! The host's end of the conversation: one task that owns the link.
 
+mod absent;
+mod heard;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use gnc_protocol::message::{
-    Abort, Accept, BoardHello, Call as _, Heartbeat, HostHello, MAGIC, MakeSafe, Nak, Progress, ResultHead, event,
-};
+use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, event};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use gnc_protocol::stream::{StreamFrame, StreamId};
 use gnc_protocol::timing;
-use gnc_protocol::wire::{Reader, Text, Wire};
-use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload};
+use gnc_protocol::wire::Wire as _;
+use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
 use super::readings::Gauges;
 use super::stream::{AHEAD, Newest};
-use super::{Advance, BoardError, Pulse, Readings};
-use crate::link::Link;
+use super::{Absent, Advance, BoardError, Pulse, Readings};
+use crate::link::{Link, NoFrame};
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
@@ -156,6 +157,12 @@ pub(super) struct Conversation {
     heard: Instant,
     /// The last heartbeat of the session.
     beat: Instant,
+    /// Since when the port or interface is away.
+    away_since: Option<Instant>,
+    /// How long it was away in this session, and when it was back.
+    interrupted: Option<(Duration, Instant)>,
+    /// Tells of absences that are over.
+    absences: mpsc::Sender<Absent>,
     /// What the line counted before the first session: the middle of a frame is not damage.
     before: Option<LineCounters>,
     report: LinkReport,
@@ -168,6 +175,7 @@ impl Conversation {
         commands: mpsc::Receiver<Command>,
         pulse: watch::Sender<Pulse>,
         readings: watch::Sender<Readings>,
+        absences: mpsc::Sender<Absent>,
     ) -> Self {
         let now = Instant::now();
         Self {
@@ -186,6 +194,9 @@ impl Conversation {
             keep_alive_due: now,
             heard: now,
             beat: now,
+            away_since: None,
+            interrupted: None,
+            absences,
             before: None,
             report: LinkReport::default(),
             gauges: Gauges::new(readings),
@@ -211,7 +222,9 @@ impl Conversation {
                 received = self.link.next(reads) => match received {
                     Ok(Ok(frame)) => self.receive(&frame),
                     // A damaged frame was counted by the link; whoever misses it asks again.
-                    Ok(Err(_)) => {}
+                    Ok(Err(NoFrame::Damaged(_))) => {}
+                    Ok(Err(NoFrame::Away)) => self.went_away(),
+                    Ok(Err(NoFrame::Back { lasted })) => self.came_back(lasted),
                     Err(error) => {
                         self.end(&BoardError::Gone { reason: error.to_string() });
                         break;
@@ -247,6 +260,9 @@ impl Conversation {
     }
 
     fn next_due(&self) -> Instant {
+        if let Some(since) = self.away_since {
+            return self.away_due(since);
+        }
         let held_back = self.pending.iter().any(Pending::is_in_doubt);
         let sendable = self.pending.iter().filter(|pending| !(held_back && pending.can_be_held_back()));
         let requests = sendable.map(|pending| pending.due).min();
@@ -269,7 +285,7 @@ impl Conversation {
             }
             Command::Ask { request, message, what, payload, answer, advance } => {
                 if self.session.is_none() {
-                    let _ = answer.send(Err(BoardError::SessionEnded));
+                    let _ = answer.send(Err(self.no_session()));
                     return;
                 }
                 self.pending.push(Pending {
@@ -296,6 +312,9 @@ impl Conversation {
 
     fn overdue(&mut self) {
         let now = Instant::now();
+        if let Some(since) = self.away_since {
+            return self.still_away(since, now);
+        }
         if !self.reads() {
             // Whoever does not listen hears no silence.
             (self.heard, self.beat) = (now, now);
@@ -331,7 +350,13 @@ impl Conversation {
     fn greet_again(&mut self, now: Instant) {
         let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
         if now - greeting.since > HELLO_FOR {
-            let error = BoardError::NoAnswer { what: "HELLO", asked: greeting.asked, waited: now - greeting.since };
+            let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
+            let (damaged, asked, waited) = (bad_checksum + malformed, greeting.asked, now - greeting.since);
+            let error = match frames {
+                // One may be the rest of a frame in whose middle the port was opened.
+                0 if damaged > 1 => BoardError::Garbled { damaged, asked },
+                _ => BoardError::NoAnswer { what: "HELLO", asked, waited },
+            };
             if let Some(greeting) = self.greeting.take() {
                 let _ = greeting.answer.send(Err(error));
             }
@@ -383,184 +408,6 @@ impl Conversation {
             self.report.resent += u32::from(lost);
             self.send(Kind::Request, flags, request, message, &payload);
             index += 1;
-        }
-    }
-
-    fn receive(&mut self, frame: &Frame) {
-        let now = Instant::now();
-        let Header { kind, request, message, .. } = frame.header;
-        // Our own words come back: an echo on the line. They are no sign of a living board.
-        if kind == Kind::Request || kind == Kind::Event && message == event::KEEP_ALIVE {
-            self.report.echoed = self.report.echoed.saturating_add(1);
-            return;
-        }
-        self.heard = now;
-        match kind {
-            Kind::Hello => self.hello(&frame.payload),
-            Kind::Accept => self.accepted(request, &frame.payload, now),
-            Kind::Progress => self.progressed(request, &frame.payload, now),
-            Kind::Result => self.finished(request, message, &frame.payload),
-            Kind::Nak => self.refused(request, message, &frame.payload),
-            Kind::Stream => self.streamed(&frame.payload),
-            Kind::Event => self.event(message, &frame.payload),
-            Kind::Request => {}
-        }
-    }
-
-    fn hello(&mut self, payload: &[u8]) {
-        let Ok(hello) = BoardHello::from_payload(payload) else { return };
-        if hello.magic != MAGIC {
-            return;
-        }
-        if let Some((nonce, before)) = self.session {
-            if hello.nonce != nonce {
-                return;
-            }
-            if hello.boot_id != before {
-                self.restarted(before, hello.boot_id);
-            } else if self.in_doubt {
-                // Same board, same start, yet no session: its watchdog ended it.
-                self.session = None;
-                self.fail_all(&BoardError::SessionEnded);
-            }
-            return;
-        }
-        let Some(greeting) = self.greeting.take_if(|greeting| greeting.nonce == hello.nonce) else { return };
-        if hello.chosen != PROTOCOL_VERSION {
-            let error = BoardError::Version { lowest: hello.lowest, highest: hello.highest };
-            let _ = greeting.answer.send(Err(error));
-            return;
-        }
-        if self.last_boot_id.replace(hello.boot_id) != Some(hello.boot_id) {
-            // Its clock began anew.
-            self.newest = Newest::default();
-        }
-        self.session = Some((hello.nonce, hello.boot_id));
-        self.in_doubt = false;
-        self.beat = Instant::now();
-        self.before.get_or_insert_with(|| self.link.counters());
-        self.link.restart_sequence();
-        self.pulse.send_replace(Pulse::default());
-        let _ = greeting.answer.send(Ok(hello));
-    }
-
-    fn accepted(&mut self, request: u16, payload: &[u8], now: Instant) {
-        let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
-        pending.due = now + timing::PROGRESS_LOST_AFTER;
-        // It runs: what was lost before no longer counts.
-        pending.asked = 1;
-        pending.ended_since = 0;
-        if let Ok(accept) = Accept::from_payload(payload) {
-            pending.expected_ms = accept.expected_ms;
-            pending.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
-        }
-    }
-
-    fn progressed(&mut self, request: u16, payload: &[u8], now: Instant) {
-        let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
-        pending.due = now + timing::PROGRESS_LOST_AFTER;
-        // A sign of life: what was lost before it no longer counts.
-        pending.asked = 1;
-        pending.ended_since = 0;
-        if let Ok(Progress { done_permille, elapsed_ms }) = Progress::from_payload(payload) {
-            let expected_ms = pending.expected_ms;
-            pending.advance.send_replace(Advance { done_permille, elapsed_ms, expected_ms });
-        }
-    }
-
-    fn finished(&mut self, request: u16, message: u16, payload: &[u8]) {
-        // A result that nobody waits for was repeated once too often: not an error.
-        let Some(pending) = self.take(request, message) else { return };
-        pending.advance.send_replace(Advance::default());
-        let what = pending.what;
-        let mut reader = Reader::new(payload);
-        let answer = match ResultHead::get(&mut reader) {
-            Err(source) => Err(BoardError::BadAnswer { what, source }),
-            Ok(ResultHead { status: FaultCode::None, elapsed_us }) => Ok(Answer {
-                request,
-                elapsed: Duration::from_micros(elapsed_us.into()),
-                asked: pending.asked,
-                body: Payload::from_slice(reader.take_rest()).unwrap_or_default(),
-            }),
-            Ok(ResultHead { status: code, .. }) => {
-                let text = Text::<160>::get(&mut reader).map(|text| text.as_str().to_owned()).unwrap_or_default();
-                Err(BoardError::Fault { what, code, text })
-            }
-        };
-        if let Ok(answer) = &answer {
-            self.gauges.answered(message, &answer.body);
-        }
-        let _ = pending.answer.send(answer);
-    }
-
-    fn refused(&mut self, request: u16, message: u16, payload: &[u8]) {
-        let Ok(nak) = Nak::from_payload(payload) else { return };
-        let code = NakCode::from_number(nak.code);
-        if let (Some(NakCode::NoSession), Some((nonce, _))) = (code, self.session) {
-            // About a request of an earlier session it says nothing of this one.
-            if !self.pending.iter().any(|pending| pending.request == request) {
-                return;
-            }
-            // The answer tells whether it restarted.
-            self.in_doubt = true;
-            return self.say_hello(nonce);
-        }
-        let Some(pending) = self.take(request, message) else { return };
-        let (what, text) = (pending.what, nak.text.as_str().to_owned());
-        let error = match code {
-            Some(code) => BoardError::Refused { what, code, text },
-            None => BoardError::RefusedUnknown { what, code: nak.code, text },
-        };
-        let _ = pending.answer.send(Err(error));
-    }
-
-    fn event(&mut self, message: u16, payload: &[u8]) {
-        match message {
-            event::HEARTBEAT => {
-                let Ok(beat) = Heartbeat::from_payload(payload) else { return };
-                let Some((_, before)) = self.session else { return };
-                if beat.boot_id != before {
-                    return self.restarted(before, beat.boot_id);
-                }
-                self.beat = Instant::now();
-                self.pulse.send_modify(|pulse| {
-                    pulse.board_time_us = beat.board_time_us;
-                    pulse.beats += 1;
-                });
-            }
-            event::WATCHDOG if self.session.is_some() => {
-                self.session = None;
-                self.fail_all(&BoardError::SessionEnded);
-            }
-            _ => {}
-        }
-    }
-
-    fn restarted(&mut self, before: u32, after: u32) {
-        self.session = None;
-        self.newest = Newest::default();
-        let during = self.pending.iter().map(|pending| pending.what).collect::<Vec<_>>().join(", ");
-        let during = if during.is_empty() { "no request".to_owned() } else { during };
-        for pending in self.pending.drain(..) {
-            let during = during.clone();
-            let _ = pending.answer.send(Err(BoardError::Restarted { asked: true, during, before, after }));
-        }
-        self.fail_all(&BoardError::Restarted { asked: false, during, before, after });
-    }
-
-    fn streamed(&mut self, payload: &[u8]) {
-        let Ok(frame) = StreamFrame::from_payload(payload) else { return };
-        let Some(id) = StreamId::from_number(frame.head.stream) else { return };
-        if !self.newest.admit(id, &frame.head) {
-            self.report.stale += 1;
-            return;
-        }
-        self.gauges.streamed(id, &frame);
-        let Some(sender) = self.sender_of(id) else { return };
-        match sender.try_send(Ok(Box::new(frame))) {
-            Ok(()) => {}
-            Err(mpsc::error::TrySendError::Full(Ok(frame))) => self.held.push_back((id, frame)),
-            Err(_) => self.forget(id),
         }
     }
 

@@ -2,9 +2,11 @@
 
 use std::time::Duration;
 
+use gnc_metrology::ellipse::Correction;
+use gnc_protocol::calibration::{CalibrationRead, CalibrationReadReply, CalibrationState, CompensatedSample};
 use gnc_protocol::message::{AdRead, AdReadReply, Call as _};
-use gnc_protocol::stream::{IMU_SAMPLE, ImuSample, PpsCapture, StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Wire as _};
+use gnc_protocol::stream::{COMPENSATED_SAMPLE, IMU_SAMPLE, ImuSample, PpsCapture, StreamFrame, StreamId};
+use gnc_protocol::wire::{Reader, Wire};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
@@ -25,6 +27,10 @@ const GNSS_BUDGET_OVER: Duration = Duration::from_millis(200);
 pub struct Readings {
     /// The newest sample of the IMU, and its board time in microseconds.
     pub imu: Option<(u64, ImuSample)>,
+    /// The newest sample that the board compensated by the module's calibration, and its board time in microseconds.
+    pub compensated: Option<(u64, CompensatedSample)>,
+    /// The correction of the magnetometer that the module keeps, once somebody read it.
+    pub correction: Option<Correction>,
     /// The newest epoch of the receiver.
     pub gnss: Option<GnssReading>,
     /// Edges of the 1PPS so far.
@@ -95,8 +101,7 @@ impl Gauges {
         self.count(id, frame);
         match id {
             StreamId::Imu => {
-                let last = frame.samples.len().checked_sub(IMU_SAMPLE).and_then(|at| frame.samples.get(at..));
-                if let Some(sample) = last.and_then(|bytes| ImuSample::get(&mut Reader::new(bytes)).ok()) {
+                if let Some(sample) = last_of(frame, IMU_SAMPLE) {
                     self.now.imu = Some((frame.head.board_time_us, sample));
                 }
             }
@@ -107,17 +112,40 @@ impl Gauges {
                 let edges = frame.samples.len() / size_of::<PpsCapture>().max(1);
                 self.now.pulses = self.now.pulses.saturating_add(u32::try_from(edges).unwrap_or(0));
             }
-            // The raw ones are shown; these follow from them.
-            StreamId::Compensated => {}
+            StreamId::Compensated => {
+                if let Some(sample) = last_of(frame, COMPENSATED_SAMPLE) {
+                    self.now.compensated = Some((frame.head.board_time_us, sample));
+                }
+            }
         }
         self.hand_on(false);
     }
 
     /// A request was answered.
     pub(super) fn answered(&mut self, message: u16, body: &[u8]) {
-        if message != AdRead::ID || self.out.receiver_count() == 0 {
+        if self.out.receiver_count() == 0 {
             return;
         }
+        match message {
+            AdRead::ID => self.read_ad(body),
+            CalibrationRead::ID => self.read_calibration(body),
+            _ => return,
+        }
+        self.hand_on(true);
+    }
+
+    fn read_calibration(&mut self, body: &[u8]) {
+        let Ok(reply) = CalibrationReadReply::from_payload(body) else { return };
+        let valid = reply.state == CalibrationState::Valid as u8;
+        self.now.correction = reply.calibration.first().filter(|_| valid).map(|calibration| Correction {
+            dx: calibration.mag_dx,
+            dy: calibration.mag_dy,
+            ky: calibration.mag_ky,
+            sin_alpha: calibration.mag_sin_alpha,
+        });
+    }
+
+    fn read_ad(&mut self, body: &[u8]) {
         let Ok(reply) = AdReadReply::from_payload(body) else { return };
         for channel in &reply.channels {
             let index = usize::from(channel.channel).wrapping_sub(1);
@@ -125,7 +153,6 @@ impl Gauges {
                 *volts = Some(f64::from(channel.mean_uv) * 1e-6);
             }
         }
-        self.hand_on(true);
     }
 
     /// Parses what the receiver sent, as far as the budget goes; then what is under way is given up.
@@ -178,6 +205,12 @@ impl Gauges {
             self.out.send_replace(self.now.clone());
         }
     }
+}
+
+/// The last sample of a frame.
+fn last_of<S: Wire>(frame: &StreamFrame, sample_bytes: usize) -> Option<S> {
+    let last = frame.samples.len().checked_sub(sample_bytes).and_then(|at| frame.samples.get(at..))?;
+    S::get(&mut Reader::new(last)).ok()
 }
 
 impl From<Epoch> for GnssReading {

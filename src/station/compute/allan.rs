@@ -114,8 +114,7 @@ impl Allan {
             .put("interval", "", "68.3 %");
         let points = || analysis.points.iter().map(|p| (p.tau_s, p.dev));
         let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
-        let mut series =
-            vec![Series { name: "deviation, 68.3 %".to_owned(), mark: Mark::Bars(bars), points: points().collect() }];
+        let mut series = vec![Series::new("deviation, 68.3 %", Mark::Bars(bars), points())];
         let slopes: [(&str, Option<Coefficient>, Curve); 5] = [
             ("Q, slope -1", c.q, |c, t| 3.0_f64.sqrt() * c / t),
             ("N, slope -1/2", c.n, |c, t| c / t.sqrt()),

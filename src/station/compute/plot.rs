@@ -4,35 +4,54 @@ use std::fmt::Write as _;
 
 /// More dots than this show nothing new and make the file slow to open.
 const MOST_DOTS: usize = 6000;
-const WIDTH: f64 = 640.0;
-const HEIGHT: f64 = 480.0;
+/// Width and height of a panel in a file of its own.
+const SIZE: (f64, f64) = (640.0, 480.0);
 const LEFT: f64 = 80.0;
 const RIGHT: f64 = 20.0;
-const TOP: f64 = 34.0;
+/// Title and names of the series stand above the axes.
+const TOP: f64 = 50.0;
 const BOTTOM: f64 = 50.0;
 
 /// How a series is drawn.
 pub(crate) enum Mark {
     Dots,
     Line,
+    /// A thin broken line: a model, a limit.
+    Dashed,
     /// Dots with an upright bar from low to high.
     Bars(Vec<(f64, f64)>),
 }
 
 /// Points that belong together.
 pub(crate) struct Series {
+    /// Shown above the axes, unless it is empty.
     pub(crate) name: String,
     pub(crate) mark: Mark,
     pub(crate) points: Vec<(f64, f64)>,
+    /// Which colour, so that what belongs together has the same; `None`: that of its place.
+    pub(crate) hue: Option<usize>,
 }
 
 impl Series {
+    pub(crate) fn new(name: impl Into<String>, mark: Mark, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { name: name.into(), mark, points: points.into_iter().collect(), hue: None }
+    }
+
     pub(crate) fn dots(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        Self { name: name.into(), mark: Mark::Dots, points: points.into_iter().collect() }
+        Self::new(name, Mark::Dots, points)
     }
 
     pub(crate) fn line(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        Self { name: name.into(), mark: Mark::Line, points: points.into_iter().collect() }
+        Self::new(name, Mark::Line, points)
+    }
+
+    pub(crate) fn dashed(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self::new(name, Mark::Dashed, points)
+    }
+
+    /// In the colour of a number; equal numbers look alike.
+    pub(crate) fn hue(self, hue: usize) -> Self {
+        Self { hue: Some(hue), ..self }
     }
 }
 
@@ -48,6 +67,9 @@ pub(crate) struct Panel {
     square: bool,
     /// What is shown, x and y; points outside are counted in the title. `None`: all of them.
     view: [Option<(f64, f64)>; 2],
+    /// Names along the x axis in place of numbers, of 0, 1, 2 ...
+    names: Vec<String>,
+    size: (f64, f64),
 }
 
 impl Panel {
@@ -57,7 +79,8 @@ impl Panel {
         y: impl Into<String>,
         series: Vec<Series>,
     ) -> Self {
-        Self { title: title.into(), x: x.into(), y: y.into(), series, log: false, square: false, view: [None; 2] }
+        let (title, x, y) = (title.into(), x.into(), y.into());
+        Self { title, x, y, series, log: false, square: false, view: [None; 2], names: Vec::new(), size: SIZE }
     }
 
     pub(crate) fn log(self) -> Self {
@@ -66,6 +89,18 @@ impl Panel {
 
     pub(crate) fn square(self) -> Self {
         Self { square: true, ..self }
+    }
+
+    /// Names along the x axis, for values that are 0, 1, 2 ...
+    pub(crate) fn names(self, names: impl IntoIterator<Item = String>) -> Self {
+        let names: Vec<String> = names.into_iter().collect();
+        let view = [Some((-0.6, names.len() as f64 - 0.4)), self.view[1]];
+        Self { names, view, ..self }
+    }
+
+    /// Another size, in pixels.
+    pub(crate) fn sized(self, width: f64, height: f64) -> Self {
+        Self { size: (width, height), ..self }
     }
 
     /// Shows this part only, so that spikes do not hide the rest.
@@ -84,14 +119,15 @@ pub(crate) fn svg(panels: &[Panel]) -> String {
         4 => 2,
         n => n.clamp(1, 3),
     };
-    let (width, height) = (WIDTH * beside as f64, HEIGHT * panels.len().div_ceil(beside) as f64);
+    let (of_one, down_one) = panels.first().map_or(SIZE, |panel| panel.size);
+    let (width, height) = (of_one * beside as f64, down_one * panels.len().div_ceil(beside) as f64);
     let _ = writeln!(
         text,
         r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12">"#
     );
     let _ = writeln!(text, r#"<rect width="{width}" height="{height}" fill="white"/>"#);
     for (i, panel) in panels.iter().enumerate() {
-        let (right, down) = (WIDTH * (i % beside) as f64, HEIGHT * (i / beside) as f64);
+        let (right, down) = (of_one * (i % beside) as f64, down_one * (i / beside) as f64);
         let _ = writeln!(text, r#"<g transform="translate({right} {down})">"#);
         draw(&mut text, panel);
         text.push_str("</g>\n");
@@ -170,7 +206,8 @@ fn draw(text: &mut String, panel: &Panel) {
         _ => Vec::new(),
     };
     let all = || panel.series.iter().flat_map(|s| s.points.iter().copied());
-    let (left, right, top, bottom) = (LEFT, WIDTH - RIGHT, TOP, HEIGHT - BOTTOM);
+    let (width, height) = panel.size;
+    let (left, right, top, bottom) = (LEFT, width - RIGHT, TOP, height - BOTTOM);
     let heights = all().map(|p| p.1).chain(panel.series.iter().flat_map(bars));
     let mut x = Scale::of(all().map(|p| p.0), panel.view[0], panel.log, (left, right));
     let mut y = Scale::of(heights, panel.view[1], panel.log, (bottom, top));
@@ -184,9 +221,10 @@ fn draw(text: &mut String, panel: &Panel) {
     let outside = all().filter(|(a, b)| !(x.shows(*a) && y.shows(*b))).count();
     let note = if outside > 0 { format!(", {outside} points outside") } else { String::new() };
     let title = format!("{}{note}", panel.title);
-    let _ = writeln!(text, r#"<text x="{left}" y="22" font-size="14">{}</text>"#, escaped(&title));
-    legend(text, &panel.series, left + 9.0 * title.chars().count() as f64 + 20.0);
-    for (v, label) in x.ticks() {
+    let _ = writeln!(text, r#"<text x="12" y="20" font-size="14">{}</text>"#, escaped(&title));
+    legend(text, &panel.series, left);
+    let names = panel.names.iter().enumerate().map(|(i, name)| (i as f64, escaped(name)));
+    for (v, label) in if panel.names.is_empty() { x.ticks() } else { names.collect() } {
         let at = x.at(v);
         let _ = writeln!(text, r##"<path d="M{at:.1} {top} V{bottom}" stroke="#ddd"/>"##);
         let _ = writeln!(text, r#"<text x="{at:.1}" y="{:.1}" text-anchor="middle">{label}</text>"#, bottom + 16.0);
@@ -204,7 +242,7 @@ fn draw(text: &mut String, panel: &Panel) {
     );
     let middle = f64::midpoint(left, right);
     let _ =
-        writeln!(text, r#"<text x="{middle}" y="{}" text-anchor="middle">{}</text>"#, HEIGHT - 12.0, escaped(&panel.x));
+        writeln!(text, r#"<text x="{middle}" y="{}" text-anchor="middle">{}</text>"#, height - 12.0, escaped(&panel.x));
     let _ = writeln!(
         text,
         r#"<text transform="translate(16 {}) rotate(-90)" text-anchor="middle">{}</text>"#,
@@ -212,18 +250,22 @@ fn draw(text: &mut String, panel: &Panel) {
         escaped(&panel.y)
     );
     for (i, series) in panel.series.iter().enumerate() {
-        marks(text, series, COLOURS[i % COLOURS.len()], &x, &y);
+        marks(text, series, colour(i, series), &x, &y);
     }
+}
+
+fn colour(place: usize, series: &Series) -> &'static str {
+    COLOURS[series.hue.unwrap_or(place) % COLOURS.len()]
 }
 
 /// Names of the series, above the axes.
 fn legend(text: &mut String, series: &[Series], from: f64) {
     let mut at = from;
-    for (i, series) in series.iter().enumerate() {
+    for (i, series) in series.iter().enumerate().filter(|(_, series)| !series.name.is_empty()) {
         let _ = writeln!(
             text,
-            r#"<rect x="{at}" y="13" width="10" height="10" fill="{}"/><text x="{}" y="22">{}</text>"#,
-            COLOURS[i % COLOURS.len()],
+            r#"<rect x="{at}" y="32" width="10" height="10" fill="{}"/><text x="{}" y="41">{}</text>"#,
+            colour(i, series),
             at + 14.0,
             escaped(&series.name)
         );
@@ -241,13 +283,14 @@ fn marks(text: &mut String, series: &Series, colour: &str, x: &Scale, y: &Scale)
         .map(|(a, b)| (x.at(*a), y.at(*b)))
         .collect();
     match &series.mark {
-        Mark::Line => {
+        Mark::Line | Mark::Dashed => {
             let path: Vec<String> = placed.iter().map(|(a, b)| format!("{a:.1},{b:.1}")).collect();
-            let _ = writeln!(
-                text,
-                r#"<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{}"/>"#,
-                path.join(" ")
-            );
+            let style = match series.mark {
+                Mark::Dashed => r#"stroke-width="1" stroke-dasharray="5 3""#,
+                _ => r#"stroke-width="1.3""#,
+            };
+            let path = path.join(" ");
+            let _ = writeln!(text, r#"<polyline fill="none" stroke="{colour}" {style} points="{path}"/>"#);
         }
         Mark::Dots => {
             let path: String = placed.iter().map(|(a, b)| format!("M{a:.1} {b:.1}h0")).collect();

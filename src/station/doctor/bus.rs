@@ -1,9 +1,13 @@
-//! A CAN interface of the kernel: there, up, without a short queue.
+//! A CAN interface of the kernel: there, up, at the rate, on the bus, without a short queue.
+
+use std::process::{Command, Stdio};
 
 use nix::errno::Errno;
 use nix::sys::socket::{AddressFamily, SockFlag, SockType, socket};
 
-use super::{Finding, Sys};
+use serde_json::Value;
+
+use super::{Finding, Health, Sys};
 
 /// ARPHRD_CAN: the kind of a network interface.
 const KIND_CAN: i64 = 280;
@@ -21,7 +25,57 @@ pub(super) fn look(interface: &str, sys: &Sys) -> Vec<Finding> {
             "sudo modprobe can can_raw; or use an slcan adapter: port = \"slcan:/dev/ttyACM0\"",
         )];
     }
-    state(interface, sys)
+    let mut findings = state(interface, sys);
+    if findings.iter().all(|finding| finding.health != Health::Bad) {
+        findings.extend(asked(interface).iter().flat_map(|told| controller(interface, told)));
+    }
+    findings
+}
+
+/// What iproute2 tells of an interface; its files do not show the controller. `None` where there is no such program.
+fn asked(interface: &str) -> Option<Value> {
+    let arguments = ["-json", "-details", "link", "show", "dev", interface];
+    let output = Command::new("ip").args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    serde_json::from_slice(&output.stdout).ok()
+}
+
+/// The controller's bit rate, its state, and what it does after bus-off. An interface without a controller (vcan) has
+/// none of them.
+pub(super) fn controller(interface: &str, told: &Value) -> Vec<Finding> {
+    let data = &told[0]["linkinfo"]["info_data"];
+    let mut findings = Vec::new();
+    let rate = gnc_protocol::can::BIT_RATE;
+    let set =
+        |more: &str| format!("sudo ip link set {interface} down; sudo ip link set {interface} up type can {more}");
+    match data["bittiming"]["bitrate"].as_u64() {
+        Some(got) if got == u64::from(rate) => {
+            findings.push(Finding::good(format!("{interface} runs at {rate} bit/s")));
+        }
+        Some(got) => {
+            let what = format!("{interface} runs at {got} bit/s instead of {rate}");
+            findings.push(Finding::bad(what, set(&format!("bitrate {rate}"))));
+        }
+        None => {}
+    }
+    match data["state"].as_str() {
+        Some("BUS-OFF") => {
+            let what = format!("the controller of {interface} left the bus after too many errors (bus-off)");
+            let mend = format!("sudo ip link set {interface} type can restart; then look at cable and termination");
+            findings.push(Finding::bad(what, mend));
+        }
+        Some(state @ ("ERROR-PASSIVE" | "ERROR-WARNING")) => {
+            let what = format!("the controller of {interface} saw many errors ({state})");
+            let mend = "measure 60 ohm between CAN_H and CAN_L with the power off; look at the cable";
+            findings.push(Finding::warning(what, mend));
+        }
+        _ => {}
+    }
+    let has_controller = data["bittiming"].is_object();
+    if has_controller && data["restart_ms"].as_u64().unwrap_or(0) == 0 {
+        let what = format!("{interface} stays off the bus after too many errors, until somebody restarts it");
+        findings.push(Finding::warning(what, set(&format!("bitrate {rate} restart-ms 100"))));
+    }
+    findings
 }
 
 /// What the kernel tells of an interface.

@@ -44,6 +44,28 @@ fn what_is_no_can_interface_is_said() {
     assert_eq!(health(&bus::state("../../etc", &sys)), [Health::Bad]);
 }
 
+/// As iproute2 6.1 tells it of a card.
+#[test]
+fn a_controller_at_another_rate_or_in_trouble_has_its_command() {
+    let check = |rate: u32, state: &str, restart_ms: u32, expected: &[Health], mend: &str| {
+        let text = format!(
+            r#"[{{"ifname":"can0","operstate":"UP","linkinfo":{{"info_kind":"can","info_data":{{"state":"{state}",
+            "berr_counter":{{"tx":0,"rx":0}},"restart_ms":{restart_ms},"bittiming":{{"bitrate":{rate},"sample_point":"0.875"}},
+            "clock":8000000}}}}}}]"#
+        );
+        let found = bus::controller("can0", &serde_json::from_str(&text).expect("JSON"));
+        assert_eq!(health(&found), expected, "{rate} {state} {restart_ms}");
+        assert!(found.iter().any(|finding| finding.mend.contains(mend)), "{mend}");
+    };
+    check(500_000, "ERROR-ACTIVE", 100, &[Health::Good], "");
+    check(250_000, "ERROR-ACTIVE", 100, &[Health::Bad], "up type can bitrate 500000");
+    check(500_000, "BUS-OFF", 100, &[Health::Good, Health::Bad], "sudo ip link set can0 type can restart");
+    check(500_000, "ERROR-PASSIVE", 100, &[Health::Good, Health::Warning], "60 ohm");
+    check(500_000, "ERROR-ACTIVE", 0, &[Health::Good, Health::Warning], "restart-ms 100");
+    let vcan = r#"[{"ifname":"vcan0","linkinfo":{"info_kind":"vcan"}}]"#;
+    assert_eq!(bus::controller("vcan0", &serde_json::from_str(vcan).expect("JSON")), []);
+}
+
 #[test]
 fn a_port_that_is_missing_or_a_file_is_said() {
     let sys = Sys::default();

@@ -1,20 +1,25 @@
-//! A position and a rotation with the calibration that was found: gravity and the angle turned must come out.
+//! A position and a rotation as the board compensates them with the calibration that the module now holds: gravity and the
+//! angle turned must come out.
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::{earth, stats};
+use gnc_protocol::calibration::{CompensatedSample, FORCE_PER_MPS2, RATE_PER_RPS};
 use nalgebra::Vector3;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::{Calibration, Rate};
-use super::captures::{self, AXES, Triad};
+use super::captures::{self, AXES};
 use super::json::vector;
 use super::mean::{self, BLOCKS};
 use super::place;
 use super::{FigureError, Findings, Question};
 use crate::capture::{Capture, Pose};
 
+/// Fewest samples of a capture.
+const FEWEST: usize = 8;
+/// Channels by the bits of [`CompensatedSample::saturated`] that count here.
+const CHANNELS: [&str; 6] = ["gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z"];
 const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
@@ -22,23 +27,60 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     if !question.earlier.iter().any(|(_, findings)| findings.details.get("coefficients").is_some()) {
         return Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload });
     }
-    let rate = Calibration::of(question.earlier)?.rate()?;
-    captures::sound(question.captures, &[Triad::Gyro, Triad::Accel])?;
+    for capture in question.captures {
+        sound(capture)?;
+    }
     let mut findings = Findings::new(json!({
         "equation": "f - g up and w - w_earth of the position; integral of w about the axis over the turn, less the angle",
-        "label": "raw output with the coefficients that were stored and read back",
+        "label": "output of the board, compensated by the coefficients that the module holds",
     }));
-    position(question, &rate, &mut findings, probability)?;
-    turn(question, &rate, &mut findings, probability)?;
+    position(question, &mut findings, probability)?;
+    turn(question, &mut findings, probability)?;
     Ok(findings)
 }
 
-fn position(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
+/// Nothing is missing, nothing saturated, and it is what the board compensated.
+fn sound(capture: &Capture) -> Result<(), FigureError> {
+    let label = || capture.about.label.clone();
+    if capture.losses.any() {
+        return Err(FigureError::Lost { label: label(), losses: capture.losses });
+    }
+    if capture.compensated.len() < FEWEST {
+        return Err(FigureError::Short { label: label(), samples: capture.compensated.len(), needed: FEWEST });
+    }
+    for (bit, name) in CHANNELS.iter().enumerate() {
+        let samples = capture.compensated.iter().filter(|sample| sample.saturated & (1 << bit) != 0).count();
+        if samples > 0 {
+            return Err(FigureError::Saturated { label: label(), channel: (*name).to_owned(), samples });
+        }
+    }
+    Ok(())
+}
+
+fn rate_rps(sample: &CompensatedSample) -> Vector3<f64> {
+    Vector3::from(sample.rate.map(f64::from)) / RATE_PER_RPS
+}
+
+fn force_mps2(sample: &CompensatedSample) -> Vector3<f64> {
+    Vector3::from(sample.force.map(f64::from)) / FORCE_PER_MPS2
+}
+
+fn mean_of(samples: &[CompensatedSample], of: fn(&CompensatedSample) -> Vector3<f64>) -> Vector3<f64> {
+    samples.iter().map(of).sum::<Vector3<f64>>() / samples.len() as f64
+}
+
+/// Means of equal parts, from whose scatter the noise of the whole mean is known.
+fn blocks(samples: &[CompensatedSample], of: fn(&CompensatedSample) -> Vector3<f64>) -> Vec<Vector3<f64>> {
+    samples.chunks_exact((samples.len() / BLOCKS).max(1)).map(|part| mean_of(part, of)).collect()
+}
+
+fn position(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
     let missing = || FigureError::Missing { what: "a position".into() };
     let (capture, up, heading_deg) = captures::lying(question.captures).next().ok_or_else(missing)?;
-    question.long_enough(capture, "dwell")?;
-    for triad in [Triad::Gyro, Triad::Accel] {
-        captures::still(capture, triad)?;
+    let needed = (question.params.quantity("dwell", Unit::Second)? * f64::from(capture.about.rate_hz)).floor() as usize;
+    let samples = capture.compensated.len();
+    if samples < needed {
+        return Err(FigureError::Short { label: capture.about.label.clone(), samples, needed });
     }
     let gravity = place::gravity(question.site)?.mps2;
     let (vertical, level) = place::earth_rate(question.site)?;
@@ -48,15 +90,10 @@ fn position(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f6
     let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
     let gravity_ppm = question.params.quantity("gravity_u", Unit::PartsPerMillion)?;
     let heading_u = if known { question.params.quantity("heading_u", Unit::Radian)? } else { 0.0 };
-    let force = Calibration::of(question.earlier)?.force()?;
-    let samples = capture.samples.len() / BLOCKS;
-    let (gyro, accel) =
-        (captures::block_means(capture, Triad::Gyro, samples), captures::block_means(capture, Triad::Accel, samples));
-    let forces: Vec<Vector3<f64>> = accel.iter().map(|mean| force.of(mean)).collect();
-    let rates: Vec<Vector3<f64>> = gyro.iter().zip(&accel).map(|(gyro, accel)| rate.of(gyro, accel)).collect();
+    let forces = blocks(&capture.compensated, force_mps2);
+    let rates = blocks(&capture.compensated, rate_rps);
     let noise = |values: &[Vector3<f64>], i: usize| mean::variance(&[values.iter().map(|value| value[i]).collect()]);
-    let means = [Triad::Gyro, Triad::Accel].map(|triad| captures::mean(capture, triad));
-    let force_error = (force.of(&means[1]) - up * gravity) * MG;
+    let force_error = (mean_of(&capture.compensated, force_mps2) - up * gravity) * MG;
     for (i, axis) in AXES.iter().enumerate() {
         let noise = noise(&forces, i);
         let level = (1.0 - up[i] * up[i]).max(0.0).sqrt();
@@ -68,7 +105,7 @@ fn position(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f6
         findings.figure(format!("force_error_{axis}"), force_error[i], &budget, p);
     }
     let dph = 3600.0 * 1.0_f64.to_degrees();
-    let rate_error = (rate.of(&means[0], &means[1]) - earth_rps) * dph;
+    let rate_error = (mean_of(&capture.compensated, rate_rps) - earth_rps) * dph;
     for (i, axis) in AXES.iter().enumerate() {
         let noise = noise(&rates, i);
         let left = if known { 0.0 } else { level * (1.0 - up[i] * up[i]).max(0.0).sqrt() };
@@ -82,13 +119,13 @@ fn position(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f6
     Ok(())
 }
 
-fn turn(question: &Question<'_>, rate: &Rate, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
+fn turn(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
     let turning = question.captures.iter().find_map(|capture| match capture.about.pose {
         Pose::Rotating { axis, angle_deg, .. } if axis < 3 => Some((capture, usize::from(axis), angle_deg)),
         _ => None,
     });
     let (capture, axis, angle_deg) = turning.ok_or_else(|| FigureError::Missing { what: "a turn".into() })?;
-    let turned = integrate(capture, axis, rate)?;
+    let turned = integrate(capture, axis)?;
     let told_rad = angle_deg.to_radians();
     let ppm = |rad: f64| rad / told_rad.abs() * 1e6;
     let angle_u = question.params.quantity("angle_u", Unit::Radian)?;
@@ -129,13 +166,9 @@ struct Turned {
 }
 
 /// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
-fn integrate(capture: &Capture, axis: usize, rate: &Rate) -> Result<Turned, FigureError> {
+fn integrate(capture: &Capture, axis: usize) -> Result<Turned, FigureError> {
     let rate_hz = f64::from(capture.about.rate_hz);
-    let rates: Vec<Vector3<f64>> = captures::block_means(capture, Triad::Gyro, 1)
-        .iter()
-        .zip(captures::block_means(capture, Triad::Accel, 1))
-        .map(|(gyro, accel)| rate.of(gyro, &accel))
-        .collect();
+    let rates: Vec<Vector3<f64>> = capture.compensated.iter().map(rate_rps).collect();
     let own: Vec<f64> = rates.iter().map(|rate| rate[axis]).collect();
     let block = (0.05 * rate_hz).ceil() as usize;
     let means: Vec<f64> = own.chunks(block.max(1)).map(stats::mean).collect();

@@ -11,6 +11,7 @@ use super::budget::Budget;
 use super::calibration::{self, Calibration, Mag};
 use super::captures::{self, Triad};
 use super::roll::{self, Roll};
+use super::thin;
 use super::{FigureError, Findings, Question};
 use crate::capture::{Capture, Pose};
 
@@ -28,6 +29,8 @@ struct Spin<'c> {
     roll: Roll,
     /// With the print's correction from extremes.
     as_printed: Roll,
+    /// Some of its points for a picture, gauss: raw.
+    shown: Vec<(f64, f64)>,
 }
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
@@ -118,7 +121,9 @@ impl<'c> Spin<'c> {
         let extremes = found.extremes;
         let printed = Correction { dx: extremes.dx, dy: extremes.dy, ky: extremes.ky, ..found.correction };
         let as_printed = roll_of(&|x, y| printed.apply_as_printed(x, y));
-        Ok(Self { capture, told_rps, found, roll, as_printed })
+        let corrected: Vec<(f64, f64)> = x.iter().zip(&y).map(|(x, y)| found.correction.apply(*x, *y)).collect();
+        let shown = thin::rim(&corrected).into_iter().map(|place| (x[place], y[place])).collect();
+        Ok(Self { capture, told_rps, found, roll, as_printed, shown })
     }
 
     /// The apparent alpha and its standard uncertainty, rad.
@@ -200,7 +205,18 @@ fn details(spins: &[Spin<'_>], skew: &Skew) -> serde_json::Value {
             })
         })
         .collect();
+    let field: Vec<_> = spins
+        .iter()
+        .map(|spin| {
+            json!({
+                "capture": spin.capture.about.label,
+                "x_gauss": thin::rounded(spin.shown.iter().map(|(x, _)| *x), 6),
+                "y_gauss": thin::rounded(spin.shown.iter().map(|(_, y)| *y), 6),
+            })
+        })
+        .collect();
     json!({
+        "field": field,
         "equation": "y' = ky (y - dy), x' = ((x - dx) - y' sin(alpha)) / cos(alpha), roll = atan2(-y', x') plus a constant; gauss at nominal scale",
         "spins": rows, "alpha_deg": skew.alpha.to_degrees(),
         "skew_us": skew.skew_s.map(|(skew_s, _)| skew_s * 1e6),

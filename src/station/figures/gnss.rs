@@ -8,6 +8,7 @@ use gnc_metrology::stats;
 use serde_json::json;
 
 use super::mean;
+use super::thin;
 use super::{FigureError, Findings, Question};
 use crate::nmea::{Epoch, Sentences};
 
@@ -49,6 +50,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         "survey_u_m": survey_u, "effective": { "horizontal": worth, "height": dof_of_rms(&up) },
         "label": "neighbouring epochs are correlated and counted as what they are worth",
     }));
+    findings.detail("scatter", scatter(&errors));
     let horizontal = (rms(&east).powi(2) + rms(&north).powi(2)).sqrt();
     let position = |rms: f64, dof: f64| spread(rms, dof, survey_u, Unit::Metre, probability);
     findings.put("position_horizontal", position(horizontal, 2.0 * worth));
@@ -76,6 +78,16 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     findings.put("epochs", Value::count(fixes.len() as u64));
     findings.number("effective_epochs", worth.floor(), Unit::Count);
     Ok(findings)
+}
+
+/// Errors over the epochs, thinned evenly, with the epoch farthest off in any case.
+fn scatter(errors: &[[f64; 3]]) -> serde_json::Value {
+    let every = thin::stride(errors.len());
+    let off = |error: &[f64; 3]| error[0].hypot(error[1]);
+    let worst = errors.iter().enumerate().max_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(place, _)| place);
+    let kept: Vec<usize> = (0..errors.len()).filter(|place| place % every == 0 || Some(*place) == worst).collect();
+    let of = |axis: usize| thin::rounded(kept.iter().map(|place| errors[*place][axis]), 3);
+    json!({ "every": every, "epoch": kept, "east_m": of(0), "north_m": of(1), "up_m": of(2) })
 }
 
 /// A root mean square with its interval: chi-square, and what the surveyed place may be off.

@@ -48,7 +48,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let interval = Uncertainty::interval(low * factor, high * factor, probability);
             findings.put(format!("density_{channel}"), Value::estimate(level.sqrt() * factor, unit, interval));
             lines.push((format!("line_{channel}"), line));
-            spectra.insert(channel, spectrum(&found, stability::unit(*triad), line_hz, line));
+            spectra.insert(channel, spectrum(&found, stability::unit(*triad), level, (line_hz, line)));
         }
     }
     for (name, line) in lines {
@@ -93,10 +93,11 @@ fn strongest_line(found: &psd::Psd) -> (f64, f64) {
     best
 }
 
-fn spectrum(found: &psd::Psd, unit: Unit, line_hz: f64, line: f64) -> serde_json::Value {
+/// Its densities are those of 0, 1, 2 ... times the step.
+fn spectrum(found: &psd::Psd, unit: Unit, white: f64, (line_hz, line): (f64, f64)) -> serde_json::Value {
     json!({
         "unit": format!("({})^2/Hz", unit.symbol()), "segments": found.segments,
-        "frequency_hz": found.frequency_hz, "density": found.density,
+        "frequency_step_hz": found.frequency_hz.get(1), "density": found.density, "white": white,
         "strongest_line": { "frequency_hz": line_hz, "over_neighbours": line },
     })
 }

@@ -115,17 +115,21 @@ fn steps(
     triad: Triad,
     axis: usize,
 ) -> Result<Steps, FigureError> {
-    let (step, at): (f64, Box<dyn Fn(&Capture, f64) -> bool>) = match triad {
+    // In the unit of the figure, and as the program was told.
+    let (step, told) = match triad {
         Triad::Gyro => {
             let step = question.params.quantity("gyro_step", Unit::DegreePerHour)?;
-            (step, Box::new(move |capture, sense| turns_at(capture, axis, sense * step)))
+            (step, step)
         }
         _ => {
             let step_g = question.params.quantity("accel_step", Unit::Gravity)?;
             // The tilt is one of the local gravity.
-            let step_mg = step_g * place::gravity(question.site)?.mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
-            (step_mg, Box::new(move |capture, sense| tilted(capture, axis, sense * step_g)))
+            (step_g * place::gravity(question.site)?.mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3, step_g)
         }
+    };
+    let at = |capture: &Capture, sense: f64| match triad {
+        Triad::Gyro => turns_at(capture, axis, sense * told),
+        _ => tilted(capture, axis, sense * told),
     };
     let response = |sense: f64| -> Result<Response, FigureError> {
         let each: Vec<f64> = question

@@ -12,6 +12,7 @@ use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::place;
 use super::six_position::{couplings, temperatures};
+use super::thin;
 use super::{FigureError, Findings, Question};
 use crate::capture::{Along, Capture, Pose};
 
@@ -177,9 +178,28 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         findings.number(format!("mismatch_{axis}"), c.mismatch[i] * 1e6, Unit::PartsPerMillion);
     }
     temperatures(&mut findings, question.captures, Triad::Gyro);
+    findings.detail("records", records(question.captures));
     let scale = GyroScale { response: rows(&c.response), matrix: rows(&c.matrix) };
     findings.detail(calibration::KEY, json!(Calibration { gyro_scale: Some(scale), ..Calibration::default() }));
     Ok(findings)
+}
+
+/// The rate about the turned axis over time, thinned, of every turn.
+fn records(captures: &[Capture]) -> Vec<serde_json::Value> {
+    let turns = captures.iter().filter_map(|capture| turn_of(capture).map(|(axis, ..)| (capture, axis)));
+    turns
+        .map(|(capture, axis)| {
+            let rates: Vec<f64> =
+                captures::channel(capture, Triad::Gyro, axis).iter().map(|code| code / GYRO_LSB_PER_DPS).collect();
+            let kept = thin::extremes(&rates);
+            let rate_hz = f64::from(capture.about.rate_hz);
+            json!({
+                "capture": capture.about.label, "axis": AXES[axis],
+                "time_s": thin::rounded(kept.iter().map(|place| *place as f64 / rate_hz), 4),
+                "rate_dps": thin::rounded(kept.iter().map(|place| rates[*place]), 4),
+            })
+        })
+        .collect()
 }
 
 fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {

@@ -21,8 +21,8 @@ use gnc_protocol::serial::LineCounters;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 
-use super::Received;
 use super::serial::OpenError;
+use super::{NoFrame, Received};
 use bus::{Bus, Turn};
 pub use memory::MemoryEnd;
 
@@ -146,6 +146,8 @@ pub struct Tap {
     outgoing: mpsc::Sender<CanFrame>,
     incoming: tokio::sync::Mutex<mpsc::Receiver<CanFrame>>,
     errors: watch::Receiver<Option<BusErrors>>,
+    /// Times that the port or interface went away.
+    absences: watch::Receiver<u32>,
     /// Where the kernel counts what it or the controller lost.
     statistics: Option<interface::Statistics>,
 }
@@ -181,6 +183,12 @@ impl Tap {
         self.statistics.as_ref().map(interface::Statistics::lost).max(overruns)
     }
 
+    /// Times that the port or interface has gone away so far.
+    #[must_use]
+    pub fn absences(&self) -> u32 {
+        *self.absences.borrow()
+    }
+
     /// What the host's own controller saw; `None` where the adapter cannot tell.
     #[must_use]
     pub fn errors(&self) -> Option<BusErrors> {
@@ -197,6 +205,7 @@ struct TapEnd {
     outgoing: mpsc::Receiver<CanFrame>,
     incoming: mpsc::Sender<CanFrame>,
     errors: watch::Sender<Option<BusErrors>>,
+    absences: watch::Sender<u32>,
 }
 
 /// An open bus with the host's end of the conversation.
@@ -233,13 +242,19 @@ impl CanLink {
         let (to_bus, outgoing) = mpsc::channel(TEST_FRAMES);
         let (incoming, from_bus) = mpsc::channel(TEST_FRAMES);
         let (errors, seen) = watch::channel(bus.errors());
-        let statistics = bus.statistics();
-        let tap = Tap { outgoing: to_bus, incoming: tokio::sync::Mutex::new(from_bus), errors: seen, statistics };
+        let (absences, seen_away) = watch::channel(0);
+        let tap = Tap {
+            outgoing: to_bus,
+            incoming: tokio::sync::Mutex::new(from_bus),
+            errors: seen,
+            absences: seen_away,
+            statistics: bus.statistics(),
+        };
         Self {
             bus,
             endpoint: Endpoint::new(Role::Host),
             outgoing: VecDeque::new(),
-            tap: TapEnd { outgoing, incoming, errors },
+            tap: TapEnd { outgoing, incoming, errors, absences },
             handed_out: Some(tap),
             started: Instant::now(),
         }
@@ -285,14 +300,25 @@ impl CanLink {
                     }
                     Turn::Received(frame) => {
                         if let Some(received) = self.endpoint.receive(&frame, self.started.elapsed()) {
-                            return Ok(received);
+                            return Ok(received.map_err(NoFrame::Damaged));
                         }
                     }
+                    Turn::Away => {
+                        self.tap.absences.send_modify(|absences| *absences += 1);
+                        return Ok(Err(NoFrame::Away));
+                    }
+                    Turn::Back(lasted) => return Ok(Err(NoFrame::Back { lasted })),
                 },
                 Some(frame) = self.tap.outgoing.recv(), if front.is_none() => self.outgoing.push_back(frame),
                 () = sleep_until(due.unwrap_or(self.started)), if due.is_some() => {}
             }
         }
+    }
+
+    /// The port or interface, as people call it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.bus.name()
     }
 
     pub(super) fn counters(&self) -> LineCounters {

@@ -1,22 +1,19 @@
 //! RS-422 by way of a serial port, an USB adapter or a pseudo-terminal.
-//!
-//! A port that vanishes ends the stream of frames: the driver then reads as "no more bytes" for ever, which is
-//! "device gone" and not "no data".
+
+mod port;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-use futures_util::StreamExt as _;
 use gnc_protocol::Frame;
 use gnc_protocol::serial::{Decoder, LineCounters, MAX_ON_WIRE, encode, on_wire};
 use gnc_protocol::timing;
 use nix::errno::Errno;
-use tokio::io::{AsyncWriteExt as _, ReadHalf, WriteHalf};
 use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
-use tokio_util::bytes::{Buf as _, BytesMut};
-use tokio_util::codec::{self, FramedRead};
+use tokio_util::bytes::Buf as _;
 
-use super::Received;
+use super::{NoFrame, Received};
+pub(super) use port::{Port, PortEvent};
 
 /// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.
 const OUTGOING: usize = 16 * MAX_ON_WIRE;
@@ -27,45 +24,55 @@ const OUTGOING: usize = 16 * MAX_ON_WIRE;
 /// blocks all of the station meanwhile.
 #[derive(Debug)]
 pub struct SerialLink {
-    frames: FramedRead<ReadHalf<SerialStream>, FrameCodec>,
-    writer: WriteHalf<SerialStream>,
-    outgoing: BytesMut,
-    rate_baud: u32,
+    port: Port,
+    decoder: Decoder,
 }
 
 impl SerialLink {
     pub(super) fn send(&mut self, frame: &Frame) {
-        if self.outgoing.len() <= OUTGOING {
-            self.outgoing.extend_from_slice(&encode(frame));
+        let outgoing = &mut self.port.outgoing;
+        if outgoing.len() <= OUTGOING {
+            outgoing.extend_from_slice(&encode(frame));
         }
     }
 
     pub(super) async fn next(&mut self, read: bool) -> io::Result<Received> {
         loop {
-            tokio::select! {
-                biased;
-                written = self.writer.write_buf(&mut self.outgoing), if !self.outgoing.is_empty() => {
-                    written?;
-                }
-                received = self.frames.next(), if read => {
-                    let closed = || io::Error::new(io::ErrorKind::UnexpectedEof, "the other end was closed");
-                    return received.unwrap_or_else(|| Err(closed()));
-                }
-                else => std::future::pending().await,
+            if read && let Some(received) = self.decoded() {
+                return Ok(received);
+            }
+            match self.port.turn(read).await? {
+                PortEvent::Read | PortEvent::Written => {}
+                PortEvent::Away => return Ok(Err(NoFrame::Away)),
+                PortEvent::Back(lasted) => return Ok(Err(NoFrame::Back { lasted })),
             }
         }
     }
 
+    /// The next frame in what has come. Damaged ones come through as such.
+    fn decoded(&mut self) -> Option<Received> {
+        let incoming = &mut self.port.incoming;
+        let mut rest: &[u8] = incoming;
+        let received = self.decoder.next(&mut rest);
+        let consumed = incoming.len() - rest.len();
+        incoming.advance(consumed);
+        received.map(|frame| frame.map_err(NoFrame::Damaged))
+    }
+
+    pub(super) fn name(&self) -> String {
+        self.port.name()
+    }
+
     pub(super) fn counters(&self) -> LineCounters {
-        self.frames.decoder().counters()
+        self.decoder.counters()
     }
 
     pub(super) fn restart_sequence(&mut self) {
-        self.frames.decoder_mut().restart_sequence();
+        self.decoder.restart_sequence();
     }
 
     pub(super) fn exchange_time(&self, payload: usize) -> std::time::Duration {
-        timing::wire_time(on_wire(payload) + 2 * MAX_ON_WIRE, self.rate_baud)
+        timing::wire_time(on_wire(payload) + 2 * MAX_ON_WIRE, self.port.rate_baud())
     }
 }
 
@@ -138,10 +145,7 @@ impl OpenError {
 /// # Errors
 /// [`OpenError`].
 pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
-    let stream = open_port(port, rate_baud)?;
-    let (reader, writer) = tokio::io::split(stream);
-    let frames = FramedRead::new(reader, FrameCodec::default());
-    Ok(SerialLink { frames, writer, outgoing: BytesMut::with_capacity(MAX_ON_WIRE), rate_baud })
+    Ok(SerialLink { port: Port::open(port, rate_baud)?, decoder: Decoder::default() })
 }
 
 /// Opens a port as [`open`] does, and closes it again.
@@ -159,7 +163,7 @@ pub fn try_open(port: &Path, rate_baud: u32) -> Result<(), OpenError> {
 }
 
 /// The port alone, whatever is spoken on it.
-pub(super) fn open_port(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
+fn open_stream(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
     let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)
         .open_native_async()
         .map_err(|source| explain(port, source))?;
@@ -213,37 +217,4 @@ fn holder(port: &Path) -> Option<String> {
 fn is_device(meta: &std::fs::Metadata) -> bool {
     use std::os::unix::fs::FileTypeExt as _;
     meta.file_type().is_char_device()
-}
-
-/// Bytes to frames. Damaged frames come through as such and do not end the stream.
-#[derive(Debug, Default)]
-struct FrameCodec {
-    decoder: Decoder,
-}
-
-impl FrameCodec {
-    fn counters(&self) -> LineCounters {
-        self.decoder.counters()
-    }
-
-    fn restart_sequence(&mut self) {
-        self.decoder.restart_sequence();
-    }
-}
-
-impl codec::Decoder for FrameCodec {
-    type Item = Received;
-    type Error = io::Error;
-
-    fn decode(&mut self, bytes: &mut BytesMut) -> Result<Option<Received>, io::Error> {
-        let mut rest: &[u8] = bytes;
-        let received = self.decoder.next(&mut rest);
-        let consumed = bytes.len() - rest.len();
-        bytes.advance(consumed);
-        Ok(received)
-    }
-
-    fn decode_eof(&mut self, bytes: &mut BytesMut) -> Result<Option<Received>, io::Error> {
-        self.decode(bytes)
-    }
 }

@@ -131,7 +131,7 @@ fn turn(
     };
     let label = format!("{prefix}{}{sign} rotation", AXES[axis % 3]);
     let about = About { label, series, pose, rate_hz: hertz(params, "turn_rate")? };
-    Ok(Step::Turn { about, rest_s: seconds(params, "rest")? })
+    Ok(Step::Turn { about, rest_s: seconds(params, "rest")?, uses: Uses::Gyro })
 }
 
 /// Z up for so long as a parameter says.
@@ -276,11 +276,16 @@ fn receiver(params: &Params) -> Result<Vec<Step>, ParamError> {
     Ok(vec![Step::Receiver { about, timeout_s, span_s }])
 }
 
-/// One position and one rotation about the axis that is up.
+/// One position and one rotation about the axis that is up, as the module's user gets them.
 fn check(params: &Params) -> Result<Vec<Step>, ParamError> {
     let name = params.choice("axis")?;
     let axis = AXES.iter().position(|axis| *axis == name).unwrap_or(2);
     let mut steps = still(params, lie(axis, true, 0.0), format!("{name}+"), 1, seconds(params, "dwell")?)?.to_vec();
     steps.push(turn(params, axis, true, Along::Up, 1, "")?);
+    for step in &mut steps {
+        if let Step::Capture { uses, .. } | Step::Turn { uses, .. } = step {
+            *uses = Uses::Compensated;
+        }
+    }
     Ok(steps)
 }

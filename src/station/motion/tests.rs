@@ -46,6 +46,10 @@ fn every_position_comes_once_and_is_told_beforehand() {
         six.to_string(),
         "takes 31 min 00 s of bench time: 6 captures with 360000 samples, the module is laid down 6 times"
     );
+    assert_eq!(
+        of(ItemId::BiasStability, "duration = \"600 s\"").to_string(),
+        "takes 10 min 10 s of bench time: 1 capture with 120000 samples, the module is laid down once"
+    );
     for (count, headings) in [("12", 2), ("24", 4)] {
         let many = captures(&of(ItemId::SixPosition, &format!("positions = \"{count}\"")));
         let mut poses: Vec<String> = many.iter().map(|about| format!("{:?}", about.pose)).collect();

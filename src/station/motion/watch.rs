@@ -68,7 +68,7 @@ impl Watch {
 
     fn saturated(&self, sample: &ImuSample) -> Result<(), Spoilt> {
         let used: &[(&str, &[i32; 3])] = match self.uses {
-            Uses::Inertial => &[("gyro", &sample.gyro), ("accel", &sample.accel)],
+            Uses::Inertial | Uses::Compensated => &[("gyro", &sample.gyro), ("accel", &sample.accel)],
             Uses::Gyro => &[("gyro", &sample.gyro)],
             Uses::Magnetometer => &[("mag", &sample.mag)],
         };

@@ -1,10 +1,14 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may end with a panic")]
 
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty as Known;
 use serde_json::json;
 
+use super::of_run::of;
 use super::*;
+use crate::figures::{FigureError, Findings};
 
 fn estimate(value: f64, unit: Unit, u: f64, k: f64) -> Value {
     Value::estimate(value, unit, Known::symmetric(value, u, k, 0.95))
@@ -72,7 +76,7 @@ fn found() -> Vec<(String, Findings)> {
 #[test]
 fn the_published_keys_hold_what_was_found() {
     let origin = Origin { date: "2026-11-22T10:00:00+08:00".into(), ..Origin::default() };
-    let passport = Passport::of("SN-1", Some(5.01), origin, &found()).unwrap();
+    let passport = of("SN-1", Some(5.01), origin, &found()).unwrap();
     let written = serde_json::to_value(&passport).unwrap();
     let near = |pointer: &str, truth: f64| {
         let value = written.pointer(pointer).and_then(serde_json::Value::as_f64);
@@ -113,6 +117,7 @@ fn the_published_keys_hold_what_was_found() {
 fn the_schema_has_the_same_keys() {
     fn compare(schema: &serde_json::Value, written: &serde_json::Value, place: &str) {
         let Some(object) = written.as_object() else { return };
+        let schema = if schema["properties"].is_object() { schema } else { &schema["items"] };
         let properties =
             schema["properties"].as_object().unwrap_or_else(|| panic!("{place} is no object in the schema"));
         let keys = |map: &serde_json::Map<String, serde_json::Value>| map.keys().cloned().collect::<Vec<_>>();
@@ -120,14 +125,16 @@ fn the_schema_has_the_same_keys() {
         assert_eq!(schema["additionalProperties"], false, "{place}");
         for (key, value) in object {
             assert!(properties[key]["description"].is_string(), "{place}/{key} has no description");
-            compare(&properties[key], value, &format!("{place}/{key}"));
+            let inner = value.as_array().and_then(|values| values.first()).unwrap_or(value);
+            compare(&properties[key], inner, &format!("{place}/{key}"));
         }
     }
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/passport.schema.json");
     let schema: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let mut all = found();
+    all[0].1.details["budget"] = budget();
     all[0].1.details["calibration"]["mag"] = json!({ "dx": 0.0, "dy": 0.0, "ky": 1.0, "sin_alpha": 0.0 });
-    let passport = Passport::of("SN-1", None, Origin::default(), &all).unwrap();
+    let passport = of("SN-1", None, Origin::default(), &all).unwrap();
     compare(&schema, &serde_json::to_value(&passport).unwrap(), "");
 }
 
@@ -136,6 +143,154 @@ fn what_is_missing_is_named() {
     for (left_out, item) in [(0, ItemId::SixPosition), (1, ItemId::Rotation), (2, ItemId::GyroStill)] {
         let mut some = found();
         some.remove(left_out);
-        assert_eq!(Passport::of("SN-1", None, Origin::default(), &some), Err(FigureError::NotCalibrated { item }));
+        assert_eq!(
+            of("SN-1", None, Origin::default(), &some),
+            Err(NoPassport::Figures(FigureError::NotCalibrated { item }))
+        );
     }
+}
+
+/// As an item writes it.
+fn budget() -> serde_json::Value {
+    json!({ "bias_x": {
+        "unit": "mg", "u": 0.03, "dof": 33.1, "k": 2.03, "U": 0.061, "probability": 0.95,
+        "contributions": [
+            { "name": "noise of the positions' means", "type": "A", "value": 0.025, "unit": "mg", "distribution": "t",
+              "dof": 15.0, "sensitivity": 1.0, "u": 0.025 },
+            { "name": "attitudes", "type": "B", "value": 5.2e-5, "unit": "rad", "distribution": "normal", "dof": null,
+              "sensitivity": 333.0, "u": 0.0173 },
+        ],
+    } })
+}
+
+#[test]
+fn the_budget_of_the_calibration_is_in_it() {
+    let mut all = found();
+    all[0].1.details["budget"] = budget();
+    // Another item's budget is no part of the calibration.
+    all[3].1.details["budget"] = budget();
+    let passport = of("SN-1", None, Origin::default(), &all).unwrap();
+    let [Budget { item, figure, k, dof, expanded, contributions, .. }] = &passport.uncertainty.budget[..] else {
+        panic!("{:?}", passport.uncertainty.budget)
+    };
+    assert_eq!(
+        (item.as_str(), figure.as_str(), *k, *dof, *expanded),
+        ("six", "bias_x", Some(2.03), Some(33.1), Some(0.061))
+    );
+    assert_eq!((contributions.len(), contributions[1].dof), (2, None));
+}
+
+/// A number that is none would be written as null where a reader counts on a number.
+#[test]
+fn a_passport_without_a_number_is_none() {
+    let mut all = found();
+    for (name, value) in &mut all[2].1.measured {
+        if name == "bias_y" {
+            *value = Value::NotAvailable("no".into());
+        }
+    }
+    assert_eq!(of("SN-1", None, Origin::default(), &all), Err(NoPassport::NotANumber { key: "b_g_dps" }));
+}
+
+/// XML read back by the rules of `xml`, guided by the JSON beside it.
+fn read_back(text: &str, like: &serde_json::Value) -> serde_json::Value {
+    use quick_xml::events::Event;
+    struct Node {
+        name: String,
+        nil: bool,
+        text: String,
+        children: Vec<Node>,
+    }
+    let mut reader = quick_xml::Reader::from_str(text);
+    let node = |start: &quick_xml::events::BytesStart<'_>| Node {
+        name: start.name().as_ref().to_owned(),
+        nil: start.attributes().any(|attribute| attribute.unwrap().key.as_ref() == "xsi:nil"),
+        text: String::new(),
+        children: Vec::new(),
+    };
+    let mut open = vec![Node { name: String::new(), nil: false, text: String::new(), children: Vec::new() }];
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Start(start) => open.push(node(&start)),
+            Event::Empty(start) => open.last_mut().unwrap().children.push(node(&start)),
+            Event::Text(text) => open.last_mut().unwrap().text.push_str(&text.xml10_content()),
+            Event::GeneralRef(reference) => {
+                let name = format!("&{};", &*reference);
+                open.last_mut().unwrap().text.push_str(&quick_xml::escape::unescape(&name).unwrap());
+            }
+            Event::End(_) => {
+                let closed = open.pop().unwrap();
+                open.last_mut().unwrap().children.push(closed);
+            }
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    fn value(node: &Node, like: &serde_json::Value) -> serde_json::Value {
+        match like {
+            _ if node.nil => serde_json::Value::Null,
+            serde_json::Value::Object(map) => {
+                node.children.iter().map(|child| (child.name.clone(), value(child, &map[&child.name]))).collect()
+            }
+            serde_json::Value::Array(values) if values.iter().any(|value| !value.is_number()) => {
+                node.children.iter().zip(values).map(|(child, like)| value(child, like)).collect()
+            }
+            serde_json::Value::Array(_) => {
+                node.text.split_whitespace().map(|word| word.parse::<f64>().unwrap()).collect::<Vec<_>>().into()
+            }
+            serde_json::Value::Number(_) => node.text.parse::<f64>().unwrap().into(),
+            serde_json::Value::Bool(_) => node.text.parse::<bool>().unwrap().into(),
+            _ => node.text.clone().into(),
+        }
+    }
+    value(&open.pop().unwrap().children[0], like)
+}
+
+/// Both files say the same, to the last bit, whatever the texts hold.
+#[test]
+fn xml_says_what_json_says() {
+    let mut all = found();
+    all[0].1.details["budget"] = budget();
+    all[0].1.details["calibration"]["mag"] = json!({ "dx": 1e-300, "dy": -0.1, "ky": 1.0 / 3.0, "sin_alpha": 0.0 });
+    for hostile in
+        ["SN-1", "<a href='x'>&amp;\"]]>", "  two  spaces ", "µ模块\u{202e}", "<!--", "\u{1b}[2J\r\n\u{ffff}\0"]
+    {
+        let origin = Origin { means: hostile.to_owned(), ..Origin::default() };
+        let origin = Origin { means: of_run::plain(&origin.means), ..origin };
+        let passport = of(hostile, Some(5.0), origin, &all).unwrap();
+        let json = serde_json::to_value(&passport).unwrap();
+        let text = String::from_utf8(xml(&passport).unwrap()).unwrap();
+        assert_eq!(read_back(&text, &json), json, "{text}");
+        assert!(
+            !text.contains("<a ") && !text.contains("<!--") && !text.contains(['\u{1b}', '\0', '\u{ffff}']),
+            "{text}"
+        );
+    }
+}
+
+/// The schema of the XML names the keys of the one of the JSON, no more and no fewer, and what may be null.
+#[test]
+fn both_schemas_name_the_same_keys() {
+    fn keys(schema: &serde_json::Value, found: &mut Vec<(String, bool)>) {
+        for (key, property) in schema["properties"].as_object().into_iter().flatten() {
+            let null = property["type"].as_array().is_some_and(|types| types.contains(&json!("null")));
+            found.push((key.clone(), null));
+            keys(property, found);
+            keys(&property["items"], found);
+        }
+    }
+    let read =
+        |name: &str| std::fs::read_to_string(format!("{}/../../docs/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let mut in_json = Vec::new();
+    keys(&serde_json::from_str(&read("passport.schema.json")).unwrap(), &mut in_json);
+    let xsd = read("passport.xsd");
+    let elements = xsd.split("<xs:element name=\"").skip(1).map(|rest| {
+        let tag = rest.split('>').next().unwrap();
+        (tag.split('"').next().unwrap().to_owned(), tag.contains("nillable=\"true\""))
+    });
+    let is_form = |name: &str| matches!(name, "passport" | "row" | "entry");
+    let mut in_xml: Vec<(String, bool)> = elements.filter(|(name, _)| !is_form(name)).collect();
+    in_json.sort();
+    in_xml.sort();
+    assert_eq!(in_json, in_xml);
 }

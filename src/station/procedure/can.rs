@@ -13,6 +13,7 @@ use gnc_protocol::message::{CanCounters, CanCountersReply, CanState};
 use tokio::time::timeout;
 
 use super::{Bench, Report, Trouble};
+use crate::link::NoFrame;
 use crate::link::can::{CanLink, Tap};
 use frames::{Seen, compare, single_frames, test_frames};
 
@@ -42,15 +43,22 @@ pub(super) async fn run(bench: &Bench<'_>, report: &Report<'_>) -> Result<(), Tr
 /// Moves frames for the tap; what else is on the bus is nobody's here.
 async fn drive(link: &mut CanLink) -> io::Error {
     loop {
-        if let Err(error) = link.next(true).await {
-            return error;
+        match link.next(true).await {
+            Err(error) => return error,
+            Ok(Err(NoFrame::Away)) => return went_away(&link.name()),
+            Ok(_) => {}
         }
     }
 }
 
+/// Frames that nobody acknowledges count as errors of the module's controller: nothing of such an exchange is judged.
+fn went_away(name: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::NotConnected, format!("{name} went away in the middle of the test"))
+}
+
 async fn measure(bench: &Bench<'_>, tap: &Tap, report: &Report<'_>) -> Result<(), Trouble> {
     let before = bench.board.call(&CanCounters {}).await?;
-    let lost_before = tap.lost_by_host();
+    let (lost_before, absences) = (tap.lost_by_host(), tap.absences());
     tap.drain().await;
     let frames = test_frames();
     let Exchanged { sent, returned } = exchange(tap, &frames, IN_FLIGHT).await?;
@@ -58,6 +66,9 @@ async fn measure(bench: &Bench<'_>, tap: &Tap, report: &Report<'_>) -> Result<()
     let seen = compare(&frames[..sent], &returned);
     let by_host = tap.lost_by_host().zip(lost_before).map(|(after, before)| after.saturating_sub(before));
     let swaps = seen.out_of_order > 0 && swaps_in_single_file(tap, before.received).await?;
+    if tap.absences() != absences {
+        return Err(went_away("the CAN bus").into());
+    }
 
     report.count("frames_sent", sent as u64).await?;
     report.count("frames_altered", seen.altered).await?;

@@ -1,19 +1,22 @@
 //! Carries out a motion program: lays the module down, turns it, and files what the sensors say meanwhile.
 
+mod compensated;
 mod losses;
 mod receiver;
 
 use std::time::Duration;
 
+use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{ModulePower, StreamStart};
 use gnc_protocol::stream::{ImuSample, StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Wire as _};
+use gnc_protocol::wire::{Reader, Wire};
 
 use super::{Bench, Report, Trouble};
 use crate::board::stream::{Closed, Losses, Stream};
 use crate::capture::{About, Capture, Pose, Receiver};
+use crate::guidance::Course;
 use crate::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use crate::motion::{Action, Program, REST_BEFORE_S, Step, Uses};
+use crate::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
 use crate::raw::{Piece, pieces};
 use crate::store::RawFile;
 use crate::turntable::{self, Turntable};
@@ -32,7 +35,8 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     let table = turntable::of(bench.fixture, report);
     let table = table.as_ref();
     let taken = taken(bench, report).await?;
-    let mut captor = Captor { bench, report, table, moving: false, raw: report.raw()?, captures: Vec::new() };
+    let course = Course::new(program, bench.board, bench.guide);
+    let mut captor = Captor { bench, report, table, moving: false, raw: report.raw()?, captures: Vec::new(), course };
     let followed = captor.follow(program, &taken).await;
     if followed.is_err() && captor.moving {
         // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.
@@ -40,8 +44,9 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     }
     let over = followed?;
     if over > 0 {
-        report.note(&format!("{over} captures were taken over from the run that broke off")).await?;
+        report.note(&format!("taken over from the run that broke off: {}", Count(over, "capture"))).await?;
     }
+    captor.course.works_out();
     captor.raw.finish().await?;
     Ok(captor.captures)
 }
@@ -56,19 +61,6 @@ async fn taken(bench: &Bench<'_>, report: &Report<'_>) -> Result<Vec<Capture>, T
     }
 }
 
-/// How far a program is, for people.
-#[derive(Debug, Clone, Copy)]
-struct Progress {
-    done_s: f64,
-    whole_s: f64,
-}
-
-impl Progress {
-    fn show(&self, bench: &Bench<'_>, step_s: f64) {
-        bench.board.advanced(self.done_s + step_s, self.whole_s);
-    }
-}
-
 struct Captor<'a> {
     bench: &'a Bench<'a>,
     report: &'a Report<'a>,
@@ -77,29 +69,29 @@ struct Captor<'a> {
     moving: bool,
     raw: RawFile,
     captures: Vec<Capture>,
+    course: Course<'a>,
 }
 
 impl Captor<'_> {
     /// Carries out what the run that broke off has not; gives how many captures it had.
     async fn follow(&mut self, program: &Program, taken: &[Capture]) -> Result<usize, Trouble> {
-        let mut progress = Progress { done_s: 0.0, whole_s: program.span_s() };
         let mut over = 0;
         for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
             match action {
-                Action::Do(step) => self.carry_out(step, &progress).await?,
+                Action::Do(step) => self.carry_out(step).await?,
                 Action::Take(step) => {
                     let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
                     self.take_over(found).await?;
                     over += 1;
                 }
             }
-            progress.done_s += action.step().span_s();
+            self.course.ended(action.step());
         }
         Ok(over)
     }
 
-    async fn carry_out(&mut self, step: &Step, progress: &Progress) -> Result<(), Trouble> {
-        progress.show(self.bench, 0.0);
+    async fn carry_out(&mut self, step: &Step) -> Result<(), Trouble> {
+        self.course.begins(step);
         match step {
             Step::Lay(lie) => self.table.lay(*lie).await,
             Step::Settle { span_s } => self.table.pause(Duration::from_secs_f64(*span_s)).await,
@@ -114,18 +106,15 @@ impl Captor<'_> {
             }
             Step::Capture { about, span_s, uses } => {
                 let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
-                self.capture(about, *uses, Until::Count(wanted), progress).await
+                self.capture(about, *uses, Until::Count(wanted)).await
             }
-            Step::Turn { about, rest_s } => {
+            Step::Turn { about, rest_s, uses } => {
                 let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
                 let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
-                self.capture(about, Uses::Gyro, Until::Turned { before, after }, progress).await?;
-                self.turned(before)
+                self.capture(about, *uses, Until::Turned { before, after }).await
             }
             Step::PowerCycle { off_s } => power_cycle(self.bench, self.report, self.table, *off_s).await,
-            Step::Receiver { about, timeout_s, span_s } => {
-                receiver::capture(self, about, *timeout_s, *span_s, progress).await
-            }
+            Step::Receiver { about, timeout_s, span_s } => receiver::capture(self, about, *timeout_s, *span_s).await,
         }
     }
 
@@ -139,11 +128,12 @@ impl Captor<'_> {
         Ok(())
     }
 
-    async fn capture(&mut self, about: &About, uses: Uses, until: Until, progress: &Progress) -> Result<(), Trouble> {
+    async fn capture(&mut self, about: &About, uses: Uses, until: Until) -> Result<(), Trouble> {
         let board = self.bench.board;
-        let mut stream = board.listen(StreamId::Imu).await?;
+        let id = if uses == Uses::Compensated { StreamId::Compensated } else { StreamId::Imu };
+        let mut stream = board.listen(id).await?;
         let count = if let Until::Count(count) = until { count } else { 0 };
-        let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: about.rate_hz, count, samples_per_frame: 0 };
+        let start = StreamStart { stream: id as u8, rate_hz: about.rate_hz, count, samples_per_frame: 0 };
         board.call(&start).await?;
         let still = matches!(about.pose, Pose::Still { .. });
         let room = if count > 0 { count as usize } else { TURN_ROOM };
@@ -151,9 +141,10 @@ impl Captor<'_> {
             about,
             watch: Watch::new(uses, still, about.rate_hz),
             samples: Vec::with_capacity(room),
+            compensated: (id == StreamId::Compensated).then(Vec::new),
             first_us: None,
         };
-        let taken = self.take(&mut taker, &mut stream, until, progress).await;
+        let taken = self.take(&mut taker, &mut stream, until).await;
         let end_us = stream.board_time_us();
         let losses = stream.losses();
         let closed = match &taken {
@@ -163,7 +154,7 @@ impl Captor<'_> {
         };
         let span_s = taker.samples.len() as f64 / f64::from(about.rate_hz.max(1));
         board.spent(Duration::from_secs_f64(span_s));
-        let Taker { samples, first_us, .. } = taker;
+        let Taker { samples, compensated, first_us, .. } = taker;
         // What came after the last sample is no part of the capture.
         let losses = if losses.any() { losses } else { Losses { received: samples.len() as u32, ..losses } };
         if first_us.is_none() {
@@ -175,25 +166,22 @@ impl Captor<'_> {
         taken?;
         closed?;
         let (about, first_us) = (about.clone(), first_us.unwrap_or(end_us));
-        self.captures.push(Capture { about, first_us, samples, losses, receiver: Receiver::default() });
+        let (samples, compensated) = match compensated {
+            Some(compensated) => (Vec::new(), compensated),
+            None => (samples, Vec::new()),
+        };
+        self.captures.push(Capture { about, first_us, samples, compensated, losses, receiver: Receiver::default() });
         Ok(())
     }
 
     /// Takes samples until there are enough, or something is wrong with them.
-    async fn take(
-        &mut self,
-        taker: &mut Taker<'_>,
-        stream: &mut Stream,
-        until: Until,
-        progress: &Progress,
-    ) -> Result<(), Trouble> {
+    async fn take(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, until: Until) -> Result<(), Trouble> {
         let rate_hz = taker.about.rate_hz;
         let table = self.table;
         let (before, after) = match until {
             Until::Count(count) => {
                 while taker.samples.len() < count as usize {
                     self.frame(taker, stream, count).await?;
-                    progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
                 }
                 return Ok(());
             }
@@ -235,8 +223,7 @@ impl Captor<'_> {
             }
         }
         self.moving = false;
-        progress.show(self.bench, taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
-        Ok(())
+        turned(taker.about, &taker.samples, before)
     }
 
     /// Takes the next frame: files it, looks at it.
@@ -245,40 +232,47 @@ impl Captor<'_> {
         let Some(frame) = stream.next().await? else {
             return Err(losses::silent(about, taker.samples.len(), wanted, stream.losses()));
         };
-        let mut samples = samples_of(&frame)?;
         let board_time_us = frame.head.board_time_us;
         if taker.first_us.is_none() {
             taker.first_us = Some(board_time_us);
             self.raw.write(Piece::Begin { about: about.clone(), board_time_us }).await?;
         }
-        if wanted > 0 {
-            samples.truncate((wanted as usize).saturating_sub(taker.samples.len()));
-        }
+        let room = if wanted > 0 { (wanted as usize).saturating_sub(taker.samples.len()) } else { usize::MAX };
         // What comes behind a gap is evidence of it.
         let (first, rate_hz) = (frame.head.first, about.rate_hz);
-        self.raw.write(Piece::Imu { first, board_time_us, rate_hz, samples: samples.clone() }).await?;
+        let (samples, piece) = if let Some(all) = &mut taker.compensated {
+            let samples: Vec<CompensatedSample> = samples_of(&frame, room)?;
+            all.extend_from_slice(&samples);
+            let nominal = samples.iter().map(compensated::nominal).collect();
+            (nominal, Piece::Compensated { first, board_time_us, rate_hz, samples })
+        } else {
+            let samples: Vec<ImuSample> = samples_of(&frame, room)?;
+            (samples.clone(), Piece::Imu { first, board_time_us, rate_hz, samples })
+        };
+        self.raw.write(piece).await?;
         if stream.losses().any() {
             return Err(losses::gap(about, taker.samples.len(), stream.losses()));
         }
         let looked = taker.watch.look(&samples);
         let had = taker.samples.len();
+        self.course.took(&samples);
         taker.samples.extend(samples);
+        self.course.captured(taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
         looked.map_err(|(index, spoilt)| {
             let at_s = (had + index) as f64 / f64::from(rate_hz.max(1));
             Trouble::Spoilt { label: about.label.clone(), at_s, spoilt }
         })
     }
+}
 
-    /// Whether the module turned as it should, by the gyroscope of the axis.
-    fn turned(&self, before: usize) -> Result<(), Trouble> {
-        let Some(capture) = self.captures.last() else { return Ok(()) };
-        let Pose::Rotating { axis, angle_deg, .. } = capture.about.pose else { return Ok(()) };
-        let seen_deg = turned_deg(&capture.samples, axis, capture.about.rate_hz, before);
-        if (seen_deg - angle_deg).abs() <= TURN_PART * angle_deg.abs() {
-            return Ok(());
-        }
-        Err(Trouble::NotTurned { label: capture.about.label.clone(), wanted_deg: angle_deg, seen_deg })
+/// Whether the module turned as it should, by the gyroscope of the axis.
+fn turned(about: &About, samples: &[ImuSample], before: usize) -> Result<(), Trouble> {
+    let Pose::Rotating { axis, angle_deg, .. } = about.pose else { return Ok(()) };
+    let seen_deg = turned_deg(samples, axis, about.rate_hz, before);
+    if (seen_deg - angle_deg).abs() <= TURN_PART * angle_deg.abs() {
+        return Ok(());
     }
+    Err(Trouble::NotTurned { label: about.label.clone(), wanted_deg: angle_deg, seen_deg })
 }
 
 /// Takes the module's power away for so long.
@@ -310,14 +304,18 @@ enum Until {
 struct Taker<'a> {
     about: &'a About,
     watch: Watch,
+    /// Raw samples; or the compensated ones as a perfect sensor would tell them, for those who watch.
     samples: Vec<ImuSample>,
+    /// The compensated samples, where those are captured.
+    compensated: Option<Vec<CompensatedSample>>,
     first_us: Option<u64>,
 }
 
-fn samples_of(frame: &StreamFrame) -> Result<Vec<ImuSample>, Trouble> {
+/// The samples of a frame, as many as there is room for.
+fn samples_of<S: Wire>(frame: &StreamFrame, room: usize) -> Result<Vec<S>, Trouble> {
     let mut reader = Reader::new(&frame.samples);
-    (0..frame.head.count)
-        .map(|_| ImuSample::get(&mut reader))
+    (0..usize::from(frame.head.count).min(room))
+        .map(|_| S::get(&mut reader))
         .collect::<Result<Vec<_>, _>>()
         .map_err(|error| Trouble::Nonsense { what: "the IMU stream", why: error.to_string() })
 }

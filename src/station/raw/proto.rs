@@ -1,4 +1,4 @@
-//! As much of protobuf's wire format as four flat messages need (protobuf.dev, "Encoding"): varints, fixed numbers, bytes.
+//! As much of protobuf's wire format as flat messages need (protobuf.dev, "Encoding"): varints, fixed numbers, bytes.
 
 /// Bytes of the longest varint: 64 bits in groups of seven.
 const LONGEST_VARINT: usize = 10;

@@ -2,14 +2,13 @@
 
 use std::io::{self, Read};
 
-use gnc_protocol::stream::ImuSample;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::Topic;
 use super::mark::Mark;
-use super::sample::{get_bytes, get_edge, get_sample};
+use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 use crate::board::stream::Losses;
 use crate::capture::{About, Capture, Receiver, Said};
 
@@ -179,7 +178,13 @@ impl Found {
                 let Some(sample) = get_sample(data) else {
                     return Err(self.foreign(format!("{name} cannot be read")));
                 };
-                self.sample(sample)
+                self.sample(name, |capture| capture.samples.push(sample))
+            }
+            Topic::Compensated => {
+                let Some(sample) = get_compensated(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.sample(name, |capture| capture.compensated.push(sample))
             }
             Topic::Gnss => {
                 let Some((board_time_us, bytes)) = get_bytes(data) else {
@@ -218,8 +223,14 @@ impl Found {
         if self.captures.len() >= MOST_CAPTURES {
             return Err(RawError::TooMuch { most: MOST_CAPTURES, what: "captures" });
         }
-        let (losses, receiver) = (Losses::default(), Receiver::default());
-        self.open = Some(Capture { about, first_us: time_ns / 1000, samples: Vec::new(), losses, receiver });
+        self.open = Some(Capture {
+            about,
+            first_us: time_ns / 1000,
+            samples: Vec::new(),
+            compensated: Vec::new(),
+            losses: Losses::default(),
+            receiver: Receiver::default(),
+        });
         Ok(())
     }
 
@@ -229,17 +240,17 @@ impl Found {
         };
         capture.losses = losses;
         capture.samples.shrink_to_fit();
+        capture.compensated.shrink_to_fit();
         self.captures.push(capture);
         Ok(())
     }
 
-    fn sample(&mut self, sample: ImuSample) -> Result<(), RawError> {
+    fn sample(&mut self, name: &str, push: impl FnOnce(&mut Capture)) -> Result<(), RawError> {
         self.samples += 1;
         if self.samples > MOST_SAMPLES {
             return Err(RawError::TooMuch { most: MOST_SAMPLES, what: "samples" });
         }
-        let capture = self.open("gnc.ImuSample")?;
-        capture.samples.push(sample);
+        push(self.open(name)?);
         Ok(())
     }
 
@@ -257,7 +268,9 @@ impl Found {
         if self.channels.is_empty() {
             return Err(self.foreign("it has none of our topics".into()));
         }
-        let unfinished = self.open.map(|open| Unfinished { samples: open.samples.len(), about: open.about });
+        let unfinished = self
+            .open
+            .map(|open| Unfinished { samples: open.samples.len().max(open.compensated.len()), about: open.about });
         Ok(RawRecord { captures: self.captures, unfinished, cut_off })
     }
 
@@ -277,7 +290,11 @@ impl Found {
 /// Where in the file, as people can find it again.
 fn place(captures: &[Capture], open: Option<&Capture>) -> String {
     match (open, captures.last()) {
-        (Some(open), _) => format!("after {} samples of capture `{}`", open.samples.len(), open.about.label),
+        (Some(open), _) => format!(
+            "after {} samples of capture `{}`",
+            open.samples.len().max(open.compensated.len()),
+            open.about.label
+        ),
         (None, Some(last)) => format!("after capture `{}`", last.about.label),
         (None, None) => "before the first capture".into(),
     }

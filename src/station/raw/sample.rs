@@ -1,5 +1,6 @@
-//! `gnc.ImuSample`, `gnc.GnssBytes` and `gnc.PpsEdge`.
+//! `gnc.ImuSample`, `gnc.CompensatedSample`, `gnc.GnssBytes` and `gnc.PpsEdge`.
 
+use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::ImuSample;
 
 use super::proto::{Fields, Value, next};
@@ -24,6 +25,34 @@ pub(super) fn get_sample(mut rest: &[u8]) -> Option<ImuSample> {
             7..=9 => sample.mag[field as usize - 7] = value.fixed()?,
             10 => sample.gyro_temperature = narrow(value)?,
             11 => sample.accel_temperature = narrow(value)?,
+            _ => {}
+        }
+    }
+    Some(sample)
+}
+
+/// `gnc.CompensatedSample`. Number and board time are those of the message here too.
+pub(super) fn put_compensated(out: &mut Vec<u8>, sample: &CompensatedSample) {
+    let mut fields = Fields(out);
+    for (field, value) in (1..).zip(sample.rate.iter().chain(&sample.force).chain(&sample.field)) {
+        fields.fixed(field, *value);
+    }
+    fields.signed(10, sample.gyro_temperature.into()).signed(11, sample.accel_temperature.into());
+    fields.fixed(12, sample.roll).unsigned(13, sample.saturated.into());
+}
+
+/// `None` if it is no such message.
+pub(super) fn get_compensated(mut rest: &[u8]) -> Option<CompensatedSample> {
+    let mut sample = CompensatedSample::default();
+    while let Some((field, value)) = next(&mut rest)? {
+        match field {
+            1..=3 => sample.rate[field as usize - 1] = value.fixed()?,
+            4..=6 => sample.force[field as usize - 4] = value.fixed()?,
+            7..=9 => sample.field[field as usize - 7] = value.fixed()?,
+            10 => sample.gyro_temperature = narrow(value)?,
+            11 => sample.accel_temperature = narrow(value)?,
+            12 => sample.roll = value.fixed()?,
+            13 => sample.saturated = value.narrow()?,
             _ => {}
         }
     }

@@ -1,4 +1,4 @@
-//! The descriptors of the four messages, as protobuf describes itself (google/protobuf/descriptor.proto).
+//! The descriptors of the messages, as protobuf describes itself (google/protobuf/descriptor.proto).
 
 use super::Topic;
 use super::proto::Fields;
@@ -56,6 +56,21 @@ fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
         ],
         Topic::Gnss => &[("board_time_us", Uint64), ("data", Bytes)],
         Topic::Pps => &[("board_time_ns", Uint64)],
+        Topic::Compensated => &[
+            ("rate_x", Sfixed32),
+            ("rate_y", Sfixed32),
+            ("rate_z", Sfixed32),
+            ("force_x", Sfixed32),
+            ("force_y", Sfixed32),
+            ("force_z", Sfixed32),
+            ("field_x", Sfixed32),
+            ("field_y", Sfixed32),
+            ("field_z", Sfixed32),
+            ("gyro_temperature", Sint32),
+            ("accel_temperature", Sint32),
+            ("roll", Sfixed32),
+            ("saturated", Uint32),
+        ],
     }
 }
 

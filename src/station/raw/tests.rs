@@ -2,6 +2,7 @@ use std::cell::RefCell;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::rc::Rc;
 
+use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::{ImuSample, SATURATION};
 
 use super::*;
@@ -46,6 +47,7 @@ fn captures() -> Vec<Capture> {
         Capture {
             about: still("x+", 0.1 + 0.2),
             first_us: 123_456_789,
+            compensated: Vec::new(),
             samples: samples(500, 7),
             losses: received(500, 0, 0),
             receiver: no_receiver.clone(),
@@ -53,13 +55,33 @@ fn captures() -> Vec<Capture> {
         Capture {
             about: About { label: "z- \u{3b1}".into(), series: 6, pose: turn, rate_hz: 1000 },
             first_us: 223_456_789,
+            compensated: Vec::new(),
             samples: rails,
             losses: received(3, 4, 5),
             receiver: no_receiver.clone(),
         },
         Capture {
+            about: still("z+ compensated", 0.0),
+            first_us: 323_456_789,
+            compensated: (0..2500)
+                .map(|k| CompensatedSample {
+                    rate: [k, -k, i32::MIN],
+                    force: [i32::MAX, 9_806_650, k * k],
+                    field: [-1, 0, 1],
+                    roll: -314_159_265 + k,
+                    saturated: (k % 512) as u16,
+                    gyro_temperature: i16::MIN,
+                    accel_temperature: i16::MAX,
+                })
+                .collect(),
+            samples: Vec::new(),
+            losses: received(2500, 0, 0),
+            receiver: no_receiver.clone(),
+        },
+        Capture {
             about: About { label: "spin".into(), series: 2, pose: spin, rate_hz: 1000 },
             first_us: 0,
+            compensated: Vec::new(),
             samples: Vec::new(),
             losses: Losses::default(),
             receiver: no_receiver,
@@ -67,6 +89,7 @@ fn captures() -> Vec<Capture> {
         Capture {
             about: still("sky", -0.0),
             first_us: u64::from(u32::MAX) * 1000,
+            compensated: Vec::new(),
             samples: Vec::new(),
             losses: received(6, 0, 0),
             receiver: Receiver {
@@ -108,6 +131,11 @@ fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
             let first = index as u32 * 12;
             let board_time_us = board_time_us + u64::from(first) * 1_000_000 / u64::from(rate_hz);
             pieces.push(Piece::Imu { first, board_time_us, rate_hz, samples: part.to_vec() });
+        }
+        for (index, part) in capture.compensated.chunks(10).enumerate() {
+            let first = index as u32 * 10;
+            let board_time_us = board_time_us + u64::from(first) * 1_000_000 / u64::from(rate_hz);
+            pieces.push(Piece::Compensated { first, board_time_us, rate_hz, samples: part.to_vec() });
         }
         for Said { board_time_us, bytes } in capture.receiver.said.clone() {
             pieces.push(Piece::Gnss { board_time_us, bytes });
@@ -180,7 +208,7 @@ fn a_file_may_end_anywhere() {
             Err(error) => assert!(length < head, "{length}: {error}"),
         }
     }
-    assert_eq!(seen, [true; 5], "every count of captures was seen");
+    assert_eq!(seen, [true; 6], "every count of captures was seen");
 }
 
 #[test]

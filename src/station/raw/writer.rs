@@ -2,13 +2,14 @@
 
 use std::io::{Seek, Write};
 
+use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::ImuSample;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions};
 
 use super::Topic;
 use super::mark::Mark;
-use super::sample::{put_bytes, put_edge, put_sample};
+use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
 use super::schema::descriptor_set;
 use crate::board::stream::Losses;
 use crate::capture::{About, Capture, Said};
@@ -33,6 +34,17 @@ pub enum Piece {
         rate_hz: u16,
         /// The samples.
         samples: Vec<ImuSample>,
+    },
+    /// Samples that the board compensated, without a gap between them.
+    Compensated {
+        /// Number of the first one in the capture.
+        first: u32,
+        /// Board time of the first one.
+        board_time_us: u64,
+        /// Samples a second.
+        rate_hz: u16,
+        /// The samples.
+        samples: Vec<CompensatedSample>,
     },
     /// Bytes of the satellite receiver.
     Gnss {
@@ -97,14 +109,10 @@ impl<W: Write + Seek> RawWriter<W> {
                 self.message(Topic::Capture, nanoseconds(board_time_us))
             }
             Piece::Imu { first, board_time_us, rate_hz, samples } => {
-                for (index, sample) in (0u32..).zip(samples) {
-                    let board_time_us =
-                        board_time_us.saturating_add(u64::from(index) * 1_000_000 / u64::from(rate_hz.max(1)));
-                    put_sample(&mut self.message, &sample);
-                    self.sequence[Topic::Imu as usize - 1] = first.saturating_add(index);
-                    self.message(Topic::Imu, nanoseconds(board_time_us))?;
-                }
-                Ok(())
+                self.samples(Topic::Imu, first, Instants { board_time_us, rate_hz }, &samples, put_sample)
+            }
+            Piece::Compensated { first, board_time_us, rate_hz, samples } => {
+                self.samples(Topic::Compensated, first, Instants { board_time_us, rate_hz }, &samples, put_compensated)
             }
             Piece::Gnss { board_time_us, bytes } => {
                 put_bytes(&mut self.message, board_time_us, &bytes);
@@ -134,6 +142,22 @@ impl<W: Write + Seek> RawWriter<W> {
         Ok(self.out.into_inner())
     }
 
+    fn samples<S>(
+        &mut self,
+        topic: Topic,
+        first: u32,
+        instants: Instants,
+        samples: &[S],
+        put: fn(&mut Vec<u8>, &S),
+    ) -> McapResult<()> {
+        for (index, sample) in (0u32..).zip(samples) {
+            put(&mut self.message, sample);
+            self.sequence[topic as usize - 1] = first.saturating_add(index);
+            self.message(topic, nanoseconds(instants.at_us(index)))?;
+        }
+        Ok(())
+    }
+
     fn message(&mut self, topic: Topic, time_ns: u64) -> McapResult<()> {
         let sequence = &mut self.sequence[topic as usize - 1];
         let header =
@@ -145,18 +169,37 @@ impl<W: Write + Seek> RawWriter<W> {
     }
 }
 
+/// When evenly spaced samples were taken.
+#[derive(Debug, Clone, Copy)]
+struct Instants {
+    /// The first one.
+    board_time_us: u64,
+    rate_hz: u16,
+}
+
+impl Instants {
+    fn at_us(self, index: u32) -> u64 {
+        self.board_time_us.saturating_add(u64::from(index) * 1_000_000 / u64::from(self.rate_hz.max(1)))
+    }
+}
+
 /// Samples of a piece that is made of a whole capture.
 const PIECE: usize = 1000;
 
 /// A whole capture, piece by piece.
 pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
-    let Capture { about, first_us, samples, losses, receiver } = capture;
+    let Capture { about, first_us, samples, compensated, losses, receiver } = capture;
     let (rate_hz, first_us) = (about.rate_hz, *first_us);
+    let first = |index: usize| u32::try_from(index * PIECE).unwrap_or(u32::MAX);
+    let instants = Instants { board_time_us: first_us, rate_hz };
     let begin = Piece::Begin { about: about.clone(), board_time_us: first_us };
     let parts = samples.chunks(PIECE).enumerate().map(move |(index, part)| {
-        let first = u32::try_from(index * PIECE).unwrap_or(u32::MAX);
-        let board_time_us = first_us.saturating_add(u64::from(first) * 1_000_000 / u64::from(rate_hz.max(1)));
-        Piece::Imu { first, board_time_us, rate_hz, samples: part.to_vec() }
+        let first = first(index);
+        Piece::Imu { first, board_time_us: instants.at_us(first), rate_hz, samples: part.to_vec() }
+    });
+    let compensated = compensated.chunks(PIECE).enumerate().map(move |(index, part)| {
+        let first = first(index);
+        Piece::Compensated { first, board_time_us: instants.at_us(first), rate_hz, samples: part.to_vec() }
     });
     let said = receiver.said.iter().map(|said| {
         let Said { board_time_us, bytes } = said.clone();
@@ -164,7 +207,7 @@ pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
     });
     let pulses = Piece::Pps(receiver.pulses_ns.clone());
     let end = Piece::End { losses: *losses, board_time_us: first_us };
-    std::iter::once(begin).chain(parts).chain(said).chain([pulses, end])
+    std::iter::once(begin).chain(parts).chain(compensated).chain(said).chain([pulses, end])
 }
 
 /// Good for 584 years of board time.

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, Program};
-use gnc_executive::measurement::{Measurement, Reading, Value};
+use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
-use gnc_executive::quantity::Unit;
 
 use super::differences::{of_details, of_measurements};
 use super::source::{Run, RunError};
@@ -31,9 +30,10 @@ pub(super) struct Again {
 }
 
 impl Again {
-    pub(super) fn summary(&self) -> String {
+    /// In a line; `same` says whether nothing at all differs.
+    pub(super) fn summary(&self, same: bool) -> String {
         let Self { measurements, captured, incomplete, .. } = self;
-        let same = match self.differences.is_empty() {
+        let same = match same {
             true => "the same, bit for bit",
             false => "not the same",
         };
@@ -172,7 +172,7 @@ impl Judge<'_> {
             Figures::Recorded => {
                 let measured = std::mem::take(&mut self.recorded(position).measured);
                 for was in &measured {
-                    self.measured(event, item, position, attempt, &was.name, &value_of(was), was.repeat.unwrap_or(1));
+                    self.measured(event, item, position, attempt, &was.name, &was.measured(), was.repeat.unwrap_or(1));
                 }
                 self.recorded(position).measured = measured;
                 for details in self.recorded(position).details.clone() {
@@ -346,21 +346,5 @@ fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Op
         _ if error.is_none() => item.attempt_outcome(measured),
         _ if violates => Outcome::Failed,
         other => other,
-    }
-}
-
-/// The value of a measurement as it was measured.
-fn value_of(measurement: &Measurement) -> Value {
-    let unit = measurement.unit.unwrap_or(Unit::Count);
-    match (&measurement.value, measurement.raw.as_deref()) {
-        (Reading::Number(number), _) => match measurement.uncertainty {
-            Some(uncertainty) => Value::estimate(*number, unit, uncertainty),
-            None => Value::number(*number, unit),
-        },
-        (Reading::Text(text), _) => Value::text(text.clone()),
-        (Reading::Null, Some("NaN")) => Value::number(f64::NAN, unit),
-        (Reading::Null, Some("inf")) => Value::number(f64::INFINITY, unit),
-        (Reading::Null, Some("-inf")) => Value::number(f64::NEG_INFINITY, unit),
-        (Reading::Null, raw) => Value::NotAvailable(raw.unwrap_or_default().to_owned()),
     }
 }

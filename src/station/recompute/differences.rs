@@ -38,8 +38,15 @@ pub(super) fn of_details(before: &[Value], now: &[Value]) -> Vec<String> {
         found.push(format!("{} details, and there were {}", now.len(), before.len()));
     }
     for (was, is) in before.iter().zip(now) {
-        walk("", was, is, &mut found);
+        walk("details ", was, is, &mut found);
     }
+    shorten(found)
+}
+
+/// Of one value that has a name: where it differs.
+pub(super) fn of_values(name: &str, was: &Value, is: &Value) -> Vec<String> {
+    let mut found = Vec::new();
+    walk(&format!("{name} "), was, is, &mut found);
     shorten(found)
 }
 
@@ -57,7 +64,7 @@ fn walk(place: &str, was: &Value, is: &Value, found: &mut Vec<String>) {
             }
         }
         _ if json(was) == json(is) => {}
-        _ => found.push(format!("details {place} was {}, is {}", json(was), json(is))),
+        _ => found.push(format!("{place} was {}, is {}", json(was), json(is))),
     }
 }
 

@@ -1,55 +1,55 @@
-//! What an analysis found, drawn from its data alone: any analysis gets a table of what it says, and pictures of what
-//! it lists under `plots`.
+//! What an analysis found as tables, by the form of its data alone. What `plots` draws is not listed.
 //!
-//! | key | shown as |
+//! | value | shown as |
 //! | --- | --- |
-//! | `plots`: list of `{title, x, y, log, square, series: [{name, mark: dots, line or bars, points: [[x, y]], bars: [[low, high]]}]}` | a picture |
 //! | an object of `{figure: {contributions: [..], u, U, k, dof, probability, unit}}` | an uncertainty budget |
 //! | a list of objects with the same keys | a table with a column for each key |
 //! | a list of lists of numbers | a matrix |
 //! | anything else | a line |
 
-use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::markup::Page;
-use super::number;
-use crate::compute::plot::{Mark, Panel, Series, svg};
+use super::{number, plots};
 
 /// The key that makes an object one figure's uncertainty budget.
 const CONTRIBUTIONS: &str = "contributions";
 /// Rows of a table; an analysis that lists more has the rest in the record.
 const MOST_ROWS: usize = 60;
+/// Columns of a table; objects with more keys stand beside each other, a line for each key.
+const MOST_COLUMNS: usize = 8;
+/// What the numbers are and what they do not say stands before them.
+const PROSE: [&str; 2] = ["equation", "label"];
+/// The calibration once more, in the form in which later items read it.
+const FOR_ITEMS: &str = "calibration";
 
 pub(super) fn show(page: &mut Page, details: &Value) {
     let Value::Object(map) = details else { return };
+    for text in PROSE.iter().filter_map(|key| map.get(*key)) {
+        page.element("p", "", &inline(text));
+    }
     page.open("div", "details");
-    for (name, value) in map {
-        if name != "plots" {
-            page.open("div", "");
-            entry(page, name, value);
-            page.close("div");
-        }
+    let hidden = |name: &str| plots::is_drawn(name) || PROSE.contains(&name) || name == FOR_ITEMS;
+    // The long tables of the budgets come last.
+    let (budgets, others): (Vec<_>, Vec<_>) =
+        map.iter().filter(|(name, _)| !hidden(name)).partition(|(_, value)| is_budget(value));
+    for (name, value) in others.into_iter().chain(budgets) {
+        page.open("div", "");
+        entry(page, name, value);
+        page.close("div");
     }
     page.close("div");
-    if let Some(plots) = map.get("plots") {
-        // What is not of this form is in the record all the same.
-        let panels: Vec<Plot> = serde_json::from_value(plots.clone()).unwrap_or_default();
-        for panel in panels {
-            page.picture(&svg(&[panel.into()]));
-        }
-    }
 }
 
 fn entry(page: &mut Page, name: &str, value: &Value) {
     match value {
-        Value::Object(map) if map.values().any(|value| value.get(CONTRIBUTIONS).is_some()) => {
+        Value::Object(map) if is_budget(value) => {
             page.element("h4", "", &heading(name));
             budget(page, map);
         }
-        Value::Object(map) => {
+        Value::Object(_) => {
             page.element("h4", "", &heading(name));
-            facts(page, map);
+            facts(page, value);
         }
         Value::Array(rows) if rows.iter().all(Value::is_object) && !rows.is_empty() => {
             page.element("h4", "", &heading(name));
@@ -63,67 +63,109 @@ fn entry(page: &mut Page, name: &str, value: &Value) {
     }
 }
 
-/// An uncertainty budget: of each figure its contributions, then what they come to together.
+fn is_budget(value: &Value) -> bool {
+    value.as_object().is_some_and(|map| map.values().any(|value| value.get(CONTRIBUTIONS).is_some()))
+}
+
+/// An uncertainty budget: of each figure its contributions, then what they come to together. The input's uncertainty
+/// times the sensitivity is `u`, in the unit of the figure.
 fn budget(page: &mut Page, figures: &Map<String, Value>) {
     page.open("table", "");
     page.row(
         "th",
-        &["Figure", "Contribution", "Type", "Distribution", "u", "Unit", "Sensitivity", "Degrees of freedom"],
+        &["Figure", "Contribution", "Type", "Distribution", "Input", "", "Sensitivity", "u", "Degrees of freedom"],
     );
     for (figure, budget) in figures {
+        let of_figure = |key: &str| budget.get(key).map(inline).unwrap_or_default();
+        let mut name = format!("{}, {}", heading(figure), of_figure("unit"));
         let contributions = budget.get(CONTRIBUTIONS).and_then(Value::as_array);
         for contribution in contributions.into_iter().flatten() {
             let cell = |key: &str| contribution.get(key).map(inline).unwrap_or_default();
             page.open("tr", "");
-            page.element("td", "", &heading(figure));
+            page.element("td", "", &std::mem::take(&mut name));
             for key in ["name", "type", "distribution"] {
                 page.element("td", "", &cell(key));
             }
-            page.element("td", "number", &cell("u"));
+            page.element("td", "number", &cell("value"));
             page.element("td", "", &cell("unit"));
             page.element("td", "number", &cell("sensitivity"));
-            page.element("td", "number", &cell("dof"));
+            page.element("td", "number", &cell("u"));
+            page.element("td", "number", &freedom(contribution));
             page.close("tr");
         }
-        let part = |key: &str| budget.get(key).map(inline).unwrap_or_default();
-        let together = format!("together U = {}, k = {}, probability {}", part("U"), part("k"), part("probability"));
-        page.row("td", &[&heading(figure), &together, "", "", &part("u"), &part("unit"), "", &part("dof")]);
+        let together =
+            format!("U = {} with k = {}, probability {}", of_figure("U"), of_figure("k"), of_figure("probability"));
+        page.open("tr", "together");
+        page.element("td", "", "");
+        page.wide_cell(6, &together);
+        page.element("td", "number", &of_figure("u"));
+        page.element("td", "number", &freedom(budget));
+        page.close("tr");
     }
     page.close("table");
 }
 
+/// Degrees of freedom; JSON has no infinity, and null stands for it.
+fn freedom(of: &Value) -> String {
+    match of.get("dof") {
+        None => String::new(),
+        Some(Value::Null) => "infinite".to_owned(),
+        Some(dof) => inline(dof),
+    }
+}
+
 /// Names and values, those of nested objects with their path.
-fn facts(page: &mut Page, map: &Map<String, Value>) {
+fn facts(page: &mut Page, whole: &Value) {
     page.open("table", "facts");
-    for (name, value) in map {
-        page.open("tr", "");
-        page.element("th", "", &heading(name));
-        page.element("td", "", &inline(value));
-        page.close("tr");
+    for (name, value) in flattened("", whole) {
+        page.fact(&heading(&name), &inline(value));
     }
     page.close("table");
 }
 
 fn objects(page: &mut Page, rows: &[Value]) {
-    let mut columns: Vec<&String> = Vec::new();
-    for name in rows.iter().filter_map(Value::as_object).flat_map(Map::keys) {
-        if !columns.contains(&name) {
-            columns.push(name);
+    let flat: Vec<Vec<(String, &Value)>> = rows.iter().take(MOST_ROWS).map(|row| flattened("", row)).collect();
+    let mut names: Vec<&String> = Vec::new();
+    for (name, _) in flat.iter().flatten() {
+        if !names.contains(&name) {
+            names.push(name);
         }
     }
+    // What is called by a name begins with it.
+    let is_text = |name: &&String| flat.iter().flatten().any(|(other, value)| other == *name && value.is_string());
+    names.sort_by_key(|name| !is_text(name));
+    let cell = |row: &[(String, &Value)], name: &String| {
+        row.iter().find(|(other, _)| other == name).map_or(Value::Null, |(_, value)| (*value).clone())
+    };
     page.open("table", "");
-    let names: Vec<String> = columns.iter().map(|name| heading(name)).collect();
-    page.row("th", &names.iter().map(String::as_str).collect::<Vec<_>>());
-    for row in rows.iter().take(MOST_ROWS) {
-        page.open("tr", "");
-        for name in &columns {
-            let value = row.get(name.as_str()).unwrap_or(&Value::Null);
-            page.element("td", if value.is_number() { "number" } else { "" }, &inline(value));
+    if names.len() > MOST_COLUMNS && flat.len() <= MOST_COLUMNS {
+        for name in names {
+            page.open("tr", "");
+            page.element("th", "", &heading(name));
+            flat.iter().for_each(|row| value_cell(page, &cell(row, name)));
+            page.close("tr");
         }
-        page.close("tr");
+    } else {
+        page.row("th", &names.iter().map(|name| heading(name)).collect::<Vec<_>>());
+        for row in &flat {
+            page.open("tr", "");
+            names.iter().for_each(|name| value_cell(page, &cell(row, name)));
+            page.close("tr");
+        }
     }
     page.close("table");
     rest(page, rows.len());
+}
+
+fn value_cell(page: &mut Page, value: &Value) {
+    page.element("td", if value.is_number() { "number" } else { "" }, &inline(value));
+}
+
+/// An object with those in it as one, each value under the path to it.
+fn flattened<'v>(path: &str, value: &'v Value) -> Vec<(String, &'v Value)> {
+    let Value::Object(map) = value else { return vec![(path.to_owned(), value)] };
+    let below = |name: &String| if path.is_empty() { name.clone() } else { format!("{path} {name}") };
+    map.iter().flat_map(|(name, value)| flattened(&below(name), value)).collect()
 }
 
 fn matrix(page: &mut Page, rows: &[Value]) {
@@ -164,41 +206,4 @@ fn inline(value: &Value) -> String {
 /// A key as words.
 fn heading(name: &str) -> String {
     name.replace('_', " ")
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Plot {
-    title: String,
-    x: String,
-    y: String,
-    log: bool,
-    square: bool,
-    series: Vec<PlotSeries>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct PlotSeries {
-    name: String,
-    mark: String,
-    points: Vec<(f64, f64)>,
-    bars: Vec<(f64, f64)>,
-}
-
-impl From<Plot> for Panel {
-    fn from(plot: Plot) -> Self {
-        let series = plot.series.into_iter().map(|series| Series {
-            name: series.name,
-            mark: match series.mark.as_str() {
-                "line" => Mark::Line,
-                "bars" => Mark::Bars(series.bars),
-                _ => Mark::Dots,
-            },
-            points: series.points,
-        });
-        let panel = Self::new(plot.title, plot.x, plot.y, series.collect());
-        let panel = if plot.log { panel.log() } else { panel };
-        if plot.square { panel.square() } else { panel }
-    }
 }

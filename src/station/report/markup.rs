@@ -80,19 +80,35 @@ impl Page {
         let _ = writeln!(self.0, "<td><a href=\"#{}\">{}</a></td>", Text(anchor), Text(text));
     }
 
+    /// A cell over several columns.
+    pub(super) fn wide_cell(&mut self, columns: usize, text: &str) {
+        let _ = writeln!(self.0, "<td colspan=\"{columns}\">{}</td>", Text(text));
+    }
+
+    /// A row of a name and what it is.
+    pub(super) fn fact(&mut self, name: &str, value: &str) {
+        self.open("tr", "");
+        self.element("th", "", name);
+        self.element("td", "", value);
+        self.close("tr");
+    }
+
     /// A row of a table.
-    pub(super) fn row(&mut self, cell: &'static str, texts: &[&str]) {
+    pub(super) fn row<T: AsRef<str>>(&mut self, cell: &'static str, texts: &[T]) {
         self.open("tr", "");
         for text in texts {
-            self.element(cell, "", text);
+            self.element(cell, "", text.as_ref());
         }
         self.close("tr");
     }
 
-    /// A picture that this program drew.
-    pub(super) fn picture(&mut self, svg: &str) {
+    /// Pictures that this program drew, beside each other where there is room.
+    pub(super) fn pictures(&mut self, svgs: &[String]) {
+        if svgs.is_empty() {
+            return;
+        }
         self.0.push_str("<figure>\n");
-        self.0.push_str(svg);
+        svgs.iter().for_each(|svg| self.0.push_str(svg));
         self.0.push_str("</figure>\n");
     }
 

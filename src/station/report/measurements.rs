@@ -42,7 +42,7 @@ fn gauge(measurement: &Measurement) -> Option<String> {
         _ => return None,
     };
     let span = (high - low) / (1.0 - 2.0 * BEYOND);
-    let at = |value: f64| ((value - low) / span + BEYOND).clamp(0.01, 0.99) * WIDTH;
+    let at = |value: f64| ((value - low) / span + BEYOND).clamp(0.03, 0.97) * WIDTH;
     let colour = match measurement.outcome {
         Some(Outcome::Passed) => "#1e7b34",
         Some(Outcome::Marginal) => "#8a6d00",

@@ -14,6 +14,8 @@ use serde_json::json;
 
 use super::*;
 
+const NONE: Result<Passport, NoPassport> = Err(NoPassport::NoCalibration);
+
 const HOSTILE: &str = "<script>alert(1)</script>\u{1b}[2J\u{202e}\"'&";
 
 /// A run of one item with one value of 2 deg/s against 0 to 1.
@@ -63,7 +65,7 @@ fn record(serial_number: &str) -> RunRecord {
 
 #[test]
 fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
-    let page = html(&record("SN-1"), &[("events.jsonl".to_owned(), "ab".repeat(32))]);
+    let page = html(&record("SN-1"), &NONE, &[("events.jsonl".to_owned(), "ab".repeat(32))]);
     for expected in [
         "FAILED SN-1",
         "SIMULATED BENCH (good): no evidence about any module",
@@ -78,18 +80,30 @@ fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
 /// A serial number with markup, an escape sequence and a turned direction: the page holds its letters and none of them.
 #[test]
 fn no_text_becomes_markup() {
-    let page = html(&record(HOSTILE), &[]);
+    let page = html(&record(HOSTILE), &NONE, &[]);
     assert!(!page.contains("<script"), "markup got through");
     assert!(!page.contains(['\u{1b}', '\u{202e}']), "a control character got through");
     assert!(page.contains("&lt;script&gt;alert(1)&lt;/script&gt;"));
+}
+
+/// Details as the item `allan` writes them, with a unit from elsewhere.
+fn allan() -> serde_json::Value {
+    let points = [1.0, 10.0, 100.0].map(|tau_s: f64| {
+        let dev = 20.0 / tau_s.sqrt();
+        json!({ "tau_s": tau_s, "dev": dev, "low": 0.9 * dev, "high": 1.2 * dev, "edf": 9.0, "n": 100, "noise": "white" })
+    });
+    json!({ "curves": { "gyro_x": {
+        "unit": HOSTILE, "points": points, "N": { "value": 20.0, "low": 18.0, "high": 22.0 }, "B": null, "K": null,
+    } } })
 }
 
 /// Nothing in the page names another place.
 #[test]
 fn the_page_needs_no_network() {
     let mut record = record("SN-1");
-    record.items[0].attempts[0].details = vec![json!({ "plots": [{ "title": "t", "series": [] }] })];
-    let page = html(&record, &[]).replace("http://www.w3.org/2000/svg", "");
+    record.items[0].attempts[0].details = vec![allan()];
+    record.items[0].id = ItemId::Allan;
+    let page = html(&record, &NONE, &[]).replace("http://www.w3.org/2000/svg", "");
     for place in ["http:", "https:", "src=", "url(", "@import"] {
         assert!(!page.contains(place), "{place}");
     }
@@ -98,26 +112,19 @@ fn the_page_needs_no_network() {
 #[test]
 fn details_are_tables_matrices_and_pictures() {
     let mut record = record("SN-1");
+    record.items[0].id = ItemId::Allan;
     record.items[0].attempts[0].details = vec![json!({
         "equation": "f = M N + b",
         "matrix": [[1.0, 0.25], [0.0, 1.0]],
         "points": [{ "source": HOSTILE, "value": 1.5e-7 }, { "source": "angle", "type": "B" }],
         "budget": { "scale_x": { "contributions": [{ "name": "table angle", "type": "B", "u": 2.5 }], "U": 5.0, "k": 2.0 } },
-        "plots": [{ "title": HOSTILE, "x": "s", "y": "deg/h", "log": true,
-                    "series": [{ "name": "x", "mark": "bars", "points": [[1.0, 2.0]], "bars": [[1.5, 2.5]] }] }],
+        "curves": allan()["curves"],
         "nothing": null,
     })];
-    let page = html(&record, &[]);
-    for expected in [
-        "f = M N + b",
-        ">0.25<",
-        "1.50000e-7",
-        "table angle",
-        "together U = 5, k = 2",
-        "<svg",
-        "not available",
-        ">type<",
-    ] {
+    let page = html(&record, &NONE, &[]);
+    for expected in
+        ["f = M N + b", ">0.25<", "1.50000e-7", "table angle", "U = 5 with k = 2", "<svg", "not available", ">type<"]
+    {
         assert!(page.contains(expected), "{expected} is missing");
     }
     assert!(!page.contains("<script"));
@@ -128,4 +135,22 @@ fn numbers_keep_their_digits() {
     for (value, text) in [(0.1, "0.1"), (1234.5678, "1234.57"), (1e-9, "1.00000e-9"), (-0.0, "0"), (2e6, "2000000")] {
         assert_eq!(number(value), text);
     }
+}
+
+/// Whoever reads a verdict near a limit must know by which rule it was made.
+#[test]
+fn the_decision_rule_is_stated() {
+    let mut record = record("SN-1");
+    assert!(!html(&record, &NONE, &[]).contains("Decision rule"), "no value has an interval");
+    record.items[0].attempts[0].measurements[0].decision = Some(Decision::GuardBand);
+    let page = html(&record, &NONE, &[]);
+    assert!(page.contains("guard band by the uncertainty") && !page.contains("simple acceptance"));
+}
+
+/// A module that failed has no passport, and the page says why; a plan that calibrates nothing says nothing.
+#[test]
+fn a_missing_passport_is_explained() {
+    let why = Err(NoPassport::Outcome { outcome: Outcome::Failed });
+    assert!(html(&record("SN-1"), &why, &[]).contains("None: the run failed"));
+    assert!(!html(&record("SN-1"), &NONE, &[]).contains("Sensor passport"));
 }

@@ -122,6 +122,7 @@ impl Run<'_> {
         } else {
             timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
         };
+        self.tell_absences(&board).await?;
         let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
         match safe {
             Ok(Ok(())) => {

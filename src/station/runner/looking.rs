@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{AdRead, GnssRestart, GnssStart, MakeSafe, ModulePower, StreamStart};
 use gnc_protocol::stream::StreamId;
 use tokio::sync::watch;
@@ -69,12 +70,14 @@ async fn show(desk: &Desk<'_>) -> Result<(), BoardError> {
     let mut imu = desk.listen(StreamId::Imu).await?;
     let mut gnss = desk.listen(StreamId::Gnss).await?;
     let mut pulses = desk.listen(StreamId::Pps).await?;
+    let mut compensated = desk.listen(StreamId::Compensated).await?;
     desk.call(&GnssRestart { start: GnssStart::Hot as u8 }).await?;
     // One sample a frame, so that the screen is not behind.
     let streams = [(StreamId::Imu, IMU_RATE_HZ, 1), (StreamId::Gnss, 0, 0), (StreamId::Pps, 0, 0)];
     for (stream, rate_hz, samples_per_frame) in streams {
         desk.call(&StreamStart { stream: stream as u8, rate_hz, count: 0, samples_per_frame }).await?;
     }
+    compensate(desk).await?;
     let mut ad_due = interval(AD_EVERY);
     loop {
         // What comes is shown on its way here.
@@ -82,8 +85,25 @@ async fn show(desk: &Desk<'_>) -> Result<(), BoardError> {
             frame = imu.next() => drop(frame?),
             frame = gnss.next() => drop(frame?),
             frame = pulses.next() => drop(frame?),
+            frame = compensated.next() => drop(frame?),
             _ = ad_due.tick() => drop(desk.call(&AdRead { channels: 0xff, samples: AD_SAMPLES }).await?),
         }
+    }
+}
+
+/// Asks for compensated samples too. A module that was never calibrated has none, and a slow line no room for them: then
+/// they are not shown.
+async fn compensate(desk: &Desk<'_>) -> Result<(), BoardError> {
+    let started = async {
+        if desk.call(&CalibrationRead {}).await?.state == CalibrationState::Valid as u8 {
+            let stream = StreamId::Compensated as u8;
+            desk.call(&StreamStart { stream, rate_hz: IMU_RATE_HZ, count: 0, samples_per_frame: 1 }).await?;
+        }
+        Ok(())
+    };
+    match started.await {
+        Err(BoardError::Refused { .. } | BoardError::RefusedUnknown { .. }) => Ok(()),
+        started => started,
     }
 }
 

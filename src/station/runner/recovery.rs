@@ -8,7 +8,8 @@ use gnc_executive::outcome::Outcome;
 use super::connection::nonce;
 use super::verdict::judge;
 use super::{End, Flight, Landed, Run, chain};
-use crate::board::{Board, BoardError};
+use crate::board::{Absent, Board, BoardError};
+use crate::link::RETURNS_WITHIN;
 use crate::procedure::Trouble;
 use crate::store::StoreError;
 
@@ -40,6 +41,7 @@ impl Run<'_> {
             // Without a restart the first to notice speaks for the line.
             (false, _) => ended.first().map(|landed| landed.position),
         };
+        let absence = ended.iter().find_map(absence);
         if any_restart {
             self.unexplained_restart.set(culprit.is_none());
             self.one_by_one.set(self.one_by_one.get() || culprit.is_none());
@@ -73,7 +75,26 @@ impl Run<'_> {
         }
         self.end_spoilt_items(text.as_deref()).await?;
         let name = culprit.and_then(|position| self.order.job.item(position)).map(|item| item.name.clone());
-        self.recover(board, name.filter(|_| any_restart)).await
+        if let Some(error @ BoardError::Away { .. }) = absence {
+            let wait_s = RETURNS_WITHIN.as_secs();
+            let text = format!("{error}; {}: the run waits {wait_s} s for it", error.try_this());
+            self.note(Level::Warning, text, None).await?;
+        }
+        self.recover(board, name.filter(|_| any_restart), absence.is_some()).await
+    }
+
+    /// Says that the port or interface was away.
+    pub(super) async fn was_away(&self, absent: &Absent) -> Result<(), StoreError> {
+        let text = format!("{} went away; back after {:.1} s", absent.name, absent.lasted.as_secs_f64());
+        self.note(Level::Warning, text, None).await
+    }
+
+    /// Says so of all absences that nobody was told of yet.
+    pub(super) async fn tell_absences(&self, board: &Board) -> Result<(), StoreError> {
+        while let Some(Some(absent)) = board.absence().now_or_never() {
+            self.was_away(&absent).await?;
+        }
+        Ok(())
     }
 
     /// Attempts that were in flight and had not noticed yet.
@@ -90,13 +111,15 @@ impl Run<'_> {
     }
 
     /// After a lost session nobody knows what the board still does: a new one makes it safe and starts clean.
-    async fn recover(&self, board: &Board, culprit: Option<String>) -> Result<(), StoreError> {
+    /// A board that restarted while its port was away did so with it, and needs no other culprit.
+    async fn recover(&self, board: &Board, culprit: Option<String>, absence: bool) -> Result<(), StoreError> {
         let before = board.hello().boot_id;
         let reopened = tokio::select! {
             biased;
             asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
             reopened = board.reopen(nonce()) => Ok(reopened),
         };
+        self.tell_absences(board).await?;
         self.records_read.set(0);
         self.unfiled.borrow_mut().clear();
         match reopened {
@@ -107,7 +130,7 @@ impl Run<'_> {
             }
             Ok(Ok(boot_id)) => {
                 if boot_id != before {
-                    if culprit.is_none() {
+                    if culprit.is_none() && !absence {
                         // Also where the line hid it: whose request it was will not be known, unless it happens again.
                         self.unexplained_restart.set(true);
                         self.one_by_one.set(true);
@@ -127,12 +150,23 @@ impl Run<'_> {
     }
 }
 
+/// The absence of the port or interface that ended an attempt.
+fn absence(landed: &Landed) -> Option<&BoardError> {
+    match &landed.end {
+        End::Done(Err(Trouble::Board(error))) if error.is_absence() => Some(error),
+        _ => None,
+    }
+}
+
 pub(super) fn session_lives(trouble: &Trouble) -> bool {
     !matches!(
         trouble,
         Trouble::Board(
             BoardError::Gone { .. }
+                | BoardError::Away { .. }
+                | BoardError::Interrupted { .. }
                 | BoardError::NoAnswer { .. }
+                | BoardError::Garbled { .. }
                 | BoardError::Silent { .. }
                 | BoardError::NoHeartbeat { .. }
                 | BoardError::Restarted { .. }

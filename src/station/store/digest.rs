@@ -1,12 +1,14 @@
 //! SHA-256 of files and plans.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
 
-use super::{DIGESTS, StoreError, on};
+use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
 
 /// Hexadecimal digits of a SHA-256.
 #[must_use]
@@ -56,7 +58,7 @@ impl io::Write for HashWriter<'_> {
     }
 }
 
-/// All files below a run's folder but the list of digests itself, as sorted relative paths.
+/// All files below a run's folder but the list of digests itself and its signature, as sorted relative paths.
 ///
 /// # Errors
 /// [`StoreError::File`].
@@ -70,7 +72,7 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
             if on(path.symlink_metadata(), "read", &path)?.is_dir() {
                 folders.push(path);
             } else if let Ok(relative) = path.strip_prefix(folder)
-                && relative != Path::new(DIGESTS)
+                && ![Path::new(DIGESTS), Path::new(SIGNATURE)].contains(&relative)
             {
                 files.push(relative.to_owned());
             }
@@ -80,17 +82,72 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(files)
 }
 
-/// The list of digests of a folder, in the form of `sha256sum`.
-///
-/// # Errors
-/// [`StoreError::File`].
-pub fn list(folder: &Path) -> Result<String, StoreError> {
-    let mut text = String::new();
-    for file in files_below(folder)? {
-        text.push_str(&of_file(&folder.join(&file))?);
-        text.push_str("  ");
-        text.push_str(&file.to_string_lossy());
-        text.push('\n');
+/// Digests of the files of a run's folder, by their relative paths: what `SHA256SUMS` holds.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Sums(BTreeMap<PathBuf, String>);
+
+impl Sums {
+    /// Adds the files of a folder that are not yet among them. Raw samples are large, and are read once.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub fn add_new(&mut self, folder: &Path) -> Result<(), StoreError> {
+        for file in files_below(folder)? {
+            if let Entry::Vacant(vacant) = self.0.entry(file) {
+                let digest = of_file(&folder.join(vacant.key()))?;
+                vacant.insert(digest);
+            }
+        }
+        Ok(())
     }
-    Ok(text)
+
+    /// Those that a closed folder holds; lines that are none are left out and counted.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub fn read(folder: &Path) -> Result<(Self, usize), StoreError> {
+        let path = folder.join(DIGESTS);
+        let text = on(fs::read(&path), "read", &path)?;
+        let (mut sums, mut bad) = (BTreeMap::new(), 0);
+        for line in String::from_utf8_lossy(&text).lines() {
+            match line.split_once("  ") {
+                Some((digest, file)) if digest.len() == 64 => {
+                    sums.insert(PathBuf::from(file), digest.to_owned());
+                }
+                _ => bad += 1,
+            }
+        }
+        Ok((Self(sums), bad))
+    }
+
+    /// In the form of `sha256sum`, sorted by path.
+    #[must_use]
+    pub fn text(&self) -> String {
+        Self::lines(self.0.iter())
+    }
+
+    /// The digest that a passport names: of the lines of all files but the papers that name it, so that it vouches for
+    /// journal, plan and raw samples. `grep -vE '  (passport.json|passport.xml|report.html)$' SHA256SUMS | sha256sum` gives
+    /// it too.
+    #[must_use]
+    pub fn of_record(&self) -> String {
+        let is_paper = |file: &Path| PAPERS.iter().any(|paper| file == Path::new(paper));
+        hexadecimal(&Sha256::digest(Self::lines(self.0.iter().filter(|(file, _)| !is_paper(file)))))
+    }
+
+    /// The digest of one file.
+    #[must_use]
+    pub fn get(&self, file: &str) -> Option<&str> {
+        self.0.get(Path::new(file)).map(String::as_str)
+    }
+
+    /// Files with their digests, taken apart.
+    #[must_use]
+    pub fn into_map(self) -> BTreeMap<PathBuf, String> {
+        self.0
+    }
+
+    fn lines<'s>(sums: impl Iterator<Item = (&'s PathBuf, &'s String)>) -> String {
+        sums.map(|(file, digest)| format!("{digest}  {}\n", file.display())).collect()
+    }
 }

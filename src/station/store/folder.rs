@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset};
 use sha2::{Digest as _, Sha256};
 
-use super::{StoreError, on};
+use super::{StationKey, StoreError, on};
 
 /// Runs of one plan with one serial number in one second; more are a loop gone wild.
 const MAX_SAME_SECOND: u32 = 10_000;
@@ -18,6 +18,8 @@ const MAX_NAME: usize = 64;
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
+    /// Signs the folder when it is closed.
+    key: Option<StationKey>,
 }
 
 impl RunFolder {
@@ -55,11 +57,26 @@ impl RunFolder {
         Ok(folder)
     }
 
+    /// That of a run whose program died.
+    pub(super) fn existing(path: &Path) -> Self {
+        Self { path: path.to_owned(), key: None }
+    }
+
+    /// The same folder, signed when it is closed.
+    #[must_use]
+    pub fn signed_with(self, key: Option<StationKey>) -> Self {
+        Self { key, ..self }
+    }
+
+    pub(super) fn key(&self) -> Option<&StationKey> {
+        self.key.as_ref()
+    }
+
     fn fresh(parent: &Path, name: &str) -> Result<Self, StoreError> {
         for number in 1..=MAX_SAME_SECOND {
             let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
             match DirBuilder::new().create(&path) {
-                Ok(()) => return Ok(Self { path }),
+                Ok(()) => return Ok(Self { path, key: None }),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
             }
@@ -84,12 +101,24 @@ impl RunFolder {
     /// Opens a new file in a folder of its own to append to.
     pub(super) fn create_below(&self, name: &str) -> Result<File, StoreError> {
         let path = self.path.join(name);
-        let parent = path.parent().unwrap_or(&self.path);
-        on(fs::create_dir_all(parent), "create", parent)?;
+        let parent = self.parent(&path)?;
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
         sync_dir(parent)?;
         sync_dir(&self.path)?;
         Ok(file)
+    }
+
+    /// The folder of a file, made if it is one of an item. The run's own is not made again: where somebody removed it, a
+    /// part of the record must not pass for the whole.
+    fn parent<'a>(&self, path: &'a Path) -> Result<&'a Path, StoreError> {
+        let parent = path.parent().unwrap_or(path);
+        if parent == self.path {
+            return Ok(parent);
+        }
+        match DirBuilder::new().create(parent) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => on(Err(error), "create", parent),
+            _ => Ok(parent),
+        }
     }
 
     /// Writes a whole file: it appears under its name only when all of it is written.
@@ -124,8 +153,7 @@ impl RunFolder {
         sync: bool,
     ) -> Result<(), StoreError> {
         let path = self.path.join(name);
-        let parent = path.parent().unwrap_or(&self.path);
-        on(fs::create_dir_all(parent), "create", parent)?;
+        let parent = self.parent(&path)?;
         let mut hidden = path.file_name().unwrap_or_default().to_os_string();
         hidden.push(".part");
         let part = parent.join(hidden);

@@ -1,14 +1,14 @@
 //! Reads records back. The journal is the truth; what was made from it is compared with it.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::journal;
 use gnc_executive::record::RunRecord;
 
+use super::digest::Sums;
 use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, RECORD, StoreError, digest, on};
+use super::{DIGESTS, JOURNAL, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
 
 /// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
@@ -129,28 +129,35 @@ pub fn verify(folder: &Path) -> Vec<String> {
     compare(folder).unwrap_or_else(|error| vec![crate::runner::chain(&error)])
 }
 
+/// What is wrong with the signature of a run's digests.
+#[must_use]
+pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
+    let read = |name| fs::read(folder.join(name));
+    match (read(DIGESTS), read(SIGNATURE)) {
+        (Ok(digests), Ok(signature)) if key.signed(&digests, &signature) => None,
+        (Ok(_), Ok(_)) => Some(format!("{SIGNATURE} is not the signature of {DIGESTS} with this key")),
+        (Ok(_), Err(_)) => Some(format!("{SIGNATURE} is missing: the run is not signed")),
+        // That they are missing is said by `verify`.
+        (Err(_), _) => None,
+    }
+}
+
 fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {
     let state = match fold(folder) {
         Ok(state) => state,
         Err(why) => return Ok(vec![why]),
     };
-    if state.is_interrupted() || state.header().is_none() {
+    let path = folder.join(DIGESTS);
+    // The next start of a run seals it.
+    if state.header().is_none() || state.is_interrupted() && !path.exists() {
         return Ok(vec!["interrupted: the run has no end, so nothing vouches for it".into()]);
     }
-    let path = folder.join(DIGESTS);
     if !path.exists() {
         return Ok(vec![format!("{DIGESTS} is missing: nothing vouches for this run")]);
     }
-    let mut problems = Vec::new();
-    let mut promised = BTreeMap::new();
-    for line in String::from_utf8_lossy(&on(fs::read(&path), "read", &path)?).lines() {
-        match line.split_once("  ") {
-            Some((digest, file)) if digest.len() == 64 => {
-                promised.insert(PathBuf::from(file), digest.to_owned());
-            }
-            _ => problems.push(format!("{DIGESTS} holds a line that is no digest")),
-        }
-    }
+    let (sums, bad) = Sums::read(folder)?;
+    let mut problems = vec![format!("{DIGESTS} holds a line that is no digest"); bad];
+    let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
             None => problems.push(format!("{} was added", file.display())),

@@ -4,7 +4,7 @@
 //! more is written or passed on: the journal then ends where the disk ended it.
 
 use std::fs::File;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
@@ -12,15 +12,12 @@ use gnc_executive::event::{Event, EventKind};
 use gnc_executive::plan::Plan;
 use gnc_executive::record::{ItemFile, ItemRecord, RUN_SCHEMA, RunRecord};
 use gnc_executive::state::RunState;
-use gnc_executive::text;
+use nix::fcntl::Flock;
 use tokio::sync::{mpsc, oneshot};
 
+use super::closing::pretty;
 use super::raw::RawThread;
-use super::{
-    DIGESTS, ITEM, JOURNAL, LOG, PLAN, RECORD, RawFile, RunFolder, StoreError, chain, digest, folder, item_folder, on,
-    raw_file,
-};
-use crate::report::{self, REPORT};
+use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, folder, item_folder, on, raw_file};
 
 /// Events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
@@ -53,7 +50,7 @@ impl Scribe {
             folder
                 .put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), |out| out.write_all(text))?;
         }
-        let journal = folder.create_file(JOURNAL)?;
+        let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
         let writer = Writer { folder: folder.clone(), journal, state: Arc::clone(&state), watchers, line: Vec::new() };
         let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
@@ -165,7 +162,8 @@ fn closed() -> StoreError {
 
 struct Writer {
     folder: RunFolder,
-    journal: File,
+    /// Held for as long as the run goes on.
+    journal: Flock<File>,
     /// At least up to the event being written; what an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
     watchers: Vec<Watcher>,
@@ -235,24 +233,6 @@ impl Writer {
 
     fn close_folder(&self) -> Result<(), StoreError> {
         let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
-        if let Some(record) = record {
-            self.folder.put(LOG, |out| out.write_all(text::log_txt(&record).as_bytes()))?;
-            self.folder.put(RECORD, |out| pretty(out, &record))?;
-            // Those of the files from which everything else can be made again.
-            let digests = [JOURNAL, RECORD]
-                .map(|name| digest::of_file(&self.folder.path().join(name)).map(|digest| (name.to_owned(), digest)));
-            let digests: Vec<_> = digests.into_iter().collect::<Result<_, _>>()?;
-            self.folder.put(REPORT, |out| out.write_all(report::html(&record, &digests).as_bytes()))?;
-        }
-        // One wait for all files of the run, then the digests that vouch for them.
-        self.folder.sync()?;
-        let digests = digest::list(self.folder.path())?;
-        self.folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
-        chain::append(self.folder.path())
+        closing::close(&self.folder, record.as_ref())
     }
-}
-
-fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
-    serde_json::to_writer_pretty(&mut *out, value)?;
-    out.write_all(b"\n")
 }

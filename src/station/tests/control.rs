@@ -11,13 +11,17 @@ use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
+use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
+use gnc_protocol::message::ModulePower;
+use gnc_station::board::{Board, Desk, Readings};
 use gnc_station::control::Control;
 use gnc_station::fixture::Fixture;
-use gnc_station::link::Target;
+use gnc_station::link::{Link, Target};
 use gnc_station::runner::journal::Journal;
 use gnc_station::runner::{self, Live, Order, looking};
 use gnc_station::store::{RunFolder, Scribe, Watcher};
 use hw_mocks::{Options, RunningBench, Speed};
+use tokio::sync::watch;
 
 const PLAN: &str = r#"
 name = "short"
@@ -78,6 +82,7 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
             site: None,
             resumed: None,
             one_by_one: false,
+            found: Vec::new(),
         };
         let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
         let (watcher, events) = mpsc::sync_channel(1000);
@@ -167,33 +172,79 @@ fn what_does_not_fit_beside_others_runs_after_them() {
     assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
 }
 
-/// Raw values come without a run: a module that lies level shows 1 g on Z, and its AD channels.
+/// Looks at a bench until what is shown is whole.
+async fn look_until(bench: &RunningBench, whole: impl Fn(&Readings) -> bool) -> Readings {
+    let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
+    let (live, control) = (Live::default(), Control::default());
+    let mut shown = live.readings.subscribe();
+    let look = looking::look(&target, &control, &live.readings);
+    let watch = async {
+        let seen = shown.wait_for(|seen| whole(seen)).await.expect("somebody shows").clone();
+        control.stop("the operator");
+        seen
+    };
+    tokio::pin!(look);
+    let seen = tokio::select! {
+        ended = &mut look => panic!("ended by itself: {ended:?}"),
+        seen = watch => seen,
+    };
+    look.await.expect("a board");
+    seen
+}
+
+/// Raw values come without a run: a module that lies level shows 1 g on Z, and its AD channels. One that was never
+/// calibrated shows no roll angle.
 #[test]
 fn raw_values_are_shown_without_a_run() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    let seen = runtime.block_on(async {
-        let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
-        let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
-        let (live, control) = (Live::default(), Control::default());
-        let mut shown = live.readings.subscribe();
-        let look = looking::look(&target, &control, &live.readings);
-        let watch = async {
-            let whole = |seen: &gnc_station::board::Readings| {
-                seen.imu.is_some() && seen.gnss.is_some() && seen.ad_v.iter().all(Option::is_some)
-            };
-            let seen = shown.wait_for(whole).await.expect("somebody shows").clone();
-            control.stop("the operator");
-            seen
-        };
-        tokio::pin!(look);
-        let seen = tokio::select! {
-            ended = &mut look => panic!("ended by itself: {ended:?}"),
-            seen = watch => seen,
-        };
-        look.await.expect("a board");
-        seen
-    });
+    let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
+    let whole = |seen: &Readings| seen.imu.is_some() && seen.gnss.is_some() && seen.ad_v.iter().all(Option::is_some);
+    let seen = runtime.block_on(look_until(&bench, whole));
     let (_, sample) = seen.imu.expect("a sample");
     let up_g = f64::from(sample.accel[2]) / gnc_protocol::stream::ACCEL_LSB_PER_G;
     assert!((up_g - 1.0).abs() < 0.05, "{up_g} g");
+    assert_eq!((seen.correction, seen.compensated), (None, None));
+}
+
+/// A calibrated module shows its roll angle by its own reckoning, and the correction by which it can be checked.
+#[test]
+fn the_roll_angle_of_a_calibrated_module_is_shown() {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
+    // Coefficients that nobody would find: what is read back is what was written.
+    let scale =
+        |per_count: f64| [0, 1, 2].map(|row| [0, 1, 2].map(|column| if row == column { per_count } else { 0.0 }));
+    let calibration = Calibration {
+        id: 7,
+        accel_matrix: scale(9.80665 / gnc_protocol::stream::ACCEL_LSB_PER_G),
+        gyro_matrix: scale(1f64.to_radians() / gnc_protocol::stream::GYRO_LSB_PER_DPS),
+        mag_dx: 0.125,
+        mag_dy: -0.0625,
+        mag_ky: 1.25,
+        mag_sin_alpha: 0.1,
+        ..Calibration::default()
+    };
+    let seen = runtime.block_on(async {
+        let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
+        let link = Link::open(&target).expect("a port");
+        let board = Board::connect(link, 1, watch::Sender::default()).await.expect("a board");
+        let desk = Desk::new(&board, watch::Sender::default());
+        desk.call(&ModulePower { on: 1 }).await.expect("power");
+        desk.call(&CalibrationWrite { calibration: calibration.clone() }).await.expect("written");
+        desk.call(&CalibrationCommit { checksum: calibration.checksum() }).await.expect("stored");
+        drop(desk);
+        board.close().await;
+        look_until(&bench, |seen| seen.imu.is_some() && seen.compensated.is_some()).await
+    });
+    let correction = seen.correction.expect("a correction");
+    let read = [correction.dx, correction.dy, correction.ky, correction.sin_alpha];
+    assert_eq!(read, [0.125, -0.0625, 1.25, 0.1]);
+    let [x, y, _] = seen.imu.expect("a sample").1.mag.map(|counts| f64::from(counts) / 1_250_000.0);
+    let y = 1.25 * (y + 0.0625);
+    let x = ((x - 0.125) - 0.1 * y) / (1.0_f64 - 0.01).sqrt();
+    let by_hand_deg = (-y).atan2(x).to_degrees();
+    let by_board_deg = (f64::from(seen.compensated.expect("a sample").1.roll) * 1e-8).to_degrees();
+    let apart_deg = (by_hand_deg - by_board_deg + 180.0).rem_euclid(360.0) - 180.0;
+    // Of two samples that need not be the same one: some noise lies between them.
+    assert!(apart_deg.abs() < 1.0, "{by_hand_deg} deg here, {by_board_deg} deg on the board");
 }

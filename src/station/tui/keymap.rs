@@ -82,10 +82,12 @@ pub(crate) enum Place {
     Detail,
     /// Live readings, while nothing is on.
     Live,
-    /// Live readings, while a run is on.
+    /// Live readings or captures, while a run is on.
     LiveRunning,
     /// Live readings without a run.
     Watching,
+    /// Captures, while nothing is on.
+    Calibration,
     /// Days or runs of the records.
     Records,
     /// One run of the records.
@@ -103,13 +105,14 @@ pub(crate) enum Place {
 impl Place {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [Place; 12] = [
+    pub(crate) const ALL: [Place; 13] = [
         Place::Idle,
         Place::Running,
         Place::Detail,
         Place::Live,
         Place::LiveRunning,
         Place::Watching,
+        Place::Calibration,
         Place::Records,
         Place::Record,
         Place::Setup,
@@ -139,12 +142,16 @@ const PAGES: &[Place] = &[
     Place::Live,
     Place::LiveRunning,
     Place::Watching,
+    Place::Calibration,
     Place::Records,
     Place::Record,
 ];
 const LISTS: &[Place] =
     &[Place::Idle, Place::Running, Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help];
 const RUN: &[Place] = &[Place::Running, Place::LiveRunning, Place::Watching, Place::Prompt];
+
+const BACK: &[Place] =
+    &[Place::Idle, Place::Running, Place::Live, Place::LiveRunning, Place::Watching, Place::Calibration];
 
 const fn shown(key: Key, action: Action, places: &'static [Place]) -> Binding {
     Binding { key, action, places, footer: true }
@@ -177,7 +184,7 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::Ctrl('l'), Action::Log, &[Place::Record]),
     silent(Key::Ctrl('l'), Action::Log, &[Place::Idle, Place::Running]),
     shown(Key::Esc, Action::Back, &[Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help]),
-    silent(Key::Esc, Action::Back, &[Place::Idle, Place::Running, Place::Live, Place::LiveRunning, Place::Watching]),
+    silent(Key::Esc, Action::Back, BACK),
     silent(Key::Char(' '), Action::Tick, &[Place::Idle]),
     silent(Key::Ctrl('a'), Action::TickAll, &[Place::Idle]),
     shown(Key::F(9), Action::NextPage, PAGES),
@@ -257,7 +264,7 @@ mod tests {
     fn fixed_keys() {
         assert_eq!(action(Place::Idle, Key::F(1)), Some(Action::Help));
         assert_eq!(action(Place::Idle, Key::F(5)), Some(Action::Start));
-        for place in [Place::Idle, Place::Running, Place::Live, Place::Records] {
+        for place in [Place::Idle, Place::Running, Place::Live, Place::Calibration, Place::Records] {
             assert_eq!(action(place, Key::F(10)), Some(Action::Leave), "{place:?}");
             assert_eq!(action(place, Key::Esc), Some(Action::Back), "{place:?}");
         }

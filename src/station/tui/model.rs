@@ -2,12 +2,13 @@
 
 use std::cell::Cell;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::Phase;
+use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
 
 use super::field::Field;
@@ -15,6 +16,8 @@ use super::keymap::Place;
 use super::lang::{Lang, Texts};
 use super::records::Records;
 use crate::fixture::Ask;
+use crate::guidance::Guidance;
+use crate::motion::{self, Step};
 
 /// The time, passed in so that every screen can be drawn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +54,8 @@ pub(crate) enum Glyphs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Page {
     Tests,
+    /// Guidance through captures; only where the plan has some.
+    Calibration,
     Live,
     Records,
 }
@@ -113,10 +118,34 @@ pub(crate) struct PlanView {
     pub name: String,
     pub version: String,
     pub items: Vec<PlannedItem>,
+    /// What its items do with the module, of those that capture.
+    pub programs: Vec<ProgramView>,
     /// The part that the plan is for, where it says so.
     pub part: Option<String>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
+}
+
+/// The program of an item that captures, as far as it is known beforehand.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ProgramView {
+    /// Name of the item.
+    pub item: String,
+    /// Captures that it makes.
+    pub captures: usize,
+    /// Times that the module is laid down.
+    pub lays: usize,
+    /// Bench time of all captures and pauses.
+    pub span_s: f64,
+}
+
+impl ProgramView {
+    /// That of an item; `None` if it captures nothing by itself.
+    pub(crate) fn of(item: &PlanItem) -> Option<Self> {
+        let program = motion::program(item.id, &item.params).ok()??;
+        let captures = program.steps.iter().filter_map(Step::about).count();
+        Some(Self { item: item.name.clone(), captures, lays: program.lays(), span_s: program.span_s() })
+    }
 }
 
 /// How often a plan is run.
@@ -144,6 +173,8 @@ pub(crate) struct Progress {
     /// Share of the present step, 0 to 1000; `None` where its length is not known.
     pub done_permille: Option<u16>,
     pub elapsed: Duration,
+    /// The way through its captures, if it captures.
+    pub guidance: Option<Arc<Guidance>>,
 }
 
 /// A question of the run.
@@ -360,9 +391,10 @@ impl Model {
         }
         match (self.over.last(), self.page) {
             (Some(_), _) => Place::Detail,
-            (None, Page::Live) if self.is_running() => Place::LiveRunning,
+            (None, Page::Live | Page::Calibration) if self.is_running() => Place::LiveRunning,
             (None, Page::Live) if self.watching => Place::Watching,
             (None, Page::Live) => Place::Live,
+            (None, Page::Calibration) => Place::Calibration,
             (None, Page::Records) if self.records.open.is_some() => Place::Record,
             (None, Page::Records) => Place::Records,
             (None, Page::Tests) if self.is_running() => Place::Running,
@@ -370,11 +402,22 @@ impl Model {
         }
     }
 
+    /// Whether there is a page for captures.
+    pub(crate) fn captures(&self) -> bool {
+        self.page == Page::Calibration || self.plan.ready().is_some_and(|plan| !plan.programs.is_empty())
+    }
+
+    /// The item that captures now, with its name.
+    pub(crate) fn guidance(&self) -> Option<(&str, &Guidance)> {
+        let progress = &self.run.as_ref().filter(|run| !run.over)?.progress;
+        progress.iter().find_map(|each| Some((each.item.as_str(), each.guidance.as_deref()?)))
+    }
+
     /// The run that the page shows, if it shows one.
     pub(crate) fn shown_state(&self) -> Option<&RunState> {
         match self.page {
             Page::Records => self.records.open.as_ref().map(|open| &open.state),
-            Page::Tests | Page::Live => self.run.as_ref().map(|run| &run.state),
+            Page::Tests | Page::Calibration | Page::Live => self.run.as_ref().map(|run| &run.state),
         }
     }
 

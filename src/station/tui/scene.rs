@@ -1,6 +1,8 @@
 //! A screen without a terminal, on which a run is played: for snapshots and benchmarks. Time stands still unless it is
 //! moved.
 
+mod captures;
+
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
@@ -27,6 +29,8 @@ use crate::board::{GnssReading, Readings, StreamReading};
 #[derive(Debug)]
 pub struct Scene {
     pub(crate) model: Model,
+    /// Name and items of the plan that is run.
+    plan: (&'static str, Vec<PlannedItem>),
     terminal: Terminal<TestBackend>,
     now: Now,
     run_began: Duration,
@@ -53,13 +57,15 @@ impl Scene {
             name: "functional".into(),
             version: "1.0".into(),
             items: items(),
+            programs: Vec::new(),
             part: Some("GNC-POP-26".into()),
             expected_s: Some(4.8),
         };
         update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
         update(&mut model, Msg::Plan { path: "test-plans/functional.toml".into(), plan: Loaded::Ready(plan) });
         let terminal = Terminal::new(TestBackend::new(width, height)).map_err(std::io::Error::other)?;
-        Ok(Self { model, terminal, now, run_began: Duration::ZERO, seq: 0 })
+        let plan = ("functional", items());
+        Ok(Self { model, plan, terminal, now, run_began: Duration::ZERO, seq: 0 })
     }
 
     /// The same with a run that stands in its middle: three items at work, curves of a minute on the live page.
@@ -125,8 +131,9 @@ impl Scene {
         self.tell(Msg::Earlier { serial_number: serial_number.into(), run: None });
         self.run_began = self.now.since_start;
         self.seq = 0;
-        let header = Box::new(header(serial_number));
-        self.event(EventKind::RunStarted { header, items: items() });
+        let (plan, items) = self.plan.clone();
+        let header = Box::new(header(serial_number, plan));
+        self.event(EventKind::RunStarted { header, items });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
         self.event(EventKind::BoardFound(Board {
             board_serial: "SIM-BOARD-1".into(),
@@ -181,6 +188,7 @@ impl Scene {
             item: (*item).to_owned(),
             done_permille: *done_permille,
             elapsed: Duration::from_millis(1300),
+            guidance: None,
         });
         self.tell(Msg::Progress(each.collect()));
     }
@@ -194,6 +202,26 @@ impl Scene {
             let phase = self.now.since_start.as_secs_f64() + f64::from(index % 2) * 0.01;
             self.tell(Msg::Readings(Box::new(readings(phase))));
         }
+    }
+
+    /// Readings of a calibrated module, whose own roll angle comes beside the raw samples.
+    #[cfg(test)]
+    pub(crate) fn readings_of_a_calibrated_module(&mut self) {
+        use gnc_metrology::ellipse::Correction;
+        use gnc_protocol::calibration::CompensatedSample;
+        let mut readings = readings(1.0);
+        readings.correction = Some(Correction { dx: 0.01, dy: -0.02, ky: 1.02, sin_alpha: 0.03 });
+        let sample = CompensatedSample { roll: -100_000_000, ..CompensatedSample::default() };
+        readings.compensated = Some((1_000_000, sample));
+        let streams = [(StreamId::Pps, 1.0), (StreamId::Compensated, 50.0)];
+        readings.streams.extend(streams.map(|(id, rate_hz)| StreamReading {
+            id,
+            rate_hz,
+            received: 50,
+            on_board: 0,
+            on_line: 0,
+        }));
+        self.tell(Msg::Readings(Box::new(readings)));
     }
 
     /// The screen as lines of text; the second half of a wide character is left out.
@@ -260,7 +288,7 @@ fn items() -> Vec<PlannedItem> {
 /// Items of the functional table, which stand first in the catalogue.
 pub(crate) const FUNCTIONAL: usize = 14;
 
-fn header(serial_number: &str) -> RunHeader {
+fn header(serial_number: &str, plan: &str) -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.into(),
         serial_number: serial_number.into(),
@@ -271,7 +299,7 @@ fn header(serial_number: &str) -> RunHeader {
         site: None,
         recomputed: None,
         resumed: None,
-        plan: PlanInfo { name: "functional".into(), version: "1.0".into(), sha256: "00".repeat(32) },
+        plan: PlanInfo { name: plan.into(), version: "1.0".into(), sha256: "00".repeat(32) },
         selection: None,
         looped: None,
     }
@@ -319,6 +347,8 @@ fn readings(phase: f64) -> Readings {
     let stream = |id, rate_hz, received, on_line| StreamReading { id, rate_hz, received, on_board: 0, on_line };
     Readings {
         imu: Some(((phase * 1e6) as u64, sample)),
+        compensated: None,
+        correction: None,
         gnss: Some(gnss),
         pulses: 3,
         ad_v: [2.51, 2.38, 2.35, 5.0, 3.3, 1.2, 0.0, 0.0].map(Some),

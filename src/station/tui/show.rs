@@ -139,6 +139,7 @@ fn progress(doing: &[Doing]) -> Vec<Progress> {
             item: doing.item.clone(),
             done_permille: (advance.expected_ms > 0).then(|| advance.done_permille.min(1000)),
             elapsed: doing.began.elapsed(),
+            guidance: doing.guidance.borrow().clone(),
         }
     });
     each.collect()

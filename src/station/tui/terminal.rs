@@ -144,14 +144,4 @@ fn spaces_in_text(mut batch: Vec<Key>) -> Vec<Key> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_space_amid_text_is_text() {
-        let scanned = spaces_in_text(vec![Key::Char(' '), Key::Char('S'), Key::Char(' '), Key::Char('1'), Key::Enter]);
-        let text = [Key::Pasted(' '), Key::Char('S'), Key::Pasted(' '), Key::Char('1'), Key::Enter];
-        assert_eq!(scanned, text);
-        assert_eq!(spaces_in_text(vec![Key::Char(' '), Key::Down]), [Key::Char(' '), Key::Down]);
-    }
-}
+mod tests;

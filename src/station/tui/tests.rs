@@ -1,5 +1,7 @@
 //! Every screen in every language at its two sizes, and what keys do. Time stands still in all of them.
 
+mod captures;
+
 use std::time::Duration;
 
 use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, Level};
@@ -12,7 +14,9 @@ use super::records::{Day, Mark, RunLine, Runs};
 use super::scene::{Scene, measured};
 use super::update::{Command, Msg};
 use super::view::text_width;
+use crate::capture::Along;
 use crate::fixture::Ask;
+use crate::turntable::Lie;
 
 const SIZES: [(u16, u16); 2] = [(80, 24), (160, 50)];
 
@@ -188,6 +192,13 @@ fn prompt() {
     };
     check("prompt-switch", |scene| ask(scene, Ask::Switches(Some(3))));
     check("prompt-turn", |scene| ask(scene, Ask::Heading { deg: 120.0 }));
+    let lie = Lie::Axis { axis: 2, positive: false, along: Along::Up, heading_deg: 90.0 };
+    check("prompt-lay", |scene| ask(scene, Ask::Lay(lie)));
+    let turned = Ask::Turn { lie: Some(lie), angle_deg: -1080.0, span_s: 5.0 };
+    check("prompt-table", |scene| ask(scene, turned.clone()));
+    let north = Lie::Axis { axis: 2, positive: true, along: Along::North, heading_deg: 0.0 };
+    check("prompt-spin", |scene| ask(scene, Ask::Spin { lie: Some(north), rate_dps: 5400.0 }));
+    check("prompt-stop", |scene| ask(scene, Ask::StopTable));
     check("prompt-words", |scene| ask(scene, Ask::Words("Close the lid of the shield.".into())));
 }
 
@@ -197,6 +208,10 @@ fn live() {
         scene.start("DEMO-1");
         scene.readings(300);
         scene.key(Key::F(9));
+    });
+    check("live-roll", |scene| {
+        scene.key(Key::F(9));
+        scene.readings_of_a_calibrated_module();
     });
     check("live-empty", |scene| drop(scene.key(Key::F(9))));
 }
@@ -239,9 +254,23 @@ fn too_small() {
 /// Whatever the size, nothing panics, and what is drawn fits.
 #[test]
 fn any_size_can_be_drawn() {
+    let mut scenes: Vec<Scene> = Vec::new();
     for play in [fail, error, record, |scene: &mut Scene| scene.readings(20)] {
         let mut scene = scene(Lang::Zh);
         play(&mut scene);
+        scenes.push(scene);
+    }
+    let captures = [
+        Scene::capturing(Lang::Zh, (80, 24), "rotation", 2),
+        Scene::spinning(Lang::Zh, (80, 24), 500),
+        Scene::resting(Lang::Zh, (80, 24), 500),
+    ];
+    for scene in captures {
+        let mut scene = scene.expect("memory");
+        scene.key(Key::F(9));
+        scenes.push(scene);
+    }
+    for mut scene in scenes {
         for (width, height) in
             (0..220).step_by(13).flat_map(|width| (0..70).step_by(7).map(move |height| (width, height)))
         {
@@ -254,11 +283,27 @@ fn any_size_can_be_drawn() {
 /// On a terminal without the glyphs nothing but ASCII, or lines and blocks, is drawn, whatever texts come.
 #[test]
 fn poor_terminals_get_what_they_can_show() {
-    for play in [fail, record, |scene: &mut Scene| scene.readings(20)] {
+    let played = |play: fn(&mut Scene)| {
+        let mut scene = Scene::new(Lang::En, 160, 50).expect("memory");
+        play(&mut scene);
+        scene
+    };
+    let size = (160, 50);
+    let plays: [&dyn Fn() -> Scene; 6] = [
+        &|| played(fail),
+        &|| played(record),
+        &|| played(|scene| scene.readings(20)),
+        &|| Scene::capturing(Lang::En, size, "rotation", 2).expect("memory"),
+        &|| Scene::spinning(Lang::En, size, 500).expect("memory"),
+        &|| Scene::resting(Lang::En, size, 500).expect("memory"),
+    ];
+    for play in plays {
         for glyphs in [Glyphs::Ascii, Glyphs::Console] {
-            let mut scene = Scene::new(Lang::En, 160, 50).expect("memory");
+            let mut scene = play();
             scene.model.look.glyphs = glyphs;
-            play(&mut scene);
+            if scene.model.captures() {
+                scene.key(Key::F(9));
+            }
             let text = scene.text();
             let odd: String = text.chars().filter(|c| !c.is_ascii() && !"─│┌┐└┘├┤┬┴┼█▀▄░▒▓°".contains(*c)).collect();
             assert_eq!(odd, "", "{glyphs:?}: {text}");
@@ -275,6 +320,13 @@ fn no_colour_means_none() {
     fail(&mut scene);
     let colours = scene.colours();
     assert_eq!(colours, 0);
+    for play in [Scene::spinning, Scene::resting] {
+        let mut scene = play(Lang::En, (80, 24), 500).expect("memory");
+        scene.key(Key::F(9));
+        assert!(scene.colours() > 100, "the screen has colours otherwise");
+        scene.model.look.colour = false;
+        assert_eq!(scene.colours(), 0);
+    }
     scene.model.look.colour = true;
     assert!(scene.colours() > 100, "the screen has colours otherwise");
 }

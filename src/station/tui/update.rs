@@ -10,7 +10,7 @@ use gnc_executive::state::RunState;
 
 use super::decode::Key;
 use super::lang::{Lang, fill};
-use super::model::{BenchView, Earlier, Loaded, Model, Now, PlanView, Progress, Rounds, Weight};
+use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
 use super::records::{Check, Day, Mark, OpenRun, Runs};
 use super::setup_form::Choices;
 use crate::board::Readings;
@@ -166,6 +166,10 @@ fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
     model.plan_path = path;
     model.plan = plan;
     model.cursor = 0;
+    if model.page == Page::Calibration && !model.is_running() {
+        // Another plan may capture nothing.
+        model.page = Page::Tests;
+    }
 }
 
 fn take_records(model: &mut Model, msg: Msg) {

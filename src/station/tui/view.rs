@@ -1,13 +1,18 @@
 //! Drawing. It only reads the model, and every screen can be drawn again from it.
 
+mod allan;
+mod attitude;
 mod big;
 mod board;
+mod calibration;
 mod detail;
 mod dialog;
+mod field;
 mod frame;
 mod glyphs;
 mod live;
 mod log;
+mod module;
 mod panels;
 mod picture;
 mod records;
@@ -67,6 +72,7 @@ fn whole(model: &Model, frame: &mut Frame<'_>, area: Rect) {
         (Some(Over::Item { name, scroll }), _) => detail::page(model, frame, body, name, *scroll),
         (Some(Over::Log { scroll }), _) => log::page(model, frame, body, *scroll),
         (_, Page::Tests) => board::draw(model, frame, body),
+        (_, Page::Calibration) => calibration::draw(model, frame, body),
         (_, Page::Live) => live::draw(model, frame, body),
         (_, Page::Records) => records::draw(model, frame, body),
     }

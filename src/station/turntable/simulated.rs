@@ -59,7 +59,11 @@ impl Turntable for Simulated {
             }
             Lie::Up { up, heading_deg } => control.orient_up(up, heading_deg),
         };
-        self.moved("lay the module down", begin, Control::wait_still)
+        Box::pin(async move {
+            // What was stopped before, by whomever, comes to rest first.
+            self.moved("wait for the table to stand still", |_| Ok(()), Control::wait_still).await?;
+            self.moved("lay the module down", begin, Control::wait_still).await
+        })
     }
 
     fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {

@@ -1,7 +1,11 @@
 //! Six positions, still gyroscopes, rotations, and what is stored of them.
 
+use gnc_protocol::calibration::CompensatedSample;
+use nalgebra::{Matrix3, Vector3};
+
 use super::world::{GRAVITY, World};
 use super::*;
+use crate::figures::calibration::Coefficients;
 
 pub(super) const SIX: &str = "dwell = \"60 s\", rate = \"20 Hz\", pose_u = \"0 deg\", gravity_u = \"0 ppm\"";
 
@@ -117,6 +121,24 @@ fn rotations_recover_scale_and_coupling() {
     assert!((rows[1]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[2]["u"] == 20.0, "{rows}");
 }
 
+/// The few points kept for the picture of a turn still add up to its angle, in its sense.
+#[test]
+fn the_thinned_records_show_the_turns() {
+    let findings = ask(ItemId::Rotation, "", &World::new(8).turns("", 1, 200), &[]).unwrap();
+    let records = findings.details["records"].as_array().unwrap();
+    assert_eq!(records.len(), 6);
+    for record in records {
+        let numbers =
+            |key: &str| -> Vec<f64> { record[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect() };
+        let (time_s, rate_dps) = (numbers("time_s"), numbers("rate_dps"));
+        assert!(time_s.len() <= 400 && time_s.len() == rate_dps.len() && time_s.is_sorted(), "{}", time_s.len());
+        let turned_deg: f64 =
+            (1..time_s.len()).map(|k| (time_s[k] - time_s[k - 1]) * f64::midpoint(rate_dps[k], rate_dps[k - 1])).sum();
+        let told_deg = if record["capture"].as_str().unwrap().contains('+') { 1080.0 } else { -1080.0 };
+        assert!((turned_deg - told_deg).abs() < 30.0, "{}: {turned_deg}", record["capture"]);
+    }
+}
+
 #[test]
 fn calibrations_come_back_with_their_bits() {
     let earlier = calibrated(&mut World::new(5));
@@ -146,7 +168,12 @@ fn download_and_check_agree_with_the_module() {
     assert_eq!(download.value("coefficients"), Some(&Value::count(37)));
     assert_eq!(download.details["coefficients"]["mag"]["ky"], 1.0);
     let text = "dwell = \"60 s\", rate = \"20 Hz\", turn_rate = \"200 Hz\"";
-    let captures = [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)];
+    let coefficients: Coefficients = serde_json::from_value(download.details["coefficients"].clone()).unwrap();
+    let checked = |world: &mut World| {
+        [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)]
+            .map(|capture| as_the_board(&capture, &coefficients))
+    };
+    let captures = checked(&mut world);
     let missing = ask(ItemId::CalibrationCheck, text, &captures, &earlier);
     assert_eq!(missing, Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload }));
     earlier.push(("download".into(), download));
@@ -162,8 +189,22 @@ fn download_and_check_agree_with_the_module() {
     // Another module's coefficients do not pass.
     world.gyro[(2, 2)] *= 1.001;
     world.accel_bias[0] += 0.001;
-    let captures = [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)];
+    let captures = checked(&mut world);
     let check = ask(ItemId::CalibrationCheck, text, &captures, &earlier).unwrap();
     assert!((figure(&check, "angle_error").0 - 1000.0).abs() < 50.0);
     assert!((figure(&check, "force_error_x").0 - 1.0).abs() < 0.1);
+}
+
+/// What the interface document says that a board makes of raw samples, by its formulas.
+fn as_the_board(raw: &Capture, known: &Coefficients) -> Capture {
+    let rows = |rows: [[f64; 3]; 3]| Matrix3::from_fn(|row, column| rows[row][column]);
+    let counts = |values: Vector3<f64>, scale: f64| [0, 1, 2].map(|axis| (values[axis] * scale).round() as i32);
+    let compensated = raw.samples.iter().map(|sample| {
+        let [gyro, accel] = [sample.gyro, sample.accel].map(|codes| Vector3::from(codes.map(f64::from)));
+        let force = rows(known.accel_matrix) * accel + Vector3::from(known.accel_offset);
+        let rate =
+            rows(known.gyro_matrix) * gyro - Vector3::from(known.gyro_offset) - rows(known.gyro_per_force) * force;
+        CompensatedSample { rate: counts(rate, 1e8), force: counts(force, 1e6), ..CompensatedSample::default() }
+    });
+    Capture { compensated: compensated.collect(), samples: Vec::new(), ..raw.clone() }
 }

@@ -77,6 +77,19 @@ fn the_ellipse_is_found_and_corrected() {
     let second = printed["roll_harmonics_deg"][1].as_f64().unwrap();
     assert!(second > 5.0 * roll("roll_error_2"), "{printed}");
     assert!(matches!(found.value("lag"), Some(Value::NotAvailable(_))));
+    // The points kept for the picture lie on the true circle once the truth is taken out.
+    for field in found.details["field"].as_array().unwrap() {
+        let numbers =
+            |key: &str| -> Vec<f64> { field[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect() };
+        let (x, y) = (numbers("x_gauss"), numbers("y_gauss"));
+        assert!((100..=400).contains(&x.len()), "{} points", x.len());
+        let alpha = PLANE.alpha_deg.to_radians();
+        for (x, y) in x.into_iter().zip(y) {
+            let y = PLANE.ky * (y - PLANE.dy);
+            let x = ((x - PLANE.dx) - y * alpha.sin()) / alpha.cos();
+            assert!((x.hypot(y) - PLANE.radius).abs() < 7.0 * PLANE.noise, "{x} {y}");
+        }
+    }
     let mag = Calibration::of(&[("ellipse".into(), found)]).unwrap().mag.unwrap();
     assert!((mag.ky - PLANE.ky).abs() < 1e-4 && (mag.sin_alpha - PLANE.alpha_deg.to_radians().sin()).abs() < 2e-4);
 }

@@ -247,4 +247,8 @@ fn noise_is_found_over_time_and_frequency() {
     assert!(line.number > 30.0, "{line}");
     let at = found.details["spectra"]["accel_x"]["strongest_line"]["frequency_hz"].as_f64().unwrap();
     assert!((at - 3.0).abs() < 0.05 && GRAVITY > 9.0, "{at}");
+    // Its density stands at its frequency, far over the white level.
+    let spectrum = &found.details["spectra"]["accel_x"];
+    let bin = (3.0 / spectrum["frequency_step_hz"].as_f64().unwrap()).round() as usize;
+    assert!(spectrum["density"][bin].as_f64().unwrap() > 30.0 * spectrum["white"].as_f64().unwrap(), "{bin}");
 }

@@ -264,5 +264,5 @@ impl World {
 pub(super) fn capture(label: &str, series: u32, pose: Pose, rate_hz: u16, samples: Vec<ImuSample>) -> Capture {
     let losses = Losses { received: samples.len() as u32, ..Losses::default() };
     let about = About { label: label.to_owned(), series, pose, rate_hz };
-    Capture { about, first_us: 1_000_000, samples, losses, receiver: Receiver::default() }
+    Capture { about, first_us: 1_000_000, samples, compensated: Vec::new(), losses, receiver: Receiver::default() }
 }

@@ -1,6 +1,7 @@
 //! The kinds of bus behind one face.
 
 use std::io;
+use std::time::Duration;
 
 use gnc_protocol::can::CanFrame;
 
@@ -27,6 +28,10 @@ pub(super) enum Turn {
     Received(CanFrame),
     /// The controller saw an error; its counters moved.
     Errors,
+    /// The port or interface went away; it is looked for.
+    Away,
+    /// It is back, after so long.
+    Back(Duration),
 }
 
 impl Bus {
@@ -37,6 +42,15 @@ impl Bus {
             Self::Slcan(bus) => bus.turn(outgoing, read).await,
             Self::Socket(bus) => bus.turn(outgoing, read).await,
             Self::Memory(bus) => bus.turn(outgoing, read).await,
+        }
+    }
+
+    /// The port or interface, as people call it.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::Slcan(bus) => bus.name(),
+            Self::Socket(bus) => bus.name(),
+            Self::Memory(_) => "bus in memory".to_owned(),
         }
     }
 

@@ -5,60 +5,62 @@
 
 use std::io;
 use std::path::Path;
+use std::time::Duration;
 
 use gnc_protocol::can::CanFrame;
 use gnc_protocol::can::slcan::{self, Decoder, Item, encode};
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, ReadHalf, WriteHalf};
-use tokio_serial::SerialStream;
-use tokio_util::bytes::{Buf as _, BytesMut};
+use tokio_util::bytes::Buf as _;
 
 use super::bus::Turn;
-use crate::link::serial::{self, OpenError};
+use crate::link::serial::{OpenError, Port, PortEvent};
 
 /// Rate of the port. USB adapters ignore it; on a real line it must carry more than the bus: 27 characters for each
 /// frame of 111 bits.
 pub(crate) const RATE_BAUD: u32 = 2_000_000;
 /// Bytes of lines that may wait for the port: 150 frames.
 const OUTGOING: usize = 4096;
+/// Longest wait for a port to take the line that closes the adapter.
+const CLOSE_WITHIN: Duration = Duration::from_millis(50);
 
 /// The adapter.
 #[derive(Debug)]
 pub(super) struct SlcanBus {
-    reader: ReadHalf<SerialStream>,
-    writer: WriteHalf<SerialStream>,
-    incoming: BytesMut,
-    outgoing: BytesMut,
+    port: Port,
     decoder: Decoder,
 }
 
 impl SlcanBus {
     pub(super) fn open(port: &Path) -> Result<Self, OpenError> {
-        let stream = serial::open_port(port, RATE_BAUD)?;
-        let (reader, writer) = tokio::io::split(stream);
-        let outgoing = BytesMut::from(slcan::OPEN_500K);
-        Ok(Self { reader, writer, incoming: BytesMut::new(), outgoing, decoder: Decoder::default() })
+        let mut port = Port::open(port, RATE_BAUD)?;
+        port.outgoing.extend_from_slice(slcan::OPEN_500K);
+        Ok(Self { port, decoder: Decoder::default() })
+    }
+
+    pub(super) fn name(&self) -> String {
+        self.port.name()
     }
 
     pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
         loop {
-            if let Some(frame) = outgoing.filter(|_| self.outgoing.len() < OUTGOING) {
-                self.outgoing.extend_from_slice(&encode(frame));
+            if let Some(frame) = outgoing.filter(|_| self.port.is_there() && self.port.outgoing.len() < OUTGOING) {
+                self.port.outgoing.extend_from_slice(&encode(frame));
                 return Ok(Turn::Sent);
             }
             if read && let Some(frame) = self.decoded() {
                 return Ok(Turn::Received(frame));
             }
-            tokio::select! {
-                biased;
-                written = self.writer.write_buf(&mut self.outgoing), if !self.outgoing.is_empty() => {
-                    written?;
+            match self.port.turn(read).await? {
+                PortEvent::Read | PortEvent::Written => {}
+                PortEvent::Away => {
+                    // Half a line of before is no beginning of what comes after.
+                    (self.decoder, self.port.incoming) = Default::default();
+                    return Ok(Turn::Away);
                 }
-                count = self.reader.read_buf(&mut self.incoming), if read => {
-                    if count? == 0 {
-                        return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the other end was closed"));
-                    }
+                PortEvent::Back(lasted) => {
+                    // An adapter that was without power has left the bus.
+                    self.port.outgoing.extend_from_slice(slcan::OPEN_500K);
+                    return Ok(Turn::Back(lasted));
                 }
-                else => std::future::pending().await,
             }
         }
     }
@@ -66,10 +68,11 @@ impl SlcanBus {
     /// The next frame in what has come. Answers of the adapter are passed over.
     fn decoded(&mut self) -> Option<CanFrame> {
         loop {
-            let mut rest: &[u8] = &self.incoming;
+            let incoming = &mut self.port.incoming;
+            let mut rest: &[u8] = incoming;
             let item = self.decoder.next(&mut rest);
-            let consumed = self.incoming.len() - rest.len();
-            self.incoming.advance(consumed);
+            let consumed = incoming.len() - rest.len();
+            incoming.advance(consumed);
             if let Item::Frame(frame) = item? {
                 return Some(frame);
             }
@@ -78,12 +81,15 @@ impl SlcanBus {
 
     pub(super) async fn close(mut self) {
         // What still waits belongs to nobody; half a line is ended by the first byte.
-        self.outgoing.clear();
-        self.outgoing.extend_from_slice(b"\r");
-        self.outgoing.extend_from_slice(slcan::CLOSE);
+        self.port.outgoing.clear();
+        self.port.outgoing.extend_from_slice(b"\r");
+        self.port.outgoing.extend_from_slice(slcan::CLOSE);
         // A port that takes nothing is closed all the same.
-        let _ =
-            tokio::time::timeout(std::time::Duration::from_millis(50), self.writer.write_all_buf(&mut self.outgoing))
-                .await;
+        while self.port.is_there() && !self.port.outgoing.is_empty() {
+            match tokio::time::timeout(CLOSE_WITHIN, self.port.turn(false)).await {
+                Ok(Ok(_)) => {}
+                Ok(Err(_)) | Err(_) => return,
+            }
+        }
     }
 }

@@ -15,15 +15,12 @@ use tokio::time::{Instant, sleep, sleep_until};
 use super::bus::Turn;
 use super::interface::{Statistics, index, look_at};
 use super::{BusErrors, CanOpenError};
+use crate::link::absence::Absence;
 
 /// A transmit queue that stays full so long belongs to a bus on which nobody acknowledges.
 const FULL_FOR: Duration = Duration::from_millis(1000);
 /// Between two tries: eight frames' time on the bus.
 const RETRY: Duration = Duration::from_millis(2);
-/// An interface may be away so long: a board's watchdog ends the session a little later, and a request is given up.
-const AWAY_FOR: Duration = Duration::from_millis(1500);
-/// Between two looks for an interface that is away.
-const REOPEN: Duration = Duration::from_millis(50);
 /// When nothing was heard for so long, half of the time between two heartbeats, it is looked whether the interface that
 /// was opened is still there: the kernel says so once, and then reads wait for ever.
 const LOOK: Duration = Duration::from_millis(500);
@@ -54,22 +51,25 @@ enum Socket {
         /// The kernel's number of the interface: one that was plugged in again has another one.
         index: u32,
         look_at: Instant,
+        /// The absence from which it returned, until something comes from it.
+        mute: Option<Absence>,
     },
-    Away {
-        since: Instant,
-        next_try: Instant,
-    },
+    Away(Absence),
 }
 
 impl SocketBus {
     pub(super) fn open(interface: &str) -> Result<Self, CanOpenError> {
         Ok(Self {
             interface: interface.to_owned(),
-            socket: open(interface)?,
+            socket: open(interface, None)?,
             statistics: Statistics::of(interface),
             errors: BusErrors::default(),
             full_since: None,
         })
+    }
+
+    pub(super) fn name(&self) -> String {
+        name(&self.interface)
     }
 
     pub(super) fn errors(&self) -> BusErrors {
@@ -83,10 +83,12 @@ impl SocketBus {
     pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
         loop {
             let (socket, due) = match &self.socket {
-                Socket::Away { next_try, .. } => {
-                    sleep_until(*next_try).await;
-                    self.come_back()?;
-                    continue;
+                Socket::Away(absence) => {
+                    absence.look_due().await;
+                    match self.come_back()? {
+                        Some(turn) => return Ok(turn),
+                        None => continue,
+                    }
                 }
                 Socket::Open { socket, look_at, .. } => (socket, *look_at),
             };
@@ -94,7 +96,7 @@ impl SocketBus {
                 let sent = socket.get_ref().write_frame(&frame);
                 match self.sent(sent)? {
                     Some(turn) => return Ok(turn),
-                    None if matches!(self.socket, Socket::Away { .. }) => continue,
+                    None if matches!(self.socket, Socket::Away(_)) => continue,
                     None => {}
                 }
             }
@@ -107,7 +109,11 @@ impl SocketBus {
                     }
                 }
                 () = sleep(RETRY), if outgoing.is_some() => {}
-                () = sleep_until(due) => self.look(),
+                () = sleep_until(due) => {
+                    if let Some(turn) = self.look() {
+                        return Ok(turn);
+                    }
+                }
             }
         }
     }
@@ -135,17 +141,18 @@ impl SocketBus {
                 };
                 Err(io::Error::new(io::ErrorKind::TimedOut, why))
             }
-            Err(error) => self.went_away(error).map(|()| None),
+            Err(error) => self.failed(error),
         }
     }
 
     fn received(&mut self, frame: io::Result<socketcan::CanFrame>) -> io::Result<Option<Turn>> {
-        if let Socket::Open { look_at, .. } = &mut self.socket {
+        if let Socket::Open { look_at, mute, .. } = &mut self.socket {
             *look_at = Instant::now() + LOOK;
+            *mute = mute.filter(|_| frame.is_err());
         }
         match frame {
             Ok(frame) => Ok(self.understand(&frame)),
-            Err(error) => self.went_away(error).map(|()| None),
+            Err(error) => self.failed(error),
         }
     }
 
@@ -167,51 +174,49 @@ impl SocketBus {
     }
 
     /// Whether the interface that was opened is still there and on.
-    fn look(&mut self) {
-        if let Socket::Open { index: opened, look_at, .. } = &mut self.socket {
-            *look_at = Instant::now() + LOOK;
-            if self::look_at(&self.interface).is_err() || index(&self.interface) != Some(*opened) {
-                self.socket = away();
-            }
-        }
+    fn look(&mut self) -> Option<Turn> {
+        let Socket::Open { index: opened, look_at, .. } = &mut self.socket else { return None };
+        *look_at = Instant::now() + LOOK;
+        let gone = self::look_at(&self.interface).is_err() || index(&self.interface) != Some(*opened);
+        if gone { self.went_away() } else { None }
     }
 
     /// The interface was switched off or unplugged; any other error ends the link.
-    fn went_away(&mut self, error: io::Error) -> io::Result<()> {
+    fn failed(&mut self, error: io::Error) -> io::Result<Option<Turn>> {
         let errno = error.raw_os_error().map(Errno::from_raw);
-        if !matches!(errno, Some(Errno::ENODEV | Errno::ENXIO | Errno::ENETDOWN)) {
-            return Err(error);
+        match errno {
+            Some(Errno::ENODEV | Errno::ENXIO | Errno::ENETDOWN) => Ok(self.went_away()),
+            _ => Err(error),
         }
-        self.socket = away();
-        Ok(())
+    }
+
+    /// `None`: it had come back without a word, so that this is no news.
+    fn went_away(&mut self) -> Option<Turn> {
+        let Socket::Open { mute, .. } = &mut self.socket else { return None };
+        let absence = Absence::begin(mute.take());
+        self.socket = Socket::Away(absence);
+        absence.is_new().then_some(Turn::Away)
     }
 
     /// Opens the interface by its name once more; gives up when it was away for too long.
-    fn come_back(&mut self) -> io::Result<()> {
-        let Socket::Away { since, next_try } = &mut self.socket else { return Ok(()) };
-        match open(&self.interface) {
+    fn come_back(&mut self) -> io::Result<Option<Turn>> {
+        let Socket::Away(absence) = &mut self.socket else { return Ok(None) };
+        match open(&self.interface, Some(*absence)) {
             Ok(socket) => {
                 (self.socket, self.full_since) = (socket, None);
-                Ok(())
+                let Socket::Open { mute: Some(absence), .. } = &mut self.socket else { return Ok(None) };
+                Ok(absence.returned().map(Turn::Back))
             }
-            Err(_) if since.elapsed() < AWAY_FOR => {
-                *next_try = Instant::now() + REOPEN;
-                Ok(())
-            }
-            Err(error) => {
-                let text = format!("{error}, and did not come back in {} ms", AWAY_FOR.as_millis());
-                Err(io::Error::new(io::ErrorKind::NotConnected, text))
-            }
+            Err(error) => absence.goes_on(&name(&self.interface), &error).map(|()| None),
         }
     }
 }
 
-fn away() -> Socket {
-    let now = Instant::now();
-    Socket::Away { since: now, next_try: now + REOPEN }
+fn name(interface: &str) -> String {
+    format!("CAN interface {interface}")
 }
 
-fn open(interface: &str) -> Result<Socket, CanOpenError> {
+fn open(interface: &str, mute: Option<Absence>) -> Result<Socket, CanOpenError> {
     look_at(interface)?;
     let system = |source| CanOpenError::System { interface: interface.to_owned(), source };
     let index = index(interface).ok_or_else(|| CanOpenError::Missing { interface: interface.to_owned() })?;
@@ -224,7 +229,7 @@ fn open(interface: &str) -> Result<Socket, CanOpenError> {
         .or_else(|_| setsockopt(&socket, sockopt::RcvBuf, &RECEIVE_BUFFER));
     #[expect(deprecated, reason = "its successor is unsafe; this socket owns its descriptor and keeps it open")]
     let socket = AsyncFd::new(socket).map_err(system)?;
-    Ok(Socket::Open { socket, index, look_at: Instant::now() + LOOK })
+    Ok(Socket::Open { socket, index, look_at: Instant::now() + LOOK, mute })
 }
 
 /// What an error frame says. A frame that the controller lost is no error of the bus.

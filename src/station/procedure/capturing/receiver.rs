@@ -4,7 +4,7 @@ use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{PpsCapture, StreamFrame, StreamId};
 use gnc_protocol::wire::{Reader, Wire as _};
 
-use super::{Captor, Progress, Trouble};
+use super::{Captor, Trouble};
 use crate::board::stream::{Losses, Stream};
 use crate::capture::{About, Capture, Receiver, Said};
 use crate::nmea::Sentences;
@@ -17,7 +17,6 @@ pub(super) async fn capture(
     about: &About,
     timeout_s: f64,
     span_s: f64,
-    progress: &Progress,
 ) -> Result<(), Trouble> {
     let board = captor.bench.board;
     let mut pulses = board.listen(StreamId::Pps).await?;
@@ -28,7 +27,7 @@ pub(super) async fn capture(
         [StreamId::Pps, StreamId::Gnss].map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
     tokio::try_join!(board.call(&start_pulses), board.call(&start_bytes))?;
     let mut ear = Ear { heard: Receiver::default(), sentences: Sentences::default(), began_us: None, fixed_us: None };
-    ear.listen(captor, &mut bytes, &mut pulses, timeout_s, span_s, progress).await?;
+    ear.listen(captor, &mut bytes, &mut pulses, timeout_s, span_s).await?;
     // Of the window everything came, or it is told.
     let losses = sum(bytes.losses(), pulses.losses());
     let end_us = bytes.board_time_us();
@@ -40,7 +39,14 @@ pub(super) async fn capture(
         return Err(Trouble::CaptureLost { label: about.label.clone(), after: losses.received, at_s, losses });
     }
     let (about, receiver) = (about.clone(), ear.heard);
-    captor.captures.push(Capture { about, first_us: begin_us, samples: Vec::new(), losses, receiver });
+    captor.captures.push(Capture {
+        about,
+        first_us: begin_us,
+        samples: Vec::new(),
+        compensated: Vec::new(),
+        losses,
+        receiver,
+    });
     Ok(())
 }
 
@@ -68,7 +74,6 @@ impl Ear {
         pulses: &mut Stream,
         timeout_s: f64,
         span_s: f64,
-        progress: &Progress,
     ) -> Result<(), Trouble> {
         loop {
             let now_us = tokio::select! {
@@ -88,7 +93,7 @@ impl Ear {
             let since_s = |us: u64| now_us.saturating_sub(us) as f64 * 1e-6;
             match self.fixed_us {
                 Some(fixed_us) => {
-                    progress.show(captor.bench, since_s(fixed_us));
+                    captor.course.captured(since_s(fixed_us));
                     if since_s(fixed_us) > span_s {
                         return Ok(());
                     }

@@ -2,6 +2,7 @@
 //! text that is missing.
 
 mod en;
+mod motion;
 mod ru;
 mod ru_look_at;
 mod zh;
@@ -10,6 +11,7 @@ mod zh_look_at;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::Level;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::text::duration;
 
 use super::keymap::Action;
 use crate::fixture::Ask;
@@ -67,6 +69,7 @@ pub(crate) struct Texts {
     // Pages and panels.
     pub tests: &'static str,
     pub live: &'static str,
+    pub calibration: &'static str,
     pub records: &'static str,
     pub setup: &'static str,
     pub help: &'static str,
@@ -201,6 +204,42 @@ pub(crate) struct Texts {
     pub no_verdict: &'static str,
     pub pulses: &'static str,
     pub seconds_ago: &'static str,
+    // Captures.
+    pub capture_of: &'static str,
+    pub to_go: &'static str,
+    pub this_capture: &'static str,
+    pub captures: &'static str,
+    pub bench_time: &'static str,
+    pub captures_later: &'static str,
+    pub stage_laying: &'static str,
+    pub stage_settling: &'static str,
+    pub stage_capturing: &'static str,
+    pub stage_spinning_up: &'static str,
+    pub stage_stopping: &'static str,
+    pub stage_powered_off: &'static str,
+    pub stage_working_out: &'static str,
+    pub lie_up: &'static str,
+    pub lie_north: &'static str,
+    pub lie_pole: &'static str,
+    pub lie_any: &'static str,
+    pub turns: &'static str,
+    pub spins: &'static str,
+    pub ask_lay: &'static str,
+    pub ask_turn: &'static str,
+    pub ask_spin: &'static str,
+    pub ask_stop: &'static str,
+    pub north: &'static str,
+    pub raw: &'static str,
+    pub corrected: &'static str,
+    pub centre: &'static str,
+    pub sensitivity_ratio: &'static str,
+    pub roll: &'static str,
+    pub by_host: &'static str,
+    pub not_available: &'static str,
+    pub no_ellipse: &'static str,
+    pub allan: &'static str,
+    pub gyroscopes: &'static str,
+    pub accelerometers: &'static str,
     // Records.
     pub days: &'static str,
     pub no_records: &'static str,
@@ -237,6 +276,12 @@ impl Texts {
             Ask::Switches(None) => self.switch_all_off.to_owned(),
             Ask::Switches(Some(number)) => fill(self.switch_one_on, &[&number.to_string()]),
             Ask::Heading { deg } => fill(self.turn_to, &[&format!("{deg:.0}")]),
+            Ask::Lay(lie) => fill(self.ask_lay, &[&self.lie(lie)]),
+            Ask::Turn { angle_deg, span_s, .. } => {
+                fill(self.ask_turn, &[&format!("{angle_deg:+.0}"), &duration(*span_s)])
+            }
+            Ask::Spin { rate_dps, .. } => fill(self.ask_spin, &[&format!("{rate_dps:+.0}")]),
+            Ask::StopTable => self.ask_stop.to_owned(),
             Ask::Words(words) => gnc_executive::printable::printable(words).into_owned(),
         }
     }

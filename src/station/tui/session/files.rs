@@ -14,7 +14,7 @@ use crate::files;
 use crate::fixture::Fixture;
 use crate::setup::{self, BENCH_FILE, Setup};
 use crate::store::digest;
-use crate::tui::model::{BenchView, Loaded, PlanView};
+use crate::tui::model::{BenchView, Loaded, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;
 use crate::tui::update::Msg;
 
@@ -75,8 +75,9 @@ fn plan_view(path: &Path, setup: Option<&Setup>) -> Result<PlanView, Refusal> {
         _ => None,
     });
     let (name, version) = (plan.name.clone(), plan.version.clone());
+    let programs = plan.items().iter().filter_map(ProgramView::of).collect();
     let job = Job::new(plan, abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?;
-    Ok(PlanView { name, version, items: job.planned(), part, expected_s: None })
+    Ok(PlanView { name, version, items: job.planned(), programs, part, expected_s: None })
 }
 
 /// The bench as the form names it.

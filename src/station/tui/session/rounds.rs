@@ -18,7 +18,7 @@ use crate::fixture::{Fixture, Question};
 use crate::runner::journal::Journal;
 use crate::runner::{self, Live, Order, chain, looking};
 use crate::setup::{self, Setup};
-use crate::store::{RunFolder, Scribe, Watcher};
+use crate::store::{RunFolder, Scribe, Watcher, seal_interrupted};
 use crate::tui::model::{AfterFailure, Rounds};
 use crate::tui::update::{Msg, Start};
 
@@ -110,8 +110,9 @@ async fn all(
     let job =
         Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
     let header = auto::header(args, &plan, &setup, &start.serial_number);
-    let Setup { records, target, can, fixture, site, simulation, .. } = setup;
-    let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one: args.one_by_one };
+    let Setup { records, key, target, can, fixture, site, simulation, .. } = setup;
+    let (one_by_one, found) = (args.one_by_one, seal_interrupted(&records, key.as_ref()));
+    let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one, found };
     // The simulated bench ends with this scope.
     let _simulation = simulation;
     let control = &handles.control;
@@ -124,7 +125,8 @@ async fn all(
         };
         order.header.looped = looped;
         let folder = RunFolder::create(&records, Local::now().fixed_offset(), &start.serial_number, &plan.name)
-            .map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
+            .map_err(|error| Refusal::new(chain(&error), error.try_this()))?
+            .signed_with(key.clone());
         // A screen that is that far behind reads the record later.
         let _ = handles.screen.try_send(Msg::RoundBegins { folder: folder.path().to_owned() });
         let screen = handles.screen.clone();
@@ -135,6 +137,7 @@ async fn all(
         let scribe = Scribe::start(folder, &plan, vec![watcher])
             .map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
         let ending = runner::run(&order, Journal::new(scribe), control, &handles.live).await;
+        order.found.clear();
         so_far.outcome = Outcome::worst(so_far.outcome.into_iter().chain([ending.outcome]));
         if let Some(error) = &ending.store_error {
             so_far.store_error = Some(format!("{}; {}", chain(error), error.try_this()));

@@ -263,7 +263,8 @@ fn next_page(model: &mut Model) -> Option<Command> {
     // Nobody watches any more: the module need not stay on.
     let unwatched = (model.watching && model.page == Page::Live).then_some(Command::Stop);
     model.page = match model.page {
-        Page::Tests => Page::Live,
+        Page::Tests if model.captures() => Page::Calibration,
+        Page::Tests | Page::Calibration => Page::Live,
         Page::Live => Page::Records,
         Page::Records => Page::Tests,
     };
@@ -373,7 +374,7 @@ fn back(model: &mut Model, place: Place) {
             }
             model.records.error = None;
         }
-        Place::Live | Place::LiveRunning => model.page = Page::Tests,
+        Place::Live | Place::LiveRunning | Place::Calibration => model.page = Page::Tests,
         _ => {}
     }
 }

@@ -16,7 +16,13 @@ use crate::tui::model::{Loaded, Model, Page, Pause};
 pub(super) fn head(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let mut spans = vec![Span::styled(format!(" {} ", texts.station_title), style::strong())];
-    for (page, title) in [(Page::Tests, texts.tests), (Page::Live, texts.live), (Page::Records, texts.records)] {
+    let pages = [
+        (Page::Tests, texts.tests),
+        (Page::Calibration, texts.calibration),
+        (Page::Live, texts.live),
+        (Page::Records, texts.records),
+    ];
+    for (page, title) in pages.into_iter().filter(|(page, _)| *page != Page::Calibration || model.captures()) {
         let here = page == model.page;
         let label = if here { format!("[{title}]") } else { format!(" {title} ") };
         spans.push(Span::styled(label, if here { style::turned() } else { Style::new() }));

@@ -12,15 +12,19 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use super::panels::block;
 use super::{WIDE, style, text};
 use crate::board::StreamReading;
+use crate::guidance::field::roll_deg;
 use crate::tui::lang::fill;
 use crate::tui::live::{Imu, Point};
 use crate::tui::model::{Glyphs, Model};
+use gnc_protocol::calibration::ROLL_PER_RAD;
 use gnc_protocol::stream::StreamId;
 
 /// Time that the curves cover.
 const SPAN: Duration = Duration::from_secs(60);
 /// Width of the numbers.
 const NUMBERS: u16 = 40;
+/// Raw and compensated samples within so much board time are of one attitude, microseconds.
+const TOGETHER_US: u64 = 1_000_000;
 /// Older readings are said to be so.
 const FRESH: Duration = Duration::from_secs(2);
 
@@ -49,13 +53,20 @@ fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     if let Some(imu) = model.live.imu() {
         lines.extend(vectors(model, &imu, roomy));
     }
+    if let Some(roll) = roll(model) {
+        lines.push(roll);
+        gap(&mut lines, roomy);
+    }
     lines.extend(gnss(model, cells));
     gap(&mut lines, roomy);
     lines.push(Line::styled(format!("{}  V", texts.ad_channels), style::strong()));
     lines.extend(ad(model));
     gap(&mut lines, roomy);
     lines.push(Line::styled(text::cut(texts.streams, cells), style::strong()));
-    lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    // On a small screen the figures matter more than what they are called.
+    if lines.len() + 1 + model.live.newest.streams.len() <= usize::from(inner.height) {
+        lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
+    }
     lines.extend(model.live.newest.streams.iter().map(|reading| stream(model, reading, cells)));
     frame.render_widget(Paragraph::new(lines), inner);
 }
@@ -103,6 +114,23 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
     ]));
     gap(&mut lines, roomy);
     lines
+}
+
+/// The roll angle: the host's by the correction that the module keeps, and the board's own. Nothing before anybody read
+/// that correction. Of raw and compensated samples those that come no more are of another attitude.
+pub(super) fn roll(model: &Model) -> Option<Line<'static>> {
+    let (texts, newest) = (model.texts, &model.live.newest);
+    let correction = newest.correction.as_ref()?;
+    let times = [newest.imu.as_ref().map(|(us, _)| *us), newest.compensated.as_ref().map(|(us, _)| *us)];
+    let last_us = times.into_iter().flatten().max()?;
+    let [raw, compensated] = times.map(|us| us.is_some_and(|us| us + TOGETHER_US >= last_us));
+    let angle = |angle_deg: Option<f64>| angle_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:+.2}°"));
+    let imu = model.live.imu().filter(|_| raw);
+    let host = imu.map(|imu| roll_deg(correction, [imu.field_gauss[0], imu.field_gauss[1]]));
+    let board = newest.compensated.as_ref().filter(|_| compensated);
+    let board = board.map(|(_, sample)| (f64::from(sample.roll) / ROLL_PER_RAD).to_degrees());
+    let said = format!("  {} {}  {} {}", texts.by_host, angle(host), texts.board_says, angle(board));
+    Some(Line::from(vec![Span::styled(texts.roll, style::strong()), Span::raw(said)]))
 }
 
 fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
@@ -192,7 +220,7 @@ fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl
 }
 
 /// Beside the end of each curve its name: colours are not the only sign.
-fn names_of_curves(
+pub(super) fn names_of_curves(
     model: &Model,
     frame: &mut Frame<'_>,
     area: Rect,

@@ -1,4 +1,4 @@
-//! Drawn pictures of what is asked for: the DIP switches, and the table from above.
+//! Drawn pictures of what is asked for: the DIP switches, the table from above, the module on it.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Circle, Line as Stroke};
 
-use super::style;
+use super::{module, style};
 use crate::fixture::Ask;
 use crate::tui::model::{Glyphs, Model};
 
@@ -17,7 +17,8 @@ pub(super) fn rows(ask: &Ask) -> u16 {
     match ask {
         Ask::Switches(_) => 6,
         Ask::Heading { .. } => 9,
-        Ask::Words(_) => 0,
+        Ask::Lay(_) | Ask::Turn { lie: Some(_), .. } | Ask::Spin { lie: Some(_), .. } => 10,
+        Ask::Turn { lie: None, .. } | Ask::Spin { lie: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
     }
 }
 
@@ -26,7 +27,10 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, ask: &Ask) 
     match ask {
         Ask::Switches(on) => switches(model, frame, area, *on),
         Ask::Heading { deg } => heading(model, frame, area, *deg),
-        Ask::Words(_) => {}
+        Ask::Lay(lie) => module::draw(model, frame, area, lie, None),
+        Ask::Turn { lie: Some(lie), angle_deg, .. } => module::draw(model, frame, area, lie, Some(angle_deg.signum())),
+        Ask::Spin { lie: Some(lie), rate_dps } => module::draw(model, frame, area, lie, Some(rate_dps.signum())),
+        Ask::Turn { lie: None, .. } | Ask::Spin { lie: None, .. } | Ask::StopTable | Ask::Words(_) => {}
     }
 }
 

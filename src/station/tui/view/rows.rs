@@ -14,6 +14,8 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::bar;
 use super::{style, text};
+use crate::guidance::{Guidance, Stage};
+use crate::tui::lang::{Texts, fill};
 use crate::tui::model::{Model, PlanView, Progress, order};
 
 /// Bad items whose values are listed under them; of more the cursor shows the details.
@@ -33,7 +35,8 @@ impl Columns {
     fn new(model: &Model, cells: usize) -> Self {
         let widest = Outcome::ALL.iter().map(|outcome| text::width((model.texts.outcome_word)(*outcome))).max();
         let outcome = widest.unwrap_or(8);
-        let (name, time) = (if cells < 100 { 15 } else { 18 }, 9);
+        // "59 min 59 s" is the longest time.
+        let (name, time) = (if cells < 100 { 15 } else { 20 }, 11);
         // Cursor, tick, mark and the gaps between.
         let fixed = 1 + 3 + 1 + 2 + name + 1 + outcome + 1 + time + 2;
         Self { name, outcome, time, reason: cells.saturating_sub(fixed) }
@@ -141,13 +144,17 @@ impl List<'_> {
         };
         let outcome = Span::styled(text::fit(&outcome.content, columns.outcome), outcome.style);
         let reason = match at_work {
-            Some(_) => (texts.item_title)(row.planned.id).to_owned(),
+            Some(progress) => match &progress.guidance {
+                Some(guidance) => guided(texts, guidance),
+                None => (texts.item_title)(row.planned.id).to_owned(),
+            },
             None => decided(self.model, row),
         };
         let spans = vec![
             Span::raw(tick),
             mark,
-            Span::raw(text::fit(&text::shown(&row.planned.name), columns.name + 1)),
+            Span::raw(text::fit(&text::shown(&row.planned.name), columns.name)),
+            Span::raw(" "),
             outcome,
             Span::raw(text::right(&time, columns.time + 1)),
             Span::raw("  "),
@@ -192,6 +199,16 @@ fn work(progress: &Progress, cells: usize) -> String {
     }
 }
 
+/// Which capture of how many an item is at, and what is still to go of it.
+fn guided(texts: &Texts, guidance: &Guidance) -> String {
+    let Some(planned) = guidance.present() else { return texts.stage(guidance) };
+    let which = format!("{}/{} {}", guidance.finished + 1, guidance.captures.len(), text::shown(&planned.label));
+    match guidance.stage {
+        Stage::Capturing => format!("{which}: {}", fill(texts.to_go, &[&words::duration(guidance.left_s())])),
+        _ => format!("{which}: {}", texts.stage(guidance)),
+    }
+}
+
 /// What decided an item.
 pub(super) fn decided(model: &Model, row: &Row) -> String {
     match &row.cause {
@@ -222,7 +239,7 @@ fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
         }
     }
     if bad.len() > VALUES {
-        let more = crate::tui::lang::fill(texts.more_lines, &[&(bad.len() - VALUES).to_string()]);
+        let more = fill(texts.more_lines, &[&(bad.len() - VALUES).to_string()]);
         lines.push(Line::styled(format!("         {more}, {}", texts.enter_opens), style::faint()));
     }
     if let Some(error) = &attempt.error {

@@ -1,0 +1,147 @@
+//! The columns of an export, whatever form it takes.
+
+use gnc_protocol::calibration::{FIELD_PER_GAUSS, FORCE_PER_MPS2, RATE_PER_RPS, ROLL_PER_RAD};
+
+use crate::capture::{Capture, Pose};
+
+/// What a table holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Raw samples: counts.
+    Raw,
+    /// Samples that the board compensated: their units.
+    Compensated,
+}
+
+impl Kind {
+    /// Names of the values of a sample.
+    pub(super) fn values(self) -> &'static [&'static str] {
+        match self {
+            Self::Raw => &["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z"],
+            Self::Compensated => &[
+                "rate_x_rps",
+                "rate_y_rps",
+                "rate_z_rps",
+                "force_x_mps2",
+                "force_y_mps2",
+                "force_z_mps2",
+                "field_x_gauss",
+                "field_y_gauss",
+                "field_z_gauss",
+                "roll_rad",
+            ],
+        }
+    }
+
+    /// What the name of the file ends with.
+    pub(super) fn suffix(self) -> &'static str {
+        match self {
+            Self::Raw => "",
+            Self::Compensated => "-compensated",
+        }
+    }
+
+    pub(super) fn samples(self, capture: &Capture) -> usize {
+        match self {
+            Self::Raw => capture.samples.len(),
+            Self::Compensated => capture.compensated.len(),
+        }
+    }
+}
+
+/// The samples of a capture as rows. The columns: `capture, series, position, run, number, t_s`, the values of the kind,
+/// `saturated` (compensated samples), `gyro_temperature_degc, accel_temperature_degc`.
+pub(super) struct Table<'a> {
+    capture: &'a Capture,
+    kind: Kind,
+    /// The axis that is up, or nothing.
+    pub(super) position: String,
+    /// The axis and the sense of a turn, or nothing.
+    pub(super) run: String,
+}
+
+impl<'a> Table<'a> {
+    pub(super) fn of(capture: &'a Capture, kind: Kind) -> Self {
+        let (position, run) = labels(capture);
+        Self { capture, kind, position, run }
+    }
+
+    pub(super) fn label(&self) -> &'a str {
+        &self.capture.about.label
+    }
+
+    pub(super) fn series(&self) -> u32 {
+        self.capture.about.series
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.kind.samples(self.capture)
+    }
+
+    /// Time of a sample since the first one, as exact as the board's own microseconds.
+    pub(super) fn at_us(&self, row: usize) -> u64 {
+        row as u64 * 1_000_000 / u64::from(self.capture.about.rate_hz.max(1))
+    }
+
+    /// A value of a sample; both in the order of [`Kind::values`]. Raw ones are whole numbers.
+    pub(super) fn value(&self, row: usize, value: usize) -> f64 {
+        match self.kind {
+            Kind::Raw => f64::from(self.count(row, value)),
+            Kind::Compensated => {
+                let sample = &self.capture.compensated[row];
+                let (count, scale) = match value {
+                    0..3 => (sample.rate[value], RATE_PER_RPS),
+                    3..6 => (sample.force[value - 3], FORCE_PER_MPS2),
+                    6..9 => (sample.field[value - 6], FIELD_PER_GAUSS),
+                    _ => (sample.roll, ROLL_PER_RAD),
+                };
+                f64::from(count) / scale
+            }
+        }
+    }
+
+    /// A raw value.
+    pub(super) fn count(&self, row: usize, value: usize) -> i32 {
+        let sample = &self.capture.samples[row];
+        match value {
+            0..3 => sample.gyro[value],
+            3..6 => sample.accel[value - 3],
+            _ => sample.mag[value - 6],
+        }
+    }
+
+    /// Raw channels that were saturated, for a compensated sample.
+    pub(super) fn saturated(&self, row: usize) -> u16 {
+        self.capture.compensated[row].saturated
+    }
+
+    /// Of gyroscopes and accelerometers, degC.
+    pub(super) fn temperatures(&self, row: usize) -> [f64; 2] {
+        let raw = match self.kind {
+            Kind::Raw => {
+                let sample = &self.capture.samples[row];
+                [sample.gyro_temperature, sample.accel_temperature]
+            }
+            Kind::Compensated => {
+                let sample = &self.capture.compensated[row];
+                [sample.gyro_temperature, sample.accel_temperature]
+            }
+        };
+        raw.map(|value| f64::from(value) / 100.0)
+    }
+}
+
+/// `position` (the axis that is up) and `run` (axis and sense of a turn), as `compute` calls them; empty where the
+/// capture is none of the two.
+pub(crate) fn labels(capture: &Capture) -> (String, String) {
+    let name =
+        |axis: usize, positive: bool| format!("{}{}", ["x", "y", "z"][axis % 3], if positive { '+' } else { '-' });
+    match &capture.about.pose {
+        Pose::Still { up, .. } => {
+            let axis = up.iter().position(|part| part.abs() == 1.0);
+            (axis.map(|axis| name(axis, up[axis] > 0.0)).unwrap_or_default(), String::new())
+        }
+        Pose::Rotating { axis, angle_deg, .. } => (String::new(), name(usize::from(*axis), *angle_deg > 0.0)),
+        Pose::Spinning { .. } => (String::new(), String::new()),
+    }
+}

@@ -1,0 +1,73 @@
+//! The passport that was filed with a run, against that of the run judged again.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
+
+use super::differences;
+use super::source::RunError;
+use crate::passport::{self, NoPassport, PASSPORT, PASSPORT_XML, Passport};
+use crate::store::digest::Sums;
+use crate::store::{DIGESTS, StoreError, pretty};
+
+/// What is not as it was, and a word for the summary.
+pub(super) struct Checked {
+    pub(super) differences: Vec<String>,
+    pub(super) summary: String,
+}
+
+/// Compares the files in a run's folder with what its events say now.
+pub(super) fn check(folder: &Path, state: &RunState) -> Result<Checked, RunError> {
+    let mut checked = Checked { differences: Vec::new(), summary: String::new() };
+    let Some(record) = RunRecord::from_state(state).filter(|_| folder.join(DIGESTS).exists()) else {
+        return Ok(checked);
+    };
+    let (sums, _) = Sums::read(folder)?;
+    let is_filed = |name: &str| sums.get(name).is_some() || folder.join(name).exists();
+    let filed = is_filed(PASSPORT) || is_filed(PASSPORT_XML);
+    match passport::of_run(&record, &sums.of_record()) {
+        Ok(passport) if filed => {
+            checked.differences = compare(folder, &passport)?;
+            if checked.differences.is_empty() {
+                checked.summary = "; the passport too".to_owned();
+            }
+        }
+        // It was recorded by a program that wrote none.
+        Ok(_) => checked.summary = "; no passport was filed".to_owned(),
+        Err(why) if filed => {
+            checked.differences.push(format!("a passport was filed, and the run has earned none: {why}"));
+        }
+        Err(NoPassport::NoCalibration) => {}
+        Err(why) => checked.summary = format!("; no passport: {why}"),
+    }
+    Ok(checked)
+}
+
+fn compare(folder: &Path, passport: &Passport) -> Result<Vec<String>, RunError> {
+    let mut found = Vec::new();
+    let mut json = Vec::new();
+    let memory = |source: io::Error| StoreError::File { what: "write", path: PASSPORT.into(), source };
+    pretty(&mut json, passport).map_err(memory)?;
+    let xml = passport::xml(passport).map_err(StoreError::from)?;
+    for (name, now) in [(PASSPORT, json), (PASSPORT_XML, xml)] {
+        match fs::read(folder.join(name)) {
+            Err(error) => found.push(format!("{name} cannot be read: {error}")),
+            Ok(was) if was == now => {}
+            Ok(was) => {
+                let values = [was, now].map(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+                let places = match values {
+                    [Some(was), Some(now)] => differences::of_values(name, &was, &now),
+                    _ => Vec::new(),
+                };
+                if places.is_empty() {
+                    found.push(format!("{name} is written otherwise"));
+                }
+                found.extend(places);
+            }
+        }
+    }
+    Ok(found)
+}

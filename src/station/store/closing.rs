@@ -1,0 +1,111 @@
+//! The end of a run's folder: what people and programs read is made from the journal, digests vouch for all files, and
+//! the chain for the digests. Where the program or the computer died before that, the next start does it.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
+use gnc_executive::text;
+use nix::fcntl::{Flock, FlockArg};
+
+use super::digest::Sums;
+use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, on, reader};
+use crate::passport::{self, PASSPORT, PASSPORT_XML};
+use crate::report::{self, REPORT};
+
+/// Newest runs among which interrupted ones are looked for: a station that died is started again before a thousand
+/// others have run.
+const LOOKED_AT: usize = 1000;
+
+/// Holds a journal, so that whoever looks for interrupted runs sees that this one goes on. The kernel lets it go when
+/// the program dies.
+pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError> {
+    on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
+}
+
+/// Closes the folder of a run with what its journal says.
+pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<(), StoreError> {
+    let mut sums = Sums::default();
+    if let Some(record) = record {
+        folder.put(LOG, |out| out.write_all(text::log_txt(record).as_bytes()))?;
+        folder.put(RECORD, |out| pretty(out, record))?;
+        sums.add_new(folder.path())?;
+        file_papers(folder, record, &mut sums)?;
+    }
+    // One wait for all files of the run, then the digests that vouch for them.
+    folder.sync()?;
+    sums.add_new(folder.path())?;
+    let digests = sums.text();
+    if let Some(key) = folder.key() {
+        // Before the digests, which close the folder.
+        let signature = key.sign(digests.as_bytes());
+        folder.put_synced(SIGNATURE, |out| out.write_all(&signature))?;
+    }
+    folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
+    chain::append(folder.path())
+}
+
+/// Passport and report name the digest of all that was there before them.
+fn file_papers(folder: &RunFolder, record: &RunRecord, sums: &mut Sums) -> Result<(), StoreError> {
+    let record_sha256 = sums.of_record();
+    let passport = passport::of_run(record, &record_sha256);
+    if let Ok(passport) = &passport {
+        let xml = passport::xml(passport)?;
+        folder.put(PASSPORT, |out| pretty(out, passport))?;
+        folder.put(PASSPORT_XML, |out| out.write_all(&xml))?;
+        sums.add_new(folder.path())?;
+    }
+    let digest = |name: &str| sums.get(name).map(|digest| (name.to_owned(), digest.to_owned()));
+    let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
+    let all = ("the whole record, as the passport names it".to_owned(), record_sha256);
+    let digests: Vec<_> = files.chain([all]).collect();
+    folder.put(REPORT, |out| out.write_all(report::html(record, &passport, &digests).as_bytes()))
+}
+
+/// Seals the runs that were interrupted, and says in a line each what became of them. One that ended and was not closed
+/// stays as it is: what nobody vouched for at its end must not become a pass later.
+#[must_use]
+pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String> {
+    let is_open = |run: &Path| run.join(JOURNAL).is_file() && !run.join(DIGESTS).exists();
+    let mut open: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| is_open(run)).collect();
+    open.reverse();
+    let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
+    let told = open.iter().filter_map(|run| match seal(run, key) {
+        Ok(what) => what.map(|what| format!("{} {what}", name(run))),
+        Err(error) => Some(format!(
+            "{} was interrupted and cannot be sealed: {}; {}",
+            name(run),
+            crate::runner::chain(&error),
+            error.try_this()
+        )),
+    });
+    told.collect()
+}
+
+/// `None`: it goes on, has an end, or holds nothing.
+fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
+    // Another station may have sealed it meanwhile.
+    let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(None) };
+    let Some(record) = RunRecord::from_state(&state).filter(|record| record.interrupted) else { return Ok(None) };
+    close(&RunFolder::existing(run).signed_with(key.cloned()), Some(&record))?;
+    Ok(Some(in_words(&state, &record)))
+}
+
+fn in_words(state: &RunState, record: &RunRecord) -> String {
+    let running = state.rows().iter().filter(|row| row.running().is_some());
+    let running: Vec<&str> = running.map(|row| row.planned.name.as_str()).collect();
+    let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
+    let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
+    let serial_number = &record.serial_number;
+    format!("was interrupted{during}{last}; it is sealed as that, and {serial_number} has to be tested again")
+}
+
+/// JSON as the record's files hold it.
+pub(crate) fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, value)?;
+    out.write_all(b"\n")
+}

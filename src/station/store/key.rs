@@ -1,0 +1,209 @@
+//! The station's key (Ed25519, RFC 8032), with which it may sign the digests of each run that it closes.
+//!
+//! A chain of digests shows a change to whoever trusts the folder; a signature shows it to whoever has the public key.
+//! Both keys are files in the form of RFC 8410, so that other programs check signatures too:
+//!
+//! ```text
+//! openssl pkeyutl -verify -rawin -pubin -keyform DER -inkey FILE.pub -in SHA256SUMS -sigfile SHA256SUMS.sig
+//! ```
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
+use std::path::{Path, PathBuf};
+
+use ed25519_dalek::{Signature, Signer as _, SigningKey, VerifyingKey};
+
+/// What stands before the 32 bytes of a private key: PKCS #8 of RFC 8410.
+const PRIVATE_HEAD: [u8; 16] = [0x30, 0x2e, 2, 1, 0, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 4, 0x22, 4, 0x20];
+/// What stands before the 32 bytes of a public key: SubjectPublicKeyInfo of RFC 8410.
+const PUBLIC_HEAD: [u8; 12] = [0x30, 0x2a, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 3, 0x21, 0];
+/// Bytes of either key.
+const KEY: usize = 32;
+/// Rights of others than the owner: a key that they can read is nobody's.
+const OF_OTHERS: u32 = 0o077;
+/// Longest file that is read: both forms are shorter.
+const LONGEST: u64 = 128;
+
+/// Why a key cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum KeyError {
+    /// The file.
+    #[error("cannot {what} the key {}", path.display())]
+    File {
+        /// "read", "write".
+        what: &'static str,
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Others than its owner may use it.
+    #[error("the key {} may be used by others than its owner (mode {mode:03o})", path.display())]
+    Open {
+        /// Which.
+        path: PathBuf,
+        /// Its rights.
+        mode: u32,
+    },
+    /// It belongs to somebody else.
+    #[error("the key {} belongs to another user", path.display())]
+    Foreign {
+        /// Which.
+        path: PathBuf,
+    },
+    /// The file holds something else.
+    #[error("{} is no {form} key of Ed25519", path.display())]
+    NoKey {
+        /// Which.
+        path: PathBuf,
+        /// "private", "public".
+        form: &'static str,
+    },
+}
+
+impl KeyError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::File { source, .. } if source.kind() == io::ErrorKind::AlreadyExists => {
+                "a key is never written over: move the old one away, and keep its public half for its runs"
+            }
+            Self::File { .. } => "check [station] key in the bench file; `gnc-station records key FILE` makes one",
+            Self::Open { .. } => "`chmod 600` the key; if others may have read it, make another one",
+            Self::Foreign { .. } => "run the station as the key's owner, or make a key of its own",
+            Self::NoKey { .. } => "name the file that `gnc-station records key FILE` wrote, or FILE.pub to verify",
+        }
+    }
+}
+
+/// A private key.
+#[derive(Debug, Clone)]
+pub struct StationKey(SigningKey);
+
+impl StationKey {
+    /// Makes a new key: the private half in a file that its owner alone may use, the public one beside it, `.pub`.
+    ///
+    /// # Errors
+    /// [`KeyError::File`]; a file that is there is never written over.
+    pub fn create(path: &Path) -> Result<PathBuf, KeyError> {
+        let mut seed = [0; KEY];
+        let random = Path::new("/dev/urandom");
+        on(File::open(random).and_then(|mut file| file.read_exact(&mut seed)), "read", random)?;
+        let key = SigningKey::from_bytes(&seed);
+        let public = public_path(path);
+        write(path, 0o600, &[&PRIVATE_HEAD, &seed])?;
+        write(&public, 0o644, &[&PUBLIC_HEAD, key.verifying_key().as_bytes()])?;
+        Ok(public)
+    }
+
+    /// Reads a private key that nobody else may use.
+    ///
+    /// # Errors
+    /// [`KeyError`].
+    pub fn read(path: &Path) -> Result<Self, KeyError> {
+        let file = on(File::open(path), "read", path)?;
+        let meta = on(file.metadata(), "read", path)?;
+        if meta.uid() != nix::unistd::geteuid().as_raw() {
+            return Err(KeyError::Foreign { path: path.to_owned() });
+        }
+        if meta.mode() & OF_OTHERS != 0 {
+            return Err(KeyError::Open { path: path.to_owned(), mode: meta.mode() & 0o777 });
+        }
+        Ok(Self(SigningKey::from_bytes(&behind(&PRIVATE_HEAD, file, path, "private")?)))
+    }
+
+    /// The signature of a text.
+    #[must_use]
+    pub fn sign(&self, text: &[u8]) -> [u8; 64] {
+        self.0.sign(text).to_bytes()
+    }
+}
+
+/// The public half of a key.
+#[derive(Debug, Clone)]
+pub struct PublicKey(VerifyingKey);
+
+impl PublicKey {
+    /// Reads a public key.
+    ///
+    /// # Errors
+    /// [`KeyError`].
+    pub fn read(path: &Path) -> Result<Self, KeyError> {
+        let bytes = behind(&PUBLIC_HEAD, on(File::open(path), "read", path)?, path, "public")?;
+        let no_key = |_| KeyError::NoKey { path: path.to_owned(), form: "public" };
+        Ok(Self(VerifyingKey::from_bytes(&bytes).map_err(no_key)?))
+    }
+
+    /// Whether the text was signed with the other half.
+    #[must_use]
+    pub fn signed(&self, text: &[u8], signature: &[u8]) -> bool {
+        Signature::from_slice(signature).is_ok_and(|signature| self.0.verify_strict(text, &signature).is_ok())
+    }
+}
+
+fn public_path(path: &Path) -> PathBuf {
+    let mut public = path.as_os_str().to_owned();
+    public.push(".pub");
+    public.into()
+}
+
+fn write(path: &Path, mode: u32, parts: &[&[u8]]) -> Result<(), KeyError> {
+    let mut file = on(OpenOptions::new().write(true).create_new(true).mode(mode).open(path), "write", path)?;
+    on(file.write_all(&parts.concat()).and_then(|()| file.sync_all()), "write", path)
+}
+
+fn behind(head: &[u8], file: File, path: &Path, form: &'static str) -> Result<[u8; KEY], KeyError> {
+    let mut bytes = Vec::new();
+    on(file.take(LONGEST).read_to_end(&mut bytes), "read", path)?;
+    let key = bytes.strip_prefix(head).and_then(|key| key.try_into().ok());
+    key.ok_or_else(|| KeyError::NoKey { path: path.to_owned(), form })
+}
+
+fn on<T>(result: io::Result<T>, what: &'static str, path: &Path) -> Result<T, KeyError> {
+    result.map_err(|source| KeyError::File { what, path: path.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RFC 8032, section 7.1, test 2: one byte.
+    #[test]
+    fn signatures_are_those_of_the_standard() {
+        let bytes = |text: &str| -> Vec<u8> {
+            (0..text.len()).step_by(2).map(|at| u8::from_str_radix(&text[at..at + 2], 16).expect("hex")).collect()
+        };
+        let seed = bytes("4ccd089b28ff96da9db6c346ec114e0f5b8a319f35aba624da8cf6ed4fb8a6fb");
+        let public = bytes("3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c");
+        let expected = bytes(
+            "92a009a9f0d4cab8720e820b5f642540a2b27b5416503f8fb3762223ebdb69da\
+             085ac1e43e15996e458f3613d0f11d8c387b2eaeb4302aeeb00d291612bb0c00",
+        );
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("key");
+        write(&path, 0o600, &[&PRIVATE_HEAD, &seed]).expect("a file");
+        write(&public_path(&path), 0o644, &[&PUBLIC_HEAD, &public]).expect("a file");
+        let signature = StationKey::read(&path).expect("a key").sign(&[0x72]);
+        assert_eq!(signature.as_slice(), expected);
+        let public = PublicKey::read(&public_path(&path)).expect("a key");
+        assert!(public.signed(&[0x72], &signature));
+        assert!(!public.signed(&[0x73], &signature) && !public.signed(&[0x72], &signature[1..]));
+    }
+
+    #[test]
+    fn a_key_that_others_may_read_is_refused() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("station.key");
+        let public = StationKey::create(&path).expect("a key");
+        assert!(StationKey::read(&path).is_ok() && PublicKey::read(&public).is_ok());
+        assert!(matches!(StationKey::create(&path), Err(KeyError::File { .. })), "never written over");
+        assert!(matches!(StationKey::read(&public), Err(KeyError::Open { .. })));
+        assert!(matches!(PublicKey::read(&path), Err(KeyError::NoKey { .. })));
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o640)).expect("rights");
+        let refused = StationKey::read(&path).expect_err("too open");
+        assert!(refused.to_string().ends_with("may be used by others than its owner (mode 640)"), "{refused}");
+    }
+}

@@ -1,0 +1,65 @@
+//! How the module lies and moves, in words.
+
+use gnc_executive::text::duration;
+
+use super::{Texts, fill};
+use crate::capture::{Along, Pose};
+use crate::guidance::{Guidance, Stage};
+use crate::turntable::{AXES, Lie};
+
+impl Texts {
+    /// "+X up, +Y to 0° clockwise from north".
+    pub(crate) fn lie(&self, lie: &Lie) -> String {
+        match *lie {
+            Lie::Axis { axis, positive, along, heading_deg } => {
+                let (axis, sign) = (usize::from(axis), if positive { '+' } else { '-' });
+                let (this, next) = (format!("{sign}{}", AXES[axis % 3]), format!("+{}", AXES[(axis + 1) % 3]));
+                let template = match along {
+                    Along::Up => self.lie_up,
+                    Along::North => self.lie_north,
+                    Along::Polar => self.lie_pole,
+                };
+                fill(template, &[&this, &next, &format!("{heading_deg:.0}")])
+            }
+            Lie::Up { up: [x, y, z], heading_deg } => {
+                fill(self.lie_any, &[&format!("{x:+.4} {y:+.4} {z:+.4}"), &format!("{heading_deg:.0}")])
+            }
+        }
+    }
+
+    /// How it moves while it is captured; nothing where it lies still.
+    pub(crate) fn motion(&self, pose: &Pose) -> Option<String> {
+        let name = |axis: u8| AXES[usize::from(axis) % 3];
+        match *pose {
+            Pose::Still { .. } => None,
+            Pose::Rotating { axis, angle_deg, span_s, .. } => {
+                Some(fill(self.turns, &[&format!("{angle_deg:+.0}"), name(axis), &duration(span_s)]))
+            }
+            Pose::Spinning { axis, rate_dps, .. } => {
+                Some(fill(self.spins, &[&format!("{}", Signed(rate_dps)), name(axis)]))
+            }
+        }
+    }
+
+    /// What goes on.
+    pub(crate) fn stage(&self, guidance: &Guidance) -> String {
+        match guidance.stage {
+            Stage::Laying => self.stage_laying.to_owned(),
+            Stage::Settling { span_s } => fill(self.stage_settling, &[&duration(span_s)]),
+            Stage::Capturing => self.stage_capturing.to_owned(),
+            Stage::SpinningUp { rate_dps } => fill(self.stage_spinning_up, &[&format!("{}", Signed(rate_dps))]),
+            Stage::Stopping => self.stage_stopping.to_owned(),
+            Stage::PoweredOff { span_s } => fill(self.stage_powered_off, &[&duration(span_s)]),
+            Stage::WorkingOut => self.stage_working_out.to_owned(),
+        }
+    }
+}
+
+/// A rate with its sign and as many digits as it needs: 5400 deg/s, and the hundredths of a resolution.
+struct Signed(f64);
+
+impl std::fmt::Display for Signed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.0.abs() >= 10.0 { write!(f, "{:+.0}", self.0) } else { write!(f, "{:+}", self.0) }
+    }
+}

@@ -1,0 +1,159 @@
+//! Scenes of a plan that captures: a calibration on the simulated turntable.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use gnc_executive::event::{EventKind, PlannedItem};
+use gnc_executive::plan::{Phase, Plan, PlanItem};
+use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS};
+
+use super::Scene;
+use crate::guidance::allan::AllanSoFar;
+use crate::guidance::field::FieldSoFar;
+use crate::guidance::{Guidance, Picture, Stage};
+use crate::motion;
+use crate::tui::lang::Lang;
+use crate::tui::model::{Loaded, PlanView, ProgramView, Progress};
+use crate::tui::update::{Msg, update};
+
+/// Captured board time of the capture in the middle of which a scene stands.
+const CAPTURED_S: f64 = 87.4;
+
+impl Scene {
+    /// A run of the calibration plan that stands in the middle of a capture: `item` is at work, and so many of its
+    /// captures are finished.
+    ///
+    /// # Errors
+    /// As [`Scene::new`]; the plan of the repository is good.
+    pub fn capturing(lang: Lang, (width, height): (u16, u16), item: &str, finished: usize) -> std::io::Result<Self> {
+        let mut scene = Self::calibration(lang, width, height)?;
+        scene.start("DEMO-1");
+        scene.passes(&["identity", "imu"]);
+        scene.event(EventKind::ItemStarted { item: item.into(), attempt: 1 });
+        scene.pass_time(Duration::from_secs(700));
+        let guidance = scene.guidance(item, finished, CAPTURED_S);
+        scene.guided(item, guidance);
+        Ok(scene)
+    }
+
+    /// The same in the first spin of the magnetometer, after so many samples of a field that draws an ellipse.
+    ///
+    /// # Errors
+    /// As [`Scene::capturing`].
+    pub fn spinning(lang: Lang, size: (u16, u16), samples: u32) -> std::io::Result<Self> {
+        let mut scene = Self::capturing(lang, size, "magnetometer-ellipse", 0)?;
+        let mut field = FieldSoFar::new(2);
+        (0..samples).for_each(|index| field.take(&[spun(index)]));
+        scene.shows("magnetometer-ellipse", Picture::Field(Arc::new(field.look())));
+        Ok(scene)
+    }
+
+    /// The same in an hour of stillness, after so many samples.
+    ///
+    /// # Errors
+    /// As [`Scene::capturing`].
+    pub fn resting(lang: Lang, size: (u16, u16), samples: u32) -> std::io::Result<Self> {
+        let mut scene = Self::capturing(lang, size, "bias-stability", 0)?;
+        let mut allan = AllanSoFar::new(200);
+        let mut noise = Noise(7);
+        (0..samples).for_each(|_| allan.take(&[noise.rested()]));
+        scene.shows("bias-stability", Picture::Allan(Arc::new(allan.look())));
+        Ok(scene)
+    }
+
+    fn shows(&mut self, item: &str, picture: Picture) {
+        let mut guidance = self.guidance(item, 0, CAPTURED_S);
+        guidance.picture = Some(picture);
+        self.guided(item, guidance);
+    }
+
+    /// An idle screen with the calibration plan, and an hour of stillness behind it.
+    pub(crate) fn calibration(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
+        let mut scene = Self::new(lang, width, height)?;
+        let plan = plan()?;
+        let items: Vec<PlannedItem> = plan.items().iter().map(planned).collect();
+        scene.plan = ("calibration", items.clone());
+        let view = PlanView {
+            name: "calibration".into(),
+            version: "1.0".into(),
+            items,
+            programs: plan.items().iter().filter_map(ProgramView::of).collect(),
+            part: Some("GNC-POP-26".into()),
+            expected_s: None,
+        };
+        let path = "test-plans/calibration.toml".into();
+        update(&mut scene.model, Msg::Plan { path, plan: Loaded::Ready(view) });
+        Ok(scene)
+    }
+
+    /// The way through an item's program with so many captures finished and the next one under way.
+    pub(crate) fn guidance(&self, item: &str, finished: usize, captured_s: f64) -> Guidance {
+        let plan = plan().ok();
+        let found = plan.iter().flat_map(Plan::items).find(|other| other.name == item);
+        let program = found.and_then(|item| motion::program(item.id, &item.params).ok().flatten()).unwrap_or_default();
+        let mut guidance = Guidance::new(&program);
+        for step in &program.steps {
+            guidance.begin(step);
+            if guidance.stage == Stage::Capturing && guidance.finished == finished {
+                guidance.captured_s = captured_s.min(step.span_s() / 2.0);
+                break;
+            }
+            guidance.end(step);
+        }
+        guidance
+    }
+
+    /// The item at work says how far it is.
+    pub(crate) fn guided(&mut self, item: &str, guidance: Guidance) {
+        let progress = Progress {
+            item: item.into(),
+            done_permille: Some(((1.0 - guidance.left_s() / guidance.whole_s) * 1e3) as u16),
+            elapsed: Duration::from_secs(700),
+            guidance: Some(Arc::new(guidance)),
+        };
+        self.tell(Msg::Progress(vec![progress]));
+    }
+}
+
+fn plan() -> std::io::Result<Plan> {
+    let text = include_str!("../../../../test-plans/calibration.toml");
+    let rest = "[[item]]\nid = \"bias-stability\"\nrequires = [\"rotation\"]\nlimits.\"bias_stability_gyro_*\" = \"<= 10 deg/h\"\n";
+    let text = format!("{text}\n{rest}");
+    let none = &mut |_: &str| Err("it includes nothing".to_owned());
+    Plan::read("calibration.toml", text.into(), none).map_err(std::io::Error::other)
+}
+
+/// A module that spins at 15 turns a second, 1000 samples a second: zeros, two sensitivities, axes two degrees off.
+fn spun(index: u32) -> ImuSample {
+    let (sin, cos) = (f64::from(index) * 0.015 * std::f64::consts::TAU).sin_cos();
+    let (x, y) = (0.05 + 0.30 * cos - 0.01 * sin, -0.03 - 0.27 * sin);
+    let counts = |gauss: f64| (gauss * MAG_LSB_PER_GAUSS).round() as i32;
+    ImuSample { mag: [counts(x), counts(y), 0], ..ImuSample::default() }
+}
+
+/// Numbers without a pattern (Knuth's linear congruence), alike in every picture.
+struct Noise(u64);
+
+impl Noise {
+    fn counts(&mut self, width: f64) -> i32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (((self.0 >> 33) as f64 / f64::from(1_u32 << 31) - 0.5) * width) as i32
+    }
+
+    /// A sample of a module that lies still.
+    fn rested(&mut self) -> ImuSample {
+        let mut all = |width: f64| [width, 1.5 * width, 2.5 * width].map(|width| self.counts(width));
+        ImuSample { gyro: all(700.0), accel: all(400.0), ..ImuSample::default() }
+    }
+}
+
+fn planned(item: &PlanItem) -> PlannedItem {
+    PlannedItem {
+        name: item.name.clone(),
+        id: item.id,
+        title: item.id.spec().title.to_owned(),
+        phase: Phase::Test,
+        optional: item.optional,
+        selected: true,
+    }
+}

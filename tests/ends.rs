@@ -1,0 +1,250 @@
+//! Ends that nobody asked for: what the next start makes of them, and that the board is safe without the station.
+
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "what cannot be set up fails the test that needs it")]
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Instant;
+
+use gnc_station::store::{chain, reader};
+use gnc_tests::{Place, functional_plan, read_json};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
+/// Looks at the board until it is safe; each takes it some milliseconds.
+const LOOKS: usize = 100_000;
+
+/// A run, and the lines of its events.
+struct Running {
+    child: Child,
+    events: BufReader<ChildStdout>,
+}
+
+impl Running {
+    fn start(place: &Place, more: &[&str]) -> Self {
+        let plan = functional_plan();
+        let args = ["--auto", &plan.to_string_lossy(), "--serial-number", "SIM-0001", "--events"].map(str::to_owned);
+        let args = args.into_iter().chain(more.iter().map(|arg| (*arg).to_owned()));
+        let mut child = place.station(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the station");
+        let events = BufReader::new(child.stdout.take().expect("its output"));
+        Self { child, events }
+    }
+
+    fn until(&mut self, event: &str) {
+        let mut line = String::new();
+        while !line.contains(event) {
+            line.clear();
+            assert_ne!(self.events.read_line(&mut line).expect("a line"), 0, "the run ended before {event}");
+        }
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(i32::try_from(self.child.id()).expect("a process id")), signal).expect("alive");
+    }
+
+    /// Exit code and complaints.
+    fn end(mut self) -> (Option<i32>, String) {
+        let mut rest = String::new();
+        while self.events.read_line(&mut rest).expect("a line") > 0 {}
+        let output = self.child.wait_with_output().expect("its end");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+}
+
+/// The board as a program; ended with the test.
+struct Board {
+    child: Child,
+    stdin: ChildStdin,
+    stdout: BufReader<ChildStdout>,
+    port: String,
+}
+
+impl Board {
+    fn start() -> Self {
+        let mut child = Command::new(MOCK)
+            .args(["--serial-number", "SIM-0001"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the board");
+        let stdin = child.stdin.take().expect("its input");
+        let mut stdout = BufReader::new(child.stdout.take().expect("its output"));
+        let mut line = String::new();
+        stdout.read_line(&mut line).expect("its first line");
+        Self { stdin, stdout, port: line.strip_prefix("port ").expect("port PATH").trim().to_owned(), child }
+    }
+
+    /// Whether the module in it has power.
+    fn is_powered(&mut self) -> bool {
+        writeln!(self.stdin, "truth").expect("alive");
+        let mut powered = None;
+        let mut line = String::new();
+        // The temperature is the last figure.
+        while !line.starts_with("temperature_c") {
+            line.clear();
+            assert_ne!(self.stdout.read_line(&mut line).expect("a figure"), 0, "the board ended");
+            powered = line.strip_prefix("powered ").map(|word| word.trim() == "true").or(powered);
+        }
+        powered.expect("the truth tells of power")
+    }
+
+    /// Until its watchdog has made it safe.
+    fn until_safe(&mut self) {
+        let began = Instant::now();
+        assert!((0..LOOKS).any(|_| !self.is_powered()), "the module still has power");
+        println!("the module was off {:.2} s later", began.elapsed().as_secs_f64());
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn with_board(board: &Board) -> Place {
+    let place = Place::new(STATION);
+    place.write("bench.toml", &format!("[station]\nid = \"ends\"\n[socket]\nport = \"{}\"\n", board.port));
+    place
+}
+
+fn log(run: &Path) -> String {
+    fs::read_to_string(run.join("log.txt")).expect("log.txt")
+}
+
+/// The program dies: the board is safe by its own watchdog, and the next start says what was interrupted and seals it,
+/// so that it can be verified like any other and is no pass.
+#[test]
+fn a_killed_run_is_sealed_by_the_next_start() {
+    let mut board = Board::start();
+    let place = with_board(&board);
+    let mut running = Running::start(&place, &["--only", "identity,sdram"]);
+    running.until(r#""kind":"item_started","item":"sdram""#);
+    running.signal(Signal::SIGKILL);
+    assert_eq!(running.end().0, None);
+    board.until_safe();
+    let killed = place.runs().pop().expect("a run");
+    assert!(!reader::verify(&killed).is_empty(), "nothing vouches for it yet");
+
+    let (code, _) = Running::start(&place, &["--only", "identity"]).end();
+    assert_eq!(code, Some(0));
+    let runs = place.runs();
+    assert_eq!(runs.len(), 2, "{runs:?}");
+    let said = log(&runs[1]);
+    assert!(
+        said.contains("was interrupted during sdram") && said.contains("SIM-0001 has to be tested again"),
+        "{said}"
+    );
+    assert_eq!(reader::verify(&killed), Vec::<String>::new());
+    let record = read_json(&killed.join("run.json"));
+    assert_eq!((record["interrupted"].as_bool(), record["outcome"].as_str()), (Some(true), Some("aborted")));
+    let checked = chain::verify(&place.path().join("records")).expect("a chain");
+    assert_eq!((checked.runs, checked.problems), (2, Vec::new()));
+    let list = place.run(["records", "list"]).stdout;
+    assert!(list.starts_with("interrupted"), "{list}");
+    assert_eq!(place.run(["records", "verify"]).code, Some(0));
+
+    // It is said once.
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    assert!(!log(&place.runs()[2]).contains("was interrupted"));
+}
+
+/// A second station on the same folder leaves a run alone that goes on.
+#[test]
+fn a_run_that_goes_on_is_not_sealed() {
+    let place = Place::new(STATION);
+    let mut long = Running::start(&place, &["--sim", "--only", "identity,sdram"]);
+    long.until(r#""kind":"item_started","item":"sdram""#);
+    assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, Some(0));
+    let runs = place.runs();
+    assert!(!runs[0].join("SHA256SUMS").exists(), "it goes on");
+    assert!(!log(&runs[1]).contains("interrupted"));
+    assert_eq!(long.end().0, Some(0));
+    assert_eq!(place.run(["records", "verify"]).code, Some(0));
+}
+
+/// A journal that ends well in a folder that was never closed may be anybody's: it does not become a pass later.
+#[test]
+fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
+    let place = Place::new(STATION);
+    let one = || Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0;
+    assert_eq!(one(), Some(0));
+    let run = place.runs().pop().expect("a run");
+    fs::remove_file(run.join("SHA256SUMS")).expect("digests");
+    assert_eq!(one(), Some(0));
+    assert!(!run.join("SHA256SUMS").exists());
+}
+
+/// The computer stands still for longer than the board waits, as in a suspend: the module is made safe, the item in
+/// flight is errored and done again, and the run goes on.
+#[test]
+fn a_computer_that_stood_still_charges_nobody() {
+    let mut board = Board::start();
+    let place = with_board(&board);
+    let mut running = Running::start(&place, &["--only", "identity,sdram"]);
+    running.until(r#""kind":"item_started","item":"sdram""#);
+    running.signal(Signal::SIGSTOP);
+    board.until_safe();
+    running.signal(Signal::SIGCONT);
+    assert_eq!(running.end().0, Some(0), "{}", log(&place.runs()[0]));
+    let items = place.record()["items"].clone();
+    let sdram = items.as_array().into_iter().flatten().find(|item| item["id"] == "sdram").expect("sdram");
+    let outcomes: Vec<_> = sdram["attempts"].as_array().into_iter().flatten().map(|one| &one["outcome"]).collect();
+    assert_eq!(outcomes, ["errored", "passed"], "{}", log(&place.runs()[0]));
+}
+
+/// Somebody removes the records in mid-run: the run is errored and says why, and the module is off.
+#[test]
+fn records_that_are_removed_end_the_run_as_errored() {
+    let mut board = Board::start();
+    let place = with_board(&board);
+    let mut running = Running::start(&place, &["--only", "identity,sdram,io"]);
+    running.until(r#""kind":"item_started","item":"sdram""#);
+    fs::remove_dir_all(place.path().join("records")).expect("records");
+    let (code, complaint) = running.end();
+    assert_eq!(code, Some(3), "{complaint}");
+    assert!(complaint.contains("its record could not be written"), "{complaint}");
+    board.until_safe();
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    assert_eq!(place.run(["records", "verify"]).code, Some(0));
+}
+
+/// A bench that names a key signs what it closes: whoever has the public half finds what was written since, also where
+/// all digests were made again.
+#[test]
+fn a_run_is_signed_where_the_bench_names_a_key() {
+    let board = Board::start();
+    let place = with_board(&board);
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(0));
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(2), "never written over");
+    let bench = fs::read_to_string(place.path().join("bench.toml")).expect("a bench file");
+    place.write("bench.toml", &bench.replace("id = \"ends\"\n", "id = \"ends\"\nkey = \"station.key\"\n"));
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    let verify = || place.run(["records", "verify", "--key", "station.key.pub"]);
+    assert_eq!(verify().code, Some(0), "{}", verify().stdout);
+
+    let run = &place.runs()[0];
+    let sums = fs::read_to_string(run.join("SHA256SUMS")).expect("digests");
+    fs::write(run.join("SHA256SUMS"), sums.lines().rev().map(|line| format!("{line}\n")).collect::<String>())
+        .expect("digests");
+    assert!(reader::verify(run).is_empty(), "as digests they are as good as before");
+    assert_eq!(verify().code, Some(1));
+    assert!(verify().stdout.contains("is not the signature of SHA256SUMS with this key"), "{}", verify().stdout);
+    fs::write(run.join("SHA256SUMS"), sums).expect("digests");
+    fs::remove_file(run.join("SHA256SUMS.sig")).expect("a signature");
+    assert!(verify().stdout.contains("the run is not signed"), "{}", verify().stdout);
+
+    // A key that others may read is refused before anything is switched on.
+    let open = std::os::unix::fs::PermissionsExt::from_mode(0o644);
+    fs::set_permissions(place.path().join("station.key"), open).expect("rights");
+    let (code, complaint) = Running::start(&place, &["--only", "identity"]).end();
+    assert_eq!(code, Some(2), "{complaint}");
+    assert!(complaint.contains("may be used by others") && complaint.contains("chmod 600"), "{complaint}");
+    assert_eq!(place.runs().len(), 1);
+}

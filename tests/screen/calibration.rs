@@ -1,0 +1,129 @@
+//! Guidance through captures, on the simulated turntable and at a table that is turned by hand.
+
+use gnc_tests::{Place, read_json};
+
+use crate::{ESC, F5, F9, F10, STATION, mock, open, outcomes, sim};
+
+/// A spin of the magnetometer and six positions, as long as they must be to be seen.
+const PLAN: &str = "name = \"guided\"\nversion = \"1\"\n\
+                    [[item]]\nid = \"magnetometer-ellipse\"\nparams = { duration = \"20 s\" }\n\
+                    limits.radius = \"0.1 gauss .. 0.7 gauss\"\n\
+                    [[item]]\nid = \"six-position\"\nparams = { dwell = \"20 s\" }\nlimits.residual_rms = \"<= 5 mg\"\n";
+
+/// The number behind a label, once there is one.
+fn number_after(screen: &vt100::Screen, label: &str) -> Option<f64> {
+    let text = screen.contents();
+    text.split(label).nth(1)?.split_whitespace().next()?.parse().ok()
+}
+
+/// Width of the screen.
+const COLUMNS: u16 = 80;
+
+/// What the first run says of its end so far.
+fn said(place: &Place) -> String {
+    let journal = place.runs().first().map(|run| std::fs::read_to_string(run.join("events.jsonl")));
+    let journal = journal.and_then(Result::ok).unwrap_or_default();
+    journal.lines().filter(|line| line.contains("error")).collect()
+}
+
+/// Cells of the corrected plot that hold dots, by quarter: right and left of its middle, above and below.
+fn dots(screen: &vt100::Screen) -> [usize; 4] {
+    let rows: Vec<Vec<char>> = screen.rows(0, COLUMNS).map(|row| row.chars().collect()).collect();
+    let Some((top, left)) = rows.iter().enumerate().find_map(|(y, row)| {
+        let line: String = row.iter().collect();
+        Some((y, line.split("┌ corrected ").next().filter(|before| before.len() < line.len())?.chars().count()))
+    }) else {
+        return [0; 4];
+    };
+    let right = (left + 1..usize::from(COLUMNS)).find(|x| rows[top].get(*x) == Some(&'┐')).unwrap_or(left);
+    let bottom = (top + 1..rows.len()).find(|y| rows[*y].get(left) == Some(&'└')).unwrap_or(top);
+    let mut quarters = [0; 4];
+    for (y, row) in rows.iter().enumerate().take(bottom).skip(top + 1) {
+        for x in left + 1..right {
+            let dotted = row.get(x).is_some_and(|cell| ('\u{2801}'..='\u{28ff}').contains(cell));
+            let quarter = usize::from(2 * x < left + right) + 2 * usize::from(2 * y > top + bottom);
+            quarters[quarter] += usize::from(dotted);
+        }
+    }
+    quarters
+}
+
+#[test]
+fn captures_are_guided() {
+    let place = Place::new(STATION);
+    let plan = place.write("p.toml", PLAN).display().to_string();
+    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), COLUMNS, 24);
+    terminal.wait_for("guided 1");
+    terminal.types(F9);
+    // Before the run: what it will capture, and for how long.
+    terminal.wait_for("No item captures now");
+    assert!(terminal.text().contains("3 min 00 s"), "six times 20 s and 10 s of settling:\n{}", terminal.text());
+    terminal.types(b"G-1\r");
+    terminal.wait_for("G-1: F5 starts the test.");
+    terminal.types(F5);
+    terminal.types(F9);
+    terminal.wait_for("+Z level to the north");
+    terminal.wait_for("spins at +5400 deg/s about Z");
+    terminal.wait_for("to go");
+    let mut ratio = None;
+    terminal.wait_until("a circle of corrected points all around", |screen| {
+        ratio = number_after(screen, "Sensitivity X/Y ");
+        ratio.is_some() && dots(screen).iter().all(|cells| *cells > 8)
+    });
+    let ratio = ratio.expect("a ratio");
+    terminal.wait_until("the end of the first spin", |screen| {
+        let text = screen.contents();
+        assert!(!text.contains("errored"), "{}", said(&place));
+        text.contains("✓ spin +")
+    });
+    // The next item: positions, each with a mark when it is finished.
+    terminal.wait_for("✓ x+");
+    terminal.wait_for("-Y up, +Z to 0°");
+    terminal.wait_for("✓ y+");
+    terminal.wait_until("the end", |screen| {
+        let text = screen.contents();
+        text.matches("✓ passed").count() == 2 && !text.contains("F8 Stop")
+    });
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+    // What was shown on the way is what the analysis found in the end.
+    let runs = place.runs();
+    let item = read_json(&runs[0].join("01-magnetometer-ellipse/item.json"));
+    let measured = item["attempts"][0]["measurements"].as_array().expect("measurements");
+    let found = measured.iter().find(|measurement| measurement["name"] == "sensitivity_ratio").expect("a ratio");
+    let percent = found["value"].as_f64().expect("a number");
+    assert!((ratio * 100.0 - percent).abs() < 1.0, "shown {ratio}, found {percent} %");
+}
+
+/// At a bench without a turntable a person lays the module down, as it is drawn.
+#[test]
+fn a_module_is_laid_down_by_hand() {
+    let place = Place::new(STATION);
+    let (_mock, port) = mock("good");
+    place.write("bench.toml", &format!("[station]\nid = \"line-2\"\n[socket]\nport = \"{port}\"\n"));
+    place.write(
+        "p.toml",
+        "name = \"by-hand\"\nversion = \"1\"\n[[item]]\nid = \"six-position\"\n\
+         params = { dwell = \"10 s\", settle = \"0 s\" }\nlimits.residual_rms = \"<= 5 mg\"\n",
+    );
+    let mut terminal = open(&place, &["--plan", "p.toml"], 80, 24);
+    terminal.wait_for("by-hand 1");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    terminal.wait_for("Lay the module down: +X up, +Y to 0° clockwise from north.");
+    let drawn = terminal.text().chars().filter(|cell| ('\u{2801}'..='\u{28ff}').contains(cell)).count();
+    assert!(drawn > 30, "no module is drawn:\n{}", terminal.text());
+    terminal.types(b"\r");
+    terminal.wait_for("-X up, +Y to 0°");
+    terminal.wait_for("Esc Not possible");
+    terminal.types(ESC);
+    terminal.wait_until("the end", |screen| {
+        let text = screen.contents();
+        text.contains("the operator could not lay the module with -X up") && !text.contains("F8 Stop")
+    });
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+    assert_eq!(outcomes(&place), ["errored"]);
+}
