@@ -124,9 +124,11 @@ impl Decoder {
 
     #[inline]
     fn close(&mut self, line: &[u8]) -> Option<Item> {
+        // Too long is too long, in pieces or not.
+        let too_long = line.len() > MAX_LINE;
         // Some adapters end lines with CR LF, so that the next one begins with the LF.
         let line = line.strip_prefix(b"\n").unwrap_or(line);
-        let overflowed = core::mem::take(&mut self.overflowed);
+        let overflowed = core::mem::take(&mut self.overflowed) || too_long;
         if line.is_empty() && !overflowed {
             return None;
         }

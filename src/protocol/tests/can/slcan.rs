@@ -91,6 +91,19 @@ fn a_line_without_end_is_dropped() {
     assert_eq!(decoder.counters(), Counters { frames: 1, bad_lines: 1 });
 }
 
+/// Found by fuzzing: in one piece it was taken for a line of set-up, in two it was dropped.
+#[test]
+fn a_line_that_is_too_long_is_dropped_however_it_is_cut() {
+    let line = [&b"s"[..], &[b'0'; 40], b"\r"].concat();
+    for cut in 0..=line.len() {
+        let (mut decoder, mut seen) = (Decoder::default(), Vec::new());
+        for mut piece in [&line[..cut], &line[cut..]] {
+            seen.extend(std::iter::from_fn(|| decoder.next(&mut piece)));
+        }
+        assert_eq!((seen, decoder.counters()), (Vec::new(), Counters { frames: 0, bad_lines: 1 }), "cut at {cut}");
+    }
+}
+
 fn any_frame() -> impl Strategy<Value = CanFrame> {
     let id = prop_oneof![(0..=0x7ff_u16).prop_map(CanId::Standard), (0..=0x1fff_ffff_u32).prop_map(CanId::Extended)];
     (id, proptest::collection::vec(any::<u8>(), 0..=8)).prop_map(|(id, data)| CanFrame::new(id, &data).unwrap())
