@@ -44,7 +44,7 @@ fn embedded_boards_are_well_formed_and_expect_known_items() {
 }
 
 /// What a whole acceptance finds is in the file beside what the functional table finds: a bad module fails one of them
-/// in items that are named, and the five good ones pass both.
+/// in items that are named, and the five good ones pass both but for what chance decides.
 #[test]
 fn boards_for_acceptance_say_how_they_end() {
     let mut bad = 0;
@@ -59,7 +59,8 @@ fn boards_for_acceptance_say_how_they_end() {
             "passed" => assert!(expected.items.is_empty() && expected.figures.is_empty(), "{name}"),
             "failed" => {
                 bad += 1;
-                assert!(!expected.items.is_empty() && !expected.figures.is_empty(), "{name}");
+                // A capture that breaks off leaves no figure.
+                assert!(!expected.items.is_empty(), "{name}");
             }
             other => panic!("{name}: {other}"),
         }

@@ -152,7 +152,7 @@ fn boards_have_the_faults_they_state() {
     assert!((scatter.gyro.noise[0].turn_on * 3600.0 - 90.0).abs() < 1e-9);
     assert_eq!((scatter.gyro.noise[0].slow, scatter.accel), (good.gyro.noise[0].slow, good.accel));
     let flicker = truth("gyro-flicker").sensors;
-    assert!((flicker.gyro.noise[0].flicker * 3600.0 - 16.0).abs() < 1e-9);
+    assert!((flicker.gyro.noise[0].flicker * 3600.0 - 9.5).abs() < 1e-9);
     let soft = truth("mag-soft-iron-strong").sensors;
     assert_eq!((soft.mag.response[(0, 0)], soft.mag.bias), (2.0, good.mag.bias));
     assert_ne!(truth("accel-scale-unstable").sensors_now.accel.response, good.accel.response);
