@@ -52,7 +52,8 @@ fn dots(screen: &vt100::Screen) -> [usize; 4] {
 fn captures_are_guided() {
     let place = Place::new(STATION);
     let plan = place.write("p.toml", PLAN).display().to_string();
-    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), COLUMNS, 24);
+    // Five minutes in half of one: at full speed a position would be over before it is drawn.
+    let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "10"]), COLUMNS, 24);
     terminal.wait_for("guided 1");
     terminal.types(F9);
     // Before the run: what it will capture, and for how long.
