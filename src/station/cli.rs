@@ -118,7 +118,7 @@ pub enum RecordsCommand {
         #[arg(long, value_name = "FILE.pub")]
         key: Option<PathBuf>,
     },
-    /// Makes a key with which a station signs its runs: FILE for [station] key in its bench file, FILE.pub to verify.
+    /// Makes a key with which a station signs its runs: FILE for `key` under `[station]` in its bench file, FILE.pub to verify.
     Key {
         /// The file to write.
         file: PathBuf,
