@@ -3,13 +3,13 @@
 #![expect(clippy::expect_used, clippy::print_stdout, reason = "what cannot be set up fails the test that needs it")]
 
 use std::fs;
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Stdio};
 use std::time::Instant;
 
 use gnc_station::store::{chain, reader};
-use gnc_tests::{Place, functional_plan, read_json};
+use gnc_tests::{Board, Place, functional_plan, read_json};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -55,62 +55,20 @@ impl Running {
     }
 }
 
-/// The board as a program; ended with the test.
-struct Board {
-    child: Child,
-    stdin: ChildStdin,
-    stdout: BufReader<ChildStdout>,
-    port: String,
+fn board() -> Board {
+    Board::start(MOCK, &["--serial-number", "SIM-0001"])
 }
 
-impl Board {
-    fn start() -> Self {
-        let mut child = Command::new(MOCK)
-            .args(["--serial-number", "SIM-0001"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the board");
-        let stdin = child.stdin.take().expect("its input");
-        let mut stdout = BufReader::new(child.stdout.take().expect("its output"));
-        let mut line = String::new();
-        stdout.read_line(&mut line).expect("its first line");
-        Self { stdin, stdout, port: line.strip_prefix("port ").expect("port PATH").trim().to_owned(), child }
-    }
-
-    /// Whether the module in it has power.
-    fn is_powered(&mut self) -> bool {
-        writeln!(self.stdin, "truth").expect("alive");
-        let mut powered = None;
-        let mut line = String::new();
-        // The temperature is the last figure.
-        while !line.starts_with("temperature_c") {
-            line.clear();
-            assert_ne!(self.stdout.read_line(&mut line).expect("a figure"), 0, "the board ended");
-            powered = line.strip_prefix("powered ").map(|word| word.trim() == "true").or(powered);
-        }
-        powered.expect("the truth tells of power")
-    }
-
-    /// Until its watchdog has made it safe.
-    fn until_safe(&mut self) {
-        let began = Instant::now();
-        assert!((0..LOOKS).any(|_| !self.is_powered()), "the module still has power");
-        println!("the module was off {:.2} s later", began.elapsed().as_secs_f64());
-    }
-}
-
-impl Drop for Board {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+/// Until its watchdog has made the module safe.
+fn until_safe(board: &mut Board) {
+    let began = Instant::now();
+    assert!((0..LOOKS).any(|_| board.truth("powered") == "false"), "the module still has power");
+    println!("the module was off {:.2} s later", began.elapsed().as_secs_f64());
 }
 
 fn with_board(board: &Board) -> Place {
     let place = Place::new(STATION);
-    place.write("bench.toml", &format!("[station]\nid = \"ends\"\n[socket]\nport = \"{}\"\n", board.port));
+    place.write("bench.toml", &board.bench_file("ends"));
     place
 }
 
@@ -122,13 +80,13 @@ fn log(run: &Path) -> String {
 /// so that it can be verified like any other and is no pass.
 #[test]
 fn a_killed_run_is_sealed_by_the_next_start() {
-    let mut board = Board::start();
+    let mut board = board();
     let place = with_board(&board);
     let mut running = Running::start(&place, &["--only", "identity,sdram"]);
     running.until(r#""kind":"item_started","item":"sdram""#);
     running.signal(Signal::SIGKILL);
     assert_eq!(running.end().0, None);
-    board.until_safe();
+    until_safe(&mut board);
     let killed = place.runs().pop().expect("a run");
     assert!(!reader::verify(&killed).is_empty(), "nothing vouches for it yet");
 
@@ -185,12 +143,12 @@ fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
 /// flight is errored and done again, and the run goes on.
 #[test]
 fn a_computer_that_stood_still_charges_nobody() {
-    let mut board = Board::start();
+    let mut board = board();
     let place = with_board(&board);
     let mut running = Running::start(&place, &["--only", "identity,sdram"]);
     running.until(r#""kind":"item_started","item":"sdram""#);
     running.signal(Signal::SIGSTOP);
-    board.until_safe();
+    until_safe(&mut board);
     running.signal(Signal::SIGCONT);
     assert_eq!(running.end().0, Some(0), "{}", log(&place.runs()[0]));
     let items = place.record()["items"].clone();
@@ -202,7 +160,7 @@ fn a_computer_that_stood_still_charges_nobody() {
 /// Somebody removes the records in mid-run: the run is errored and says why, and the module is off.
 #[test]
 fn records_that_are_removed_end_the_run_as_errored() {
-    let mut board = Board::start();
+    let mut board = board();
     let place = with_board(&board);
     let mut running = Running::start(&place, &["--only", "identity,sdram,io"]);
     running.until(r#""kind":"item_started","item":"sdram""#);
@@ -210,7 +168,7 @@ fn records_that_are_removed_end_the_run_as_errored() {
     let (code, complaint) = running.end();
     assert_eq!(code, Some(3), "{complaint}");
     assert!(complaint.contains("its record could not be written"), "{complaint}");
-    board.until_safe();
+    until_safe(&mut board);
     assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
@@ -219,7 +177,7 @@ fn records_that_are_removed_end_the_run_as_errored() {
 /// all digests were made again.
 #[test]
 fn a_run_is_signed_where_the_bench_names_a_key() {
-    let board = Board::start();
+    let board = board();
     let place = with_board(&board);
     assert_eq!(place.run(["records", "key", "station.key"]).code, Some(0));
     assert_eq!(place.run(["records", "key", "station.key"]).code, Some(2), "never written over");

@@ -7,7 +7,7 @@
 use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};
 
-use gnc_tests::{Place, functional_plan};
+use gnc_tests::{Board, Place, functional_plan};
 use insta::assert_snapshot;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
@@ -117,18 +117,9 @@ fn a_board_cannot_move_the_cursor() {
 /// A second station on the same port is refused by name, and the first one is not disturbed.
 #[test]
 fn two_stations_do_not_share_a_port() {
-    let mut board = Command::new(MOCK)
-        .args(["--serial-number", "SIM-0001"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the board");
-    let mut line = String::new();
-    let mut stdout = BufReader::new(board.stdout.take().expect("its output"));
-    stdout.read_line(&mut line).expect("its first line");
+    let board = Board::start(MOCK, &["--serial-number", "SIM-0001"]);
     let place = Place::new(STATION);
-    let port = line.trim().strip_prefix("port ").expect("port PATH");
-    place.write("bench.toml", &format!("[station]\nid = \"two\"\n[socket]\nport = \"{port}\"\n"));
+    place.write("bench.toml", &board.bench_file("two"));
     let plan = functional_plan();
     let args = ["--auto", plan.to_str().expect("UTF-8"), "--serial-number", "SIM-0001", "--only", "identity,timers"];
     let mut first = place
@@ -145,8 +136,6 @@ fn two_stations_do_not_share_a_port() {
     assert!(second.stdout.contains("is in use by") && second.stdout.contains(&holder), "{}", second.stdout);
     events.for_each(drop);
     assert_eq!(first.wait().expect("its end").code(), Some(0));
-    board.kill().expect("alive");
-    board.wait().expect("its end");
 }
 
 /// Something that babbles behind the port is no board: errored, within bounds, and said so.

@@ -1,72 +1,14 @@
 //! Station and board as two programs with only a pseudo-terminal between them.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-
-use gnc_tests::{Place, bad_items, functional_plan};
+use gnc_tests::{Board, Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
 /// All items that need nobody at the bench and no sky over simulated minutes.
 const ITEMS: &str = "identity,cpu,timers,internal-ram,sdram,spi-flash,internal-flash,imu,io,spi,sci,gnss";
-
-/// The board as a program; ended with the test.
-struct Board {
-    child: Child,
-    stdin: ChildStdin,
-    stdout: BufReader<ChildStdout>,
-    port: String,
-}
-
-impl Board {
-    fn start(args: &[&str]) -> Self {
-        let mut child = Command::new(MOCK)
-            .args(args)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the board");
-        let stdin = child.stdin.take().expect("its input");
-        let mut line = String::new();
-        let mut stdout = BufReader::new(child.stdout.take().expect("its output"));
-        stdout.read_line(&mut line).expect("its first line");
-        let port = line.strip_prefix("port ").expect("port PATH").trim().to_owned();
-        Self { child, stdin, stdout, port }
-    }
-
-    /// Types a command and waits until it is done.
-    fn command(&mut self, command: &str) {
-        writeln!(self.stdin, "{command}").expect("alive");
-        let mut line = String::new();
-        self.stdout.read_line(&mut line).expect("its answer");
-        assert_eq!(line.trim(), "ok", "{command}");
-    }
-
-    /// A figure of what really is.
-    fn truth(&mut self, name: &str) -> u64 {
-        self.command("truth");
-        for line in self.stdout.by_ref().lines() {
-            if let Some(figure) = line.expect("a figure").strip_prefix(name) {
-                return figure.trim().parse().expect("a number");
-            }
-        }
-        unreachable!("the truth without {name}");
-    }
-
-    fn bench_file(&self) -> String {
-        format!("[station]\nid = \"two\"\n[socket]\nport = \"{}\"\n", self.port)
-    }
-}
-
-impl Drop for Board {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 fn args(only: &str) -> Vec<String> {
     let plan = functional_plan();
@@ -76,11 +18,11 @@ fn args(only: &str) -> Vec<String> {
 
 #[test]
 fn a_station_tests_a_board_in_another_process() {
-    let board = Board::start(&["--serial-number", "SIM-0001", "--speed", "max"]);
+    let board = Board::start(MOCK, &["--serial-number", "SIM-0001", "--speed", "max"]);
     let place = Place::new(STATION);
     // The plan's limits on the antenna's place need the site.
     let site = "[site]\nlatitude = \"34.2321 deg\"\nlongitude = \"108.9154 deg\"\nheight = \"412 m\"\n";
-    place.write("bench.toml", &format!("{}{site}", board.bench_file()));
+    place.write("bench.toml", &format!("{}{site}", board.bench_file("two")));
     for run in 1..=2 {
         let outcome = place.run(args(ITEMS));
         assert_eq!(outcome.code, Some(0), "run {run}: {}{}", outcome.stdout, outcome.stderr);
@@ -94,10 +36,10 @@ fn a_station_tests_a_board_in_another_process() {
 /// What somebody does at the bench reaches the module, and through it the measurements.
 #[test]
 fn commands_turn_the_module() {
-    let mut board = Board::start(&["--serial-number", "SIM-0001", "--speed", "max"]);
+    let mut board = Board::start(MOCK, &["--serial-number", "SIM-0001", "--speed", "max"]);
     board.command("up x+");
     let place = Place::new(STATION);
-    place.write("bench.toml", &board.bench_file());
+    place.write("bench.toml", &board.bench_file("two"));
     let outcome = place.run(args("imu"));
     assert_eq!(outcome.code, Some(1), "{}{}", outcome.stdout, outcome.stderr);
     let record = place.record();
@@ -115,9 +57,9 @@ fn commands_turn_the_module() {
 /// The board's program dies in mid-run, as an adapter does that is pulled: the run is errored, not failed, and says so.
 #[test]
 fn a_port_that_vanishes_is_the_bench_s_fault() {
-    let mut board = Board::start(&["--serial-number", "SIM-0001"]);
+    let mut board = Board::start(MOCK, &["--serial-number", "SIM-0001"]);
     let place = Place::new(STATION);
-    place.write("bench.toml", &board.bench_file());
+    place.write("bench.toml", &board.bench_file("two"));
     let mut args = args("identity,cpu,sdram,io");
     // Else IO runs beside the processor's test and is over by then.
     args.extend(["--events".into(), "--one-by-one".into()]);
@@ -125,7 +67,7 @@ fn a_port_that_vanishes_is_the_bench_s_fault() {
     let mut lines = BufReader::new(station.stdout.take().expect("its output")).lines();
     let reached = lines.by_ref().any(|line| line.expect("a line").contains(r#""kind":"item_started","item":"sdram""#));
     assert!(reached, "the SDRAM test begins");
-    board.child.kill().expect("alive");
+    board.kill();
     lines.for_each(drop);
     assert_eq!(station.wait().expect("its end").code(), Some(3));
     let record = place.record();
@@ -152,15 +94,15 @@ fn a_flash_is_not_erased_again_because_an_answer_was_lost() {
     let lossy = folder.write("lossy.toml", lossy).display().to_string();
     let check = &|seed: u32| {
         let seed = seed.to_string();
-        let mut board = Board::start(&[&lossy, "--serial-number", "SIM-0001", "--speed", "max", "--seed", &seed]);
+        let mut board = Board::start(MOCK, &[&lossy, "--serial-number", "SIM-0001", "--speed", "max", "--seed", &seed]);
         let place = Place::new(STATION);
-        place.write("bench.toml", &board.bench_file());
+        place.write("bench.toml", &board.bench_file("two"));
         let outcome = place.run(args("identity,cpu,spi-flash,io"));
         let record = place.record();
         let items = record["items"].as_array().expect("items");
         let flash = items.iter().find(|item| item["id"] == "spi-flash").expect("spi-flash");
         let attempts = flash["attempts"].as_array().expect("attempts").len() as u64;
-        let erases = board.truth("spi_flash_erases");
+        let erases: u64 = board.truth("spi_flash_erases").parse().expect("a number");
         assert!(erases <= attempts, "seed {seed}: {erases} erases in {attempts} attempts\n{}", outcome.stdout);
     };
     std::thread::scope(|scope| {

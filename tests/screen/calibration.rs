@@ -101,8 +101,8 @@ fn captures_are_guided() {
 #[test]
 fn a_module_is_laid_down_by_hand() {
     let place = Place::new(STATION);
-    let (_mock, port) = mock("good");
-    place.write("bench.toml", &format!("[station]\nid = \"line-2\"\n[socket]\nport = \"{port}\"\n"));
+    let board = mock("good");
+    place.write("bench.toml", &board.bench_file("line-2"));
     place.write(
         "p.toml",
         "name = \"by-hand\"\nversion = \"1\"\n[[item]]\nid = \"six-position\"\n\

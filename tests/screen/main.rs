@@ -5,10 +5,9 @@
 mod calibration;
 mod terminal;
 
-use std::io::{BufRead as _, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 
-use gnc_tests::{Place, functional_plan, read_json};
+use gnc_tests::{Board, Place, functional_plan, read_json};
 use nix::sys::signal::Signal;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -46,35 +45,17 @@ fn outcomes(place: &Place) -> Vec<String> {
     place.runs().into_iter().filter_map(outcome).collect()
 }
 
-/// A simulated board as a program of its own; ended with the test.
-struct Mock(Child);
-
-impl Drop for Mock {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn mock(board: &str) -> (Mock, String) {
-    let mut child = Command::new(MOCK)
-        .args([board, "--speed", "max", "--serial-number", "T-1"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the simulated board");
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().expect("its output")).read_line(&mut line).expect("its port");
-    let port = line.trim().strip_prefix("port ").expect("port PATH").to_owned();
-    (Mock(child), port)
+/// A simulated board as a program of its own.
+fn mock(board: &str) -> Board {
+    Board::start(MOCK, &[board, "--speed", "max", "--serial-number", "T-1"])
 }
 
 /// Scan, start, do what is asked, fail, repeat what failed, say that it is not possible, leave.
 #[test]
 fn an_operator_tests_a_module() {
     let place = Place::new(STATION);
-    let (_mock, port) = mock("io-open");
-    place.write("bench.toml", &format!("[station]\nid = \"line-2\"\n[socket]\nport = \"{port}\"\n"));
+    let board = mock("io-open");
+    place.write("bench.toml", &board.bench_file("line-2"));
     place.write(
         "p.toml",
         "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n\

@@ -6,13 +6,13 @@
 mod cable;
 
 use std::io::{BufRead as _, BufReader};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use cable::Cable;
 use gnc_station::store::reader;
-use gnc_tests::{Place, functional_plan};
+use gnc_tests::{Board, Place, functional_plan};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rand::{RngExt as _, SeedableRng as _};
@@ -28,32 +28,8 @@ const PULLS: usize = 4;
 /// All items that need nobody at the bench and no sky over simulated minutes.
 const ITEMS: &str = "identity,cpu,timers,internal-ram,sdram,spi-flash,internal-flash,imu,io,spi,sci";
 
-/// The board as a program; ended with the test.
-struct Board {
-    child: Child,
-    port: String,
-}
-
-impl Board {
-    fn start(speed: &str, seed: &str) -> Self {
-        let mut child = Command::new(MOCK)
-            .args(["--serial-number", "SIM-0001", "--speed", speed, "--seed", seed])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the board");
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().expect("its output")).read_line(&mut line).expect("its first line");
-        Self { port: line.strip_prefix("port ").expect("port PATH").trim().to_owned(), child }
-    }
-}
-
-impl Drop for Board {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn board(speed: &str, seed: &str) -> Board {
+    Board::start(MOCK, &["--serial-number", "SIM-0001", "--speed", speed, "--seed", seed])
 }
 
 /// A bench with a plug, and a run on it.
@@ -67,7 +43,7 @@ struct Bench {
 
 impl Bench {
     fn start(speed: &str, only: &str) -> Self {
-        let (place, board) = (Place::new(STATION), Board::start(speed, "1"));
+        let (place, board) = (Place::new(STATION), board(speed, "1"));
         let link = place.path().join("adapter");
         let cable = Cable::new(&board.port, &link);
         place.write("bench.toml", &format!("[station]\nid = \"plug\"\n[socket]\nport = \"{}\"\n", link.display()));
@@ -162,7 +138,7 @@ fn a_board_that_restarts_with_the_plug_is_nobody_s_fault() {
     let mut bench = Bench::start("1", "identity,sdram");
     bench.until("item_started", "sdram");
     bench.cable.unplug();
-    bench.board = Board::start("1", "2");
+    bench.board = board("1", "2");
     bench.cable.wire(&bench.board.port);
     bench.cable.plug();
     let (code, record, log) = bench.end();
