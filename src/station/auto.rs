@@ -160,7 +160,10 @@ fn taken_up(run: &std::path::Path, records: &std::path::Path, header: &RunHeader
     let runs = records::resolve(records, run).map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
     let [folder] = runs.as_slice() else {
         let shown = gnc_executive::printable::quoted(&run.to_string_lossy());
-        let what = format!("{} runs are named by {shown}", runs.len());
+        let what = match runs.len() {
+            0 => format!("there is no run {shown}"),
+            more => format!("{shown} names {more} runs"),
+        };
         return Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"));
     };
     Resumed::read(folder, header).map_err(|error| Refusal::new(chain(&error), error.try_this()))

@@ -92,6 +92,17 @@ enum ComputeError {
     Write { path: PathBuf, source: std::io::Error },
 }
 
+impl ComputeError {
+    /// What somebody can try, where the error itself does not show it.
+    fn try_this(&self) -> Option<&'static str> {
+        match self {
+            Self::Unreadable(TableError::Io { .. }) => Some("check the path; it goes from the folder you are in"),
+            Self::Write { .. } => Some("name a file in a folder that is there and that you may write to"),
+            _ => None,
+        }
+    }
+}
+
 impl From<TableError> for ComputeError {
     fn from(error: TableError) -> Self {
         match error {
@@ -145,7 +156,8 @@ pub fn run(args: &Args) -> ExitCode {
         }
         Err(error) => {
             let cause = std::error::Error::source(&error).map(|c| format!(": {c}")).unwrap_or_default();
-            complain(&format!("{error}{cause}\n"));
+            let hint = error.try_this().map(|hint| format!("  try: {hint}\n")).unwrap_or_default();
+            complain(&format!("{error}{cause}\n{hint}"));
             ExitCode::from(2)
         }
     }

@@ -70,7 +70,10 @@ impl KeyError {
             Self::File { source, .. } if source.kind() == io::ErrorKind::AlreadyExists => {
                 "a key is never written over: move the old one away, and keep its public half for its runs"
             }
-            Self::File { .. } => "check [station] key in the bench file; `gnc-station records key FILE` makes one",
+            Self::File { what: "write", .. } => "name a file in a folder that is there and that you may write to",
+            Self::File { .. } => {
+                "check the path, and `key` under [station] in the bench file; `gnc-station records key FILE` makes FILE and FILE.pub"
+            }
             Self::Open { .. } => "`chmod 600` the key; if others may have read it, make another one",
             Self::Foreign { .. } => "run the station as the key's owner, or make a key of its own",
             Self::NoKey { .. } => "name the file that `gnc-station records key FILE` wrote, or FILE.pub to verify",
