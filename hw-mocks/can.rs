@@ -235,7 +235,7 @@ fn priority(id: CanId) -> (u32, bool, u32) {
 
 /// The host's slcan adapter: lines on a serial port, frames on the bus once it was opened.
 #[derive(Debug, Default)]
-pub(crate) struct Adapter {
+pub struct Adapter {
     decoder: slcan::Decoder,
     open: bool,
     lines: VecDeque<u8>,
@@ -243,7 +243,8 @@ pub(crate) struct Adapter {
 
 impl Adapter {
     /// Takes lines from the host; gives the frames for the bus.
-    pub(crate) fn receive(&mut self, mut bytes: &[u8]) -> Vec<CanFrame> {
+    #[must_use]
+    pub fn receive(&mut self, mut bytes: &[u8]) -> Vec<CanFrame> {
         let mut frames = Vec::new();
         while let Some(item) = self.decoder.next(&mut bytes) {
             match item {
@@ -269,19 +270,20 @@ impl Adapter {
     }
 
     /// A frame off the bus for the host.
-    pub(crate) fn send(&mut self, frame: &CanFrame) {
+    pub fn send(&mut self, frame: &CanFrame) {
         if self.open {
             self.lines.extend(slcan::encode(frame));
         }
     }
 
     /// Lines for the host.
-    pub(crate) fn output(&mut self) -> &[u8] {
+    #[must_use]
+    pub fn output(&mut self) -> &[u8] {
         self.lines.make_contiguous()
     }
 
     /// The port took so many bytes of them.
-    pub(crate) fn consume(&mut self, count: usize) {
+    pub fn consume(&mut self, count: usize) {
         self.lines.drain(..count.min(self.lines.len()));
     }
 }

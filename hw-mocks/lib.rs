@@ -31,6 +31,7 @@ mod wire_faults;
 pub mod world;
 
 pub use bench::{Bench, LineTruth, Options, Speed, Truth};
+pub use can::Adapter;
 pub use driver::{BenchGone, Cable, Control, RunningBench, TableError};
 pub use personality::{Expectation, Load, Personality, PersonalityError, beside, boards};
 pub use turntable::{Direction, TableModel, TableRefusal, TableTruth};

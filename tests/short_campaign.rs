@@ -1,23 +1,50 @@
-//! Forty runs of a campaign; `cargo run --release -p gnc-tests --bin campaign` makes two thousand.
+//! Some runs of a campaign; `cargo run --release -p gnc-tests --bin campaign` makes two thousand.
 
 use std::time::Duration;
 
-use gnc_tests::campaign::{AT_ONCE, Campaign, Case, Disturbance, Link, Ran, carry_out, run, table, violations};
+use gnc_tests::campaign::{
+    AT_ONCE, Campaign, Case, Disturbance, Link, Over, Ran, carry_out, differs, run, table, violations,
+};
 
 /// Another seed gives other runs.
 const SEED: u64 = 7;
 
-#[test]
-fn forty_runs_hold_what_every_run_must() {
-    let campaign = Campaign { seed: SEED, runs: 0..40, at_once: AT_ONCE, keep: None };
+fn campaign(over: Over, runs: std::ops::Range<u64>) {
+    let campaign = Campaign { seed: SEED, runs, over, twice: false, at_once: AT_ONCE, keep: None };
     let all = carry_out(&campaign, &|_, _| {});
     eprintln!("seed {SEED}\n{}", table(&all));
     let wrong: Vec<String> = all
         .iter()
         .filter(|judged| !judged.violations.is_empty())
-        .map(|judged| format!("{}\n{:?}\n{}", judged.violations.join("\n"), judged.case, judged.case.command()))
+        .map(|judged| format!("{}\n{:?}\n{}", judged.violations.join("\n"), judged.case, judged.case.command(over)))
         .collect();
     assert!(wrong.is_empty(), "{} of {} runs:\n\n{}", wrong.len(), all.len(), wrong.join("\n\n"));
+}
+
+#[test]
+fn thirty_runs_over_pseudo_terminals_hold_what_every_run_must() {
+    campaign(Over::Pty, 0..30);
+}
+
+#[test]
+fn sixty_runs_in_memory_hold_what_every_run_must() {
+    campaign(Over::Memory, 30..90);
+}
+
+/// In memory a case is the same run each time, to the byte: twelve with faults on either link, stops and cables pulled out.
+#[test]
+fn a_case_is_the_same_run_each_time_in_memory() {
+    let mut disturbed = 0;
+    for number in 0..12 {
+        let case = Case::drawn(SEED, number);
+        let ran = run(&case, Over::Memory, None);
+        assert!(ran.journal.len() > 1000, "{case:?}");
+        assert_eq!(differs(&case, &ran), None, "{case:?}");
+        disturbed += u32::from(ran.since_disturbed.is_some());
+    }
+    assert!(disturbed > 2, "only {disturbed} of the runs were disturbed");
+    let (one, other) = (Case::drawn(SEED, 1), Case::drawn(SEED, 2));
+    assert!(differs(&one, &run(&other, Over::Memory, None)).is_some(), "another case is another run");
 }
 
 /// A run that nobody touches, on a clean line.
@@ -43,18 +70,22 @@ fn check(case: &Case, ran: &Ran, expected: &str) {
 #[test]
 fn violations_are_seen() {
     let (good, bad) = (calm("good", ""), calm("pps-missing", ""));
-    let (passed, failed) = (run(&good, None), run(&bad, None));
+    let (passed, failed) = (run(&good, Over::Pty, None), run(&bad, Over::Pty, None));
     assert_eq!((violations(&good, &passed), violations(&bad, &failed)), (Vec::new(), Vec::new()));
     check(&good, &failed, "gnss failed, and nothing is wrong with it");
     check(&good, &failed, "a good module is failed");
     check(&bad, &passed, "gnss is passed, and it is bad");
     check(&bad, &passed, "a bad module is passed");
     check(&calm("supply-low", ""), &failed, "gnss failed");
-    check(&good, &Ran { off_after: None, ..passed }, "still on");
+    check(&good, &Ran { off_after: None, ..passed.clone() }, "still on");
     check(&good, &Ran::default(), "no record");
 
+    let stopped = Case { disturbance: Disturbance::Stop { again: None }, ..calm("good", "") };
+    let slow = Ran { in_memory: true, off_since_disturbed: Some(Duration::from_millis(301)), ..passed };
+    check(&stopped, &slow, "not within 300ms");
+
     let lossy = calm("good", "[wire.to_host]\nlost_frames_per_million = 2e4\n");
-    let mut ran = run(&lossy, None);
+    let mut ran = run(&lossy, Over::Pty, None);
     assert_eq!(violations(&lossy, &ran), Vec::<String>::new());
     assert!(ran.line.to_host.missable > 0, "{:?}", ran.line);
     ran.line.to_host.missable += 3;

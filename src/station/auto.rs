@@ -111,6 +111,7 @@ async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &s
         site: setup.site,
         resumed,
         one_by_one: args.one_by_one,
+        nonce: None,
         found: seal_interrupted(&setup.records, setup.key.as_ref()),
     };
     // The simulated bench ends with this scope.

@@ -20,6 +20,7 @@ use gnc_protocol::{FaultCode, NakCode};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
+use crate::latest::{Follower, Latest};
 use crate::link::Link;
 use crate::link::can::Tap;
 pub use conversation::{Answer, LinkReport};
@@ -256,7 +257,7 @@ pub struct Advance {
 #[derive(Debug)]
 pub struct Board {
     commands: mpsc::Sender<Command>,
-    pulse: watch::Receiver<Pulse>,
+    pulse: Follower<Pulse>,
     hello: RefCell<BoardHello>,
     next_request: Cell<u16>,
     task: JoinHandle<LinkReport>,
@@ -271,13 +272,14 @@ impl Board {
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
     pub async fn connect(mut link: Link, nonce: u32, readings: watch::Sender<Readings>) -> Result<Self, BoardError> {
         let (commands, receiver) = mpsc::channel(COMMANDS);
-        let (pulse_sender, pulse) = watch::channel(Pulse::default());
+        let beat = Latest::new(Pulse::default());
+        let pulse = beat.follower();
         let tap = match &mut link {
             Link::Serial(_) => None,
             Link::Can(link) => link.tap(),
         };
         let (absent, absences) = mpsc::channel(ABSENCES);
-        let conversation = Conversation::new(link, receiver, pulse_sender, readings, absent);
+        let conversation = Conversation::new(link, receiver, beat, readings, absent);
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
         let absences = tokio::sync::Mutex::new(absences);
@@ -305,10 +307,10 @@ impl Board {
         self.hello.borrow().clone()
     }
 
-    /// The board's clock as of its last heartbeat.
+    /// The board's clock, from the next heartbeat on.
     #[must_use]
-    pub fn pulse(&self) -> watch::Receiver<Pulse> {
-        self.pulse.clone()
+    pub fn pulse(&self) -> Follower<Pulse> {
+        self.pulse.another()
     }
 
     /// The next absence of the port or interface, once it is over; `None` after the end of the conversation.

@@ -3,7 +3,8 @@
 //! A [`Control`] is a handle that may be copied: whoever holds one asks, and the runner listens.
 
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::watch;
+
+use crate::latest::Latest;
 
 /// How often somebody asked for a stop, and who was the last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -17,7 +18,7 @@ pub struct Asked {
 /// Asks things of a run, and lets the runner hear of them.
 #[derive(Debug, Clone)]
 pub struct Control {
-    wanted: watch::Sender<Wanted>,
+    wanted: Latest<Wanted>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -31,7 +32,7 @@ struct Wanted {
 impl Default for Control {
     /// Nothing is asked.
     fn default() -> Self {
-        Self { wanted: watch::Sender::new(Wanted::default()) }
+        Self { wanted: Latest::new(Wanted::default()) }
     }
 }
 
@@ -61,40 +62,39 @@ impl Control {
 
     /// Asks for a stop: the first time in order, then at once.
     pub fn stop(&self, by: &'static str) {
-        self.wanted.send_modify(|wanted| wanted.stop = Asked { times: wanted.stop.times + 1, by });
+        self.wanted.change(|wanted| wanted.stop = Asked { times: wanted.stop.times + 1, by });
     }
 
     /// Whether somebody asked for a stop.
     #[must_use]
     pub fn asked(&self) -> Asked {
-        self.wanted.borrow().stop
+        self.wanted.look(|wanted| wanted.stop)
     }
 
     /// Waits until somebody has asked so many times.
     pub async fn asked_times(&self, times: u32) -> Asked {
-        self.until(|wanted| wanted.stop.times >= times).await.stop
+        self.wanted.until(|wanted| wanted.stop.times >= times).await.stop
     }
 
     /// Lets nothing new begin, or lets it again. What runs is not touched.
     pub fn pause(&self, paused: bool) {
-        self.wanted.send_modify(|wanted| wanted.paused = paused);
+        self.wanted.change(|wanted| wanted.paused = paused);
     }
 
     /// Whether nothing new may begin. A stop ends a pause.
     #[must_use]
     pub fn is_paused(&self) -> bool {
-        let wanted = self.wanted.borrow();
-        wanted.paused && wanted.stop.times == 0
+        self.wanted.look(|wanted| wanted.paused && wanted.stop.times == 0)
     }
 
     /// Waits until something may begin again, or somebody wants the run to end.
     pub async fn resumed(&self) {
-        self.until(|wanted| !wanted.paused || wanted.stop.times > 0).await;
+        self.wanted.until(|wanted| !wanted.paused || wanted.stop.times > 0).await;
     }
 
     /// Gives up the attempt of this item that runs; the run goes on.
     pub fn give_up(&self, item: &str) {
-        self.wanted.send_modify(|wanted| {
+        self.wanted.change(|wanted| {
             if !wanted.given_up.iter().any(|name| name == item) {
                 wanted.given_up.push(item.to_owned());
             }
@@ -103,25 +103,12 @@ impl Control {
 
     /// A new attempt of this item begins: what was asked before is not meant for it.
     pub(crate) fn begin(&self, item: &str) {
-        self.wanted.send_if_modified(|wanted| {
-            let before = wanted.given_up.len();
-            wanted.given_up.retain(|name| name != item);
-            wanted.given_up.len() != before
-        });
+        self.wanted.change(|wanted| wanted.given_up.retain(|name| name != item));
     }
 
     /// Waits until somebody gives this item up.
     pub(crate) async fn given_up(&self, item: &str) {
-        self.until(|wanted| wanted.given_up.iter().any(|name| name == item)).await;
-    }
-
-    async fn until(&self, come: impl FnMut(&Wanted) -> bool) -> Wanted {
-        let mut wanted = self.wanted.subscribe();
-        match wanted.wait_for(come).await {
-            Ok(wanted) => wanted.clone(),
-            // The handle in our own hands keeps the channel open.
-            Err(_) => std::future::pending().await,
-        }
+        self.wanted.until(|wanted| wanted.given_up.iter().any(|name| name == item)).await;
     }
 }
 

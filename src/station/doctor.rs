@@ -157,6 +157,7 @@ fn socket(bench: &BenchFile, sys: &Sys, findings: &mut Vec<Finding>) {
         match CanTarget::parse(&can.port) {
             CanTarget::Interface(name) => findings.extend(bus::look(&name, sys)),
             CanTarget::Slcan(port) => findings.extend(port::look(&port, slcan::RATE_BAUD, sys)),
+            CanTarget::Memory(_) => {}
         }
     }
     if bench.site.as_ref().is_none_or(|site| site.place.is_none()) {

@@ -13,6 +13,7 @@ pub mod figures;
 mod files;
 pub mod fixture;
 pub mod guidance;
+mod latest;
 pub mod link;
 pub mod motion;
 pub mod nmea;

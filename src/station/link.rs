@@ -2,6 +2,7 @@
 
 mod absence;
 pub mod can;
+pub mod memory;
 pub mod serial;
 
 use std::fmt;
@@ -15,6 +16,7 @@ use gnc_protocol::frame::FrameError;
 use gnc_protocol::serial::LineCounters;
 
 use can::{CanLink, CanOpenError, CanTarget};
+use memory::MemoryPort;
 use serial::{OpenError, SerialLink};
 
 pub use absence::RETURNS_WITHIN;
@@ -48,14 +50,36 @@ pub enum Target {
     },
     /// CAN.
     Can(CanTarget),
+    /// RS-422 by a cable in this program's memory; no bench file names one.
+    Memory(MemoryPort),
+}
+
+impl Target {
+    /// The port or bus, as a bench file names it.
+    #[must_use]
+    pub fn port(&self) -> String {
+        match self {
+            Self::Serial { port, .. } => port.display().to_string(),
+            Self::Memory(port) => port.to_string(),
+            Self::Can(bus) => bus.to_string(),
+        }
+    }
+
+    /// Bits in a second of its line.
+    #[must_use]
+    pub fn rate_bps(&self) -> u32 {
+        match self {
+            Self::Serial { rate_baud, .. } => *rate_baud,
+            Self::Memory(port) => port.rate_baud(),
+            Self::Can(_) => can_protocol::BIT_RATE,
+        }
+    }
 }
 
 impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Serial { port, rate_baud } => write!(f, "{} at {rate_baud} bit/s", port.display()),
-            Self::Can(target) => write!(f, "CAN {target} at {} bit/s", can_protocol::BIT_RATE),
-        }
+        let kind = if matches!(self, Self::Can(_)) { "CAN " } else { "" };
+        write!(f, "{kind}{} at {} bit/s", self.port(), self.rate_bps())
     }
 }
 
@@ -98,6 +122,7 @@ impl Link {
     pub fn open(target: &Target) -> Result<Self, LinkError> {
         match target {
             Target::Serial { port, rate_baud } => Ok(Self::Serial(Box::new(serial::open(port, *rate_baud)?))),
+            Target::Memory(port) => Ok(Self::Serial(Box::new(serial::open_memory(port)?))),
             Target::Can(target) => Ok(Self::Can(Box::new(CanLink::open(target)?))),
         }
     }

@@ -13,7 +13,7 @@ mod verdict;
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
@@ -24,6 +24,7 @@ use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::state::RunState;
 use gnc_protocol::message::ErrorRecord;
 use tokio::sync::watch;
+use tokio::time::Instant;
 
 use crate::board::{Advance, Board, Desk, Readings};
 use crate::control::{Asked, Control};
@@ -66,6 +67,9 @@ pub struct Order {
     pub resumed: Option<Resumed>,
     /// One item after the other, also where they could run at once.
     pub one_by_one: bool,
+    /// The number of the first session with the board, from which the next ones count on, so that a run repeats; by
+    /// chance if not given.
+    pub nonce: Option<u32>,
     /// What was found in the records folder before the run began, for its log.
     pub found: Vec<String>,
 }
@@ -112,6 +116,7 @@ pub async fn run(order: &Order, journal: Journal, control: &Control, live: &Live
         journal: &journal,
         control,
         live,
+        sessions: Cell::new(0),
         records_read: Cell::new(0),
         unfiled: RefCell::new(Vec::new()),
         link_lost: Cell::new(false),
@@ -137,6 +142,8 @@ struct Run<'a> {
     journal: &'a Journal,
     control: &'a Control,
     live: &'a Live,
+    /// Begun with the board so far.
+    sessions: Cell<u32>,
     /// Error records of the board's session that were read already.
     records_read: Cell<u16>,
     /// Those of items that still run.
@@ -221,7 +228,7 @@ impl Run<'_> {
         let connected = tokio::select! {
             biased;
             asked = self.control.asked_times(1) => Err(asked),
-            connected = connect(&self.order.target, &self.live.readings) => Ok(connected),
+            connected = connect(&self.order.target, self.nonce(), &self.live.readings) => Ok(connected),
         };
         match connected {
             Ok(Ok(board)) => return Ok(Some(board)),

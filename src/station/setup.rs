@@ -83,8 +83,8 @@ fn real(args: &RunArgs, operator: impl FnOnce() -> Result<Fixture, Refusal>) -> 
         }
     };
     let bench = Bench {
-        port: Some(port_name(&target)),
-        rate_bps: Some(rate_bps(&target)),
+        port: Some(target.port()),
+        rate_bps: Some(target.rate_bps()),
         site: file.site.as_ref().and_then(|site| site.name.clone()),
         ..Bench::real()
     };
@@ -110,20 +110,6 @@ pub(crate) fn abilities(file: &BenchFile, operator: bool) -> BenchAbilities {
 
 /// What the simulated bench can do.
 pub(crate) const SIMULATED: BenchAbilities = BenchAbilities { rs422: true, can: true, operator: true };
-
-fn port_name(target: &Target) -> String {
-    match target {
-        Target::Serial { port, .. } => port.display().to_string(),
-        Target::Can(can) => can.to_string(),
-    }
-}
-
-fn rate_bps(target: &Target) -> u32 {
-    match target {
-        Target::Serial { rate_baud, .. } => *rate_baud,
-        Target::Can(_) => gnc_protocol::can::BIT_RATE,
-    }
-}
 
 #[cfg(not(feature = "sim"))]
 fn simulated(_: &RunArgs, _: &Path, _: &str) -> Result<Setup, Refusal> {
@@ -171,8 +157,8 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
         SimLink::Rs422 => Target::Serial { port: running.port().to_owned(), rate_baud },
     };
     let bench = Bench {
-        port: Some(port_name(&target)),
-        rate_bps: Some(rate_bps(&target)),
+        port: Some(target.port()),
+        rate_bps: Some(target.rate_bps()),
         site: file.site.as_ref().and_then(|site| site.name.clone()),
         ..Bench::simulated(name, args.sim_speed.clone(), args.seed)
     };

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, carry_out, table};
+use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, Over, carry_out, table};
 
 /// Runs the functional plan on simulated benches, each drawn from the seed: a good module is never failed, a bad one never
 /// passed, no run outlives its bound, and every loss is counted where it happened.
@@ -23,6 +23,12 @@ struct Args {
     /// This one alone.
     #[arg(long, value_name = "NUMBER", conflicts_with = "runs")]
     only: Option<u64>,
+    /// Where station and bench meet.
+    #[arg(long, value_enum, default_value_t = Over::Memory)]
+    over: Over,
+    /// In memory: makes each twice; it must be the same run.
+    #[arg(long)]
+    twice: bool,
     /// Runs at once.
     #[arg(long, default_value_t = AT_ONCE)]
     at_once: usize,
@@ -34,7 +40,14 @@ struct Args {
 fn main() -> ExitCode {
     let args = Args::parse();
     let runs = args.only.map_or(0..args.runs, |only| only..only + 1);
-    let campaign = Campaign { seed: args.seed, runs, at_once: args.at_once.max(1), keep: args.keep };
+    let campaign = Campaign {
+        seed: args.seed,
+        runs,
+        over: args.over,
+        twice: args.twice && args.over == Over::Memory,
+        at_once: args.at_once.max(1),
+        keep: args.keep,
+    };
     let total = campaign.runs.end - campaign.runs.start;
     let began = Instant::now();
     // Whoever closed the terminal needs no table.
@@ -48,7 +61,7 @@ fn main() -> ExitCode {
                 "VIOLATION {}: {violation}\n  {:?}\n  {}",
                 judged.case.board,
                 judged.case,
-                judged.case.command()
+                judged.case.command(args.over)
             );
         }
         if count.is_multiple_of(50) {

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use gnc_tests::campaign::{Case, Disturbance, Link, Ran, run, violations};
+use gnc_tests::campaign::{Case, Disturbance, Link, Over, Ran, run, violations};
 
 /// Of a live link: the module is off so soon after a stop.
 const SAFE_LIVE_MS: f64 = 300.0;
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
         let mut times: [Vec<f64>; 2] = Default::default();
         for number in 0..args.count {
             let case = calm(args.seed, number, disturbance);
-            let ran = run(&case, None);
+            let ran = run(&case, Over::Pty, None);
             for violation in violations(&case, &ran) {
                 bad += 1;
                 let _ = writeln!(out, "VIOLATION {name} {number}: {violation}");

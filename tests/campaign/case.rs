@@ -7,6 +7,8 @@ use hw_mocks::boards;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use super::run::Over;
+
 /// Events of a run of the functional plan, about: a disturbance comes at one of them.
 const EVENTS: u32 = 160;
 /// A disturbance comes so much later than its event, at most: several items are in flight, each waiting for something.
@@ -132,8 +134,10 @@ impl Case {
 
     /// What repeats it.
     #[must_use]
-    pub fn command(&self) -> String {
-        format!("cargo run --release -p gnc-tests --bin campaign -- --seed {} --only {}", self.seed, self.number)
+    pub fn command(&self, over: Over) -> String {
+        let Self { seed, number, .. } = self;
+        let over = if over == Over::Pty { " --over pty" } else { "" };
+        format!("cargo run --release -p gnc-tests --bin campaign -- --seed {seed} --only {number}{over}")
     }
 }
 

@@ -1,5 +1,7 @@
 //! What must hold of every run, whatever the line did and whoever pulled a cable.
 
+use std::time::Duration;
+
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use hw_mocks::{Expectation, LineTruth, Personality, Toll};
@@ -17,6 +19,11 @@ const SPOILS_ALONE: [&str; 5] = [
 ];
 /// Frames that the board may say between the station's last look at the line and the end of the run: heartbeats.
 const BEHIND_THE_END: u64 = 2;
+
+/// A board that hears the station makes the module safe so soon after a stop.
+const SAFE_AFTER_A_STOP: Duration = Duration::from_millis(300);
+/// One that does not has a watchdog.
+const SAFE_BY_WATCHDOG: Duration = Duration::from_secs(2);
 
 /// What is not as it should be; empty if all is.
 #[must_use]
@@ -89,6 +96,16 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     if ran.off_after.is_none() {
         found.push("the module is still on".to_owned());
     }
+    // On a busy computer these are figures and no bounds.
+    let bound = match case.disturbance {
+        // Plugged in again in time, the run goes on.
+        Disturbance::None | Disturbance::Unplug { back: Some(_) } => return,
+        Disturbance::Stop { .. } => SAFE_AFTER_A_STOP,
+        Disturbance::Unplug { back: None } => SAFE_BY_WATCHDOG,
+    };
+    if let Some(off) = ran.off_since_disturbed.filter(|off| ran.in_memory && case.kinds.is_empty() && *off > bound) {
+        found.push(format!("the module was off {off:?} after it was disturbed, and not within {bound:?}"));
+    }
 }
 
 /// What the station said of the line.
@@ -118,8 +135,9 @@ fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     let unplugged = matches!(case.disturbance, Disturbance::Unplug { .. });
     let acted = |toll: Toll| toll.spoilt + toll.others > 0;
     let harmed = [to_host, to_board, can_to_host, can_to_board].into_iter().any(acted) || ran.restarts > 0 || unplugged;
-    // On CAN a message of many frames is also broken off by its own timeouts, as on a computer that stands still meanwhile.
-    if case.link == Link::Rs422 && !harmed && booked != Booked::default() {
+    // A message of many frames on CAN is also broken off by its own timeouts, where a computer stands still meanwhile.
+    let undisturbed = case.link == Link::Rs422 || ran.in_memory;
+    if undisturbed && !harmed && booked != Booked::default() {
         return Some(format!("the line did nothing, and the station books {booked:?}"));
     }
     let (missing, missable) = counted_losses(case, ran)?;

@@ -1,12 +1,13 @@
 //! A campaign: many runs of the functional plan, each with a module, a line and disturbances drawn from one seed, and
 //! each held to what the module's file expects.
 //!
-//! Station and simulated bench run in this program with the pseudo-terminals between them, so that a seed repeats which
-//! faults there are and at which event somebody pulls a cable; which frames the dice hit depends on how many there are,
-//! and that on wall time.
+//! Station and simulated bench run in this program; [`Over`] says where they meet.
 
 mod case;
 mod judge;
+mod memory;
+mod order;
+mod pty;
 mod run;
 mod table;
 
@@ -15,7 +16,7 @@ use std::sync::Mutex;
 
 pub use case::{Case, Disturbance, Link};
 pub use judge::violations;
-pub use run::{LONGEST, Ran, run};
+pub use run::{LONGEST, Over, Ran, differs, run};
 pub use table::table;
 
 /// Runs at once where nobody says otherwise: those on a bad line wait more than they work.
@@ -28,6 +29,10 @@ pub struct Campaign {
     pub seed: u64,
     /// Numbers of the runs.
     pub runs: std::ops::Range<u64>,
+    /// Where station and bench meet.
+    pub over: Over,
+    /// Each is made twice and must be the same run, as it is in memory.
+    pub twice: bool,
     /// Runs at once.
     pub at_once: usize,
     /// Where the records of runs that disappoint are kept; nowhere if not given.
@@ -60,8 +65,10 @@ pub fn carry_out(campaign: &Campaign, told: &(dyn Fn(usize, &Judged) + Sync)) ->
                         return;
                     };
                     let case = Case::drawn(campaign.seed, number);
-                    let ran = run(&case, campaign.keep.as_deref());
-                    let judged = Judged { violations: violations(&case, &ran), case, ran };
+                    let ran = run(&case, campaign.over, campaign.keep.as_deref());
+                    let mut found = violations(&case, &ran);
+                    found.extend(campaign.twice.then(|| differs(&case, &ran)).flatten());
+                    let judged = Judged { violations: found, case, ran: Ran { journal: Vec::new(), ..ran } };
                     let mut all = all.lock().unwrap_or_else(lock);
                     told(all.len() + 1, &judged);
                     all.push(judged);

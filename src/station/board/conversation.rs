@@ -19,6 +19,7 @@ use tokio::time::{Instant, sleep_until};
 use super::readings::Gauges;
 use super::stream::{AHEAD, Newest};
 use super::{Absent, Advance, BoardError, Pulse, Readings};
+use crate::latest::Latest;
 use crate::link::{Link, NoFrame};
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
@@ -139,7 +140,7 @@ struct Greeting {
 pub(super) struct Conversation {
     link: Link,
     commands: mpsc::Receiver<Command>,
-    pulse: watch::Sender<Pulse>,
+    pulse: Latest<Pulse>,
     greeting: Option<Greeting>,
     /// Nonce and boot id of the open session.
     session: Option<(u32, u32)>,
@@ -173,7 +174,7 @@ impl Conversation {
     pub(super) fn new(
         link: Link,
         commands: mpsc::Receiver<Command>,
-        pulse: watch::Sender<Pulse>,
+        pulse: Latest<Pulse>,
         readings: watch::Sender<Readings>,
         absences: mpsc::Sender<Absent>,
     ) -> Self {

@@ -4,10 +4,11 @@ use std::time::Duration;
 
 use gnc_protocol::message::StreamStopReply;
 use gnc_protocol::stream::{StreamFrame, StreamHead, StreamId};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use super::{BoardError, Pulse};
+use crate::latest::Follower;
 
 /// The board's clock may be this far ahead of the last sample before a stream counts as stopped: twice the time
 /// between two heartbeats.
@@ -27,7 +28,7 @@ pub(super) const AHEAD: usize = 16_384;
 pub struct Stream {
     id: StreamId,
     frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
-    pulse: watch::Receiver<Pulse>,
+    pulse: Follower<Pulse>,
     seen_us: u64,
     /// The last heartbeat's board time, and since when it is that.
     beat_us: Option<(u64, Instant)>,
@@ -90,7 +91,7 @@ impl Stream {
     pub(super) fn new(
         id: StreamId,
         frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
-        pulse: watch::Receiver<Pulse>,
+        pulse: Follower<Pulse>,
     ) -> Self {
         Self { id, frames, pulse, seen_us: 0, beat_us: None, losses: Losses::default() }
     }
@@ -110,7 +111,7 @@ impl Stream {
     /// The board's clock, as far as it is known.
     #[must_use]
     pub fn board_time_us(&self) -> u64 {
-        self.pulse.borrow().board_time_us.max(self.seen_us)
+        self.pulse.now().board_time_us.max(self.seen_us)
     }
 
     /// The next frame. `None`: the board's clock went on for two seconds without one, or stands. Frames and heartbeats
@@ -120,7 +121,7 @@ impl Stream {
     /// The reason for which the conversation ended, if it did.
     pub async fn next(&mut self) -> Result<Option<Box<StreamFrame>>, BoardError> {
         if self.seen_us == 0 {
-            self.seen_us = self.pulse.borrow().board_time_us;
+            self.seen_us = self.pulse.now().board_time_us;
         }
         loop {
             tokio::select! {
@@ -131,10 +132,7 @@ impl Stream {
                     return Ok(Some(frame));
                 }
                 beat = self.pulse.changed() => {
-                    if beat.is_err() {
-                        return Err(super::gone());
-                    }
-                    let now_us = self.pulse.borrow_and_update().board_time_us;
+                    let now_us = beat.ok_or_else(super::gone)?.board_time_us;
                     let stands = self.stands(now_us);
                     if (stands || now_us > self.seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
                         self.seen_us = now_us;
@@ -198,6 +196,7 @@ impl Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::latest::Latest;
 
     fn frame(first: u32, count: u16, dropped: u32) -> StreamFrame {
         let head = StreamHead { first, count, dropped, ..StreamHead::default() };
@@ -208,8 +207,8 @@ mod tests {
     #[test]
     fn losses_are_told_apart_by_place() {
         let (_sender, frames) = mpsc::channel(1);
-        let (_beat, pulse) = watch::channel(Pulse::default());
-        let mut stream = Stream::new(StreamId::Imu, frames, pulse);
+        let beat = Latest::new(Pulse::default());
+        let mut stream = Stream::new(StreamId::Imu, frames, beat.follower());
         for part in [frame(0, 10, 0), frame(15, 10, 5), frame(35, 10, 5)] {
             stream.account(&part);
         }
@@ -235,8 +234,8 @@ mod tests {
     #[tokio::test]
     async fn the_last_frame_is_missed_too() {
         let (sender, frames) = mpsc::channel(1);
-        let (_beat, pulse) = watch::channel(Pulse::default());
-        let stream = Stream::new(StreamId::Imu, frames, pulse);
+        let beat = Latest::new(Pulse::default());
+        let stream = Stream::new(StreamId::Imu, frames, beat.follower());
         sender.try_send(Ok(Box::new(frame(0, 10, 0)))).ok();
         let closed = stream.close(async { Ok(StreamStopReply { produced: 20, dropped: 0 }) }).await;
         let losses = Losses { received: 10, on_board: 0, on_line: 10 };

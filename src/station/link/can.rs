@@ -21,7 +21,8 @@ use gnc_protocol::serial::LineCounters;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 
-use super::serial::OpenError;
+use super::memory::MemoryPort;
+use super::serial::{OpenError, Place};
 use super::{NoFrame, Received};
 use bus::{Bus, Turn};
 pub use memory::MemoryEnd;
@@ -38,6 +39,8 @@ pub enum CanTarget {
     Slcan(PathBuf),
     /// An interface of the kernel: `can0`.
     Interface(String),
+    /// An adapter that speaks slcan, in this program; no bench file names one.
+    Memory(MemoryPort),
 }
 
 impl CanTarget {
@@ -56,6 +59,7 @@ impl fmt::Display for CanTarget {
         match self {
             Self::Slcan(port) => write!(f, "slcan:{}", port.display()),
             Self::Interface(name) => f.write_str(name),
+            Self::Memory(port) => write!(f, "slcan:{port}"),
         }
     }
 }
@@ -226,7 +230,8 @@ impl CanLink {
     /// [`CanOpenError`].
     pub fn open(target: &CanTarget) -> Result<Self, CanOpenError> {
         Ok(Self::on(match target {
-            CanTarget::Slcan(port) => Bus::Slcan(slcan::SlcanBus::open(port)?),
+            CanTarget::Slcan(port) => Bus::Slcan(slcan::SlcanBus::open(Place::Device(port.clone(), slcan::RATE_BAUD))?),
+            CanTarget::Memory(port) => Bus::Slcan(slcan::SlcanBus::open(Place::Memory(port.clone()))?),
             CanTarget::Interface(name) => Bus::Socket(socket::SocketBus::open(name)?),
         }))
     }

@@ -12,8 +12,9 @@ use nix::errno::Errno;
 use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::Buf as _;
 
+use super::memory::MemoryPort;
 use super::{NoFrame, Received};
-pub(super) use port::{Port, PortEvent};
+pub(super) use port::{Place, Port, PortEvent};
 
 /// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.
 const OUTGOING: usize = 16 * MAX_ON_WIRE;
@@ -29,6 +30,10 @@ pub struct SerialLink {
 }
 
 impl SerialLink {
+    fn on(port: Port) -> Self {
+        Self { port, decoder: Decoder::default() }
+    }
+
     pub(super) fn send(&mut self, frame: &Frame) {
         let outgoing = &mut self.port.outgoing;
         if outgoing.len() <= OUTGOING {
@@ -145,7 +150,15 @@ impl OpenError {
 /// # Errors
 /// [`OpenError`].
 pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
-    Ok(SerialLink { port: Port::open(port, rate_baud)?, decoder: Decoder::default() })
+    Ok(SerialLink::on(Port::open(Place::Device(port.to_owned(), rate_baud))?))
+}
+
+/// Opens a cable's end in this program's memory.
+///
+/// # Errors
+/// [`OpenError::Missing`]: no cable is plugged in, or it was opened already.
+pub fn open_memory(port: &MemoryPort) -> Result<SerialLink, OpenError> {
+    Ok(SerialLink::on(Port::open(Place::Memory(port.clone()))?))
 }
 
 /// Opens a port as [`open`] does, and closes it again.

@@ -1,6 +1,6 @@
 //! The GNSS receiver: its raw sentences and 1PPS edges come through the board; they are read and weighed here.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use chrono::NaiveDate;
 use gnc_executive::bench::{Site, SitePlace};
@@ -9,6 +9,7 @@ use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{GnssRestart, GnssStart, StreamStart};
 use gnc_protocol::stream::{PpsCapture, StreamId};
 use gnc_protocol::wire::{Reader, Wire as _};
+use tokio::time::Instant;
 
 use super::{Bench, Report, Trouble};
 use crate::board::stream::{Closed, Stream};

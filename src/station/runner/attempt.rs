@@ -1,11 +1,10 @@
 //! One attempt of an item, from its first request to whatever ended it.
 
-use std::time::Instant;
-
 use gnc_executive::catalogue::Resource;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_protocol::message::ModulePower;
 use tokio::sync::watch;
+use tokio::time::Instant;
 
 use super::recovery::session_lives;
 use super::report::Report;
@@ -13,6 +12,7 @@ use super::{Doing, End, Landed, Run};
 use crate::board::{Advance, Board, Desk, Pulse};
 use crate::figures::Findings;
 use crate::guidance::Guide;
+use crate::latest::Follower;
 use crate::procedure::{self, Bench, Trouble};
 use crate::turntable;
 
@@ -113,15 +113,13 @@ impl Run<'_> {
 
 /// Ends when the board's clock has gone on by so much since its next heartbeat. The last one says nothing of now: at full
 /// speed the simulated board has gone on by many minutes since.
-async fn board_time(mut pulse: watch::Receiver<Pulse>, limit_s: f64) {
+async fn board_time(mut pulse: Follower<Pulse>, limit_s: f64) {
     let mut began_us = None;
-    pulse.mark_unchanged();
     loop {
-        if pulse.changed().await.is_err() {
+        let Some(now) = pulse.changed().await else {
             // The conversation has ended; the procedure hears of it by itself.
             return std::future::pending().await;
-        }
-        let now = *pulse.borrow_and_update();
+        };
         if now.beats == 0 {
             continue;
         }

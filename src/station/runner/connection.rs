@@ -37,13 +37,17 @@ impl ConnectError {
     }
 }
 
-pub(super) async fn connect(target: &Target, readings: &watch::Sender<Readings>) -> Result<Board, ConnectError> {
+pub(super) async fn connect(
+    target: &Target,
+    nonce: u32,
+    readings: &watch::Sender<Readings>,
+) -> Result<Board, ConnectError> {
     let link = Link::open(target)?;
-    Ok(Board::connect(link, nonce(), readings.clone()).await?)
+    Ok(Board::connect(link, nonce, readings.clone()).await?)
 }
 
 /// Another number each time, so that a board never takes a new session for the old one.
-pub(super) fn nonce() -> u32 {
+pub(super) fn by_chance() -> u32 {
     let now = Utc::now();
     now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
 }
@@ -60,6 +64,12 @@ async fn calibration(desk: &Desk<'_>) -> Option<String> {
 }
 
 impl Run<'_> {
+    /// The number of the next session.
+    pub(super) fn nonce(&self) -> u32 {
+        let begun = self.sessions.replace(self.sessions.get().wrapping_add(1));
+        self.order.nonce.map_or_else(by_chance, |first| first.wrapping_add(begun))
+    }
+
     pub(super) async fn found(&self, board: &Board) -> Result<(), StoreError> {
         let hello = board.hello();
         let link = self.order.target.to_string();

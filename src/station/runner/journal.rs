@@ -2,11 +2,11 @@
 //! anybody else hears of them.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
 
-use chrono::Local;
+use chrono::{DateTime, FixedOffset, Local, TimeDelta};
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
+use tokio::time::Instant;
 
 use crate::store::{RawFile, Scribe, StoreError};
 
@@ -16,6 +16,8 @@ pub struct Journal {
     scribe: Scribe,
     state: Arc<Mutex<RunState>>,
     began: Instant,
+    /// The date of the beginning, where dates go by the run's own clock and not by the computer's.
+    dated: Option<DateTime<FixedOffset>>,
 }
 
 impl Journal {
@@ -23,7 +25,22 @@ impl Journal {
     #[must_use]
     pub fn new(scribe: Scribe) -> Self {
         let state = scribe.state();
-        Self { scribe, state, began: Instant::now() }
+        Self { scribe, state, began: Instant::now(), dated: None }
+    }
+
+    /// A journal that begins at this date and counts on from there by the run's clock, whatever the computer's calendar
+    /// says: for runs that must repeat.
+    #[must_use]
+    pub fn dated(scribe: Scribe, began: DateTime<FixedOffset>) -> Self {
+        Self { dated: Some(began), ..Self::new(scribe) }
+    }
+
+    /// The date after so long.
+    fn date(&self, elapsed_us: u64) -> DateTime<FixedOffset> {
+        match self.dated {
+            Some(began) => began + TimeDelta::microseconds(elapsed_us.cast_signed()),
+            None => Local::now().fixed_offset(),
+        }
     }
 
     /// Emits an event. Those after which a record must be believable (an item's or the run's end) come back only
@@ -39,7 +56,7 @@ impl Journal {
         let written = {
             let mut state = self.lock();
             let elapsed_us = u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX);
-            let event = Event { seq: state.next_seq(), at: Local::now().fixed_offset(), elapsed_us, kind };
+            let event = Event { seq: state.next_seq(), at: self.date(elapsed_us), elapsed_us, kind };
             state.apply(&event).map_err(StoreError::OutOfOrder)?;
             place.write(event, must_be_on_disk)
         };

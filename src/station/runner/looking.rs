@@ -8,7 +8,7 @@ use gnc_protocol::stream::StreamId;
 use tokio::sync::watch;
 use tokio::time::{interval, timeout};
 
-use super::connection::{ConnectError, SAFE_WITHIN, connect};
+use super::connection::{ConnectError, SAFE_WITHIN, by_chance, connect};
 use crate::board::{Advance, Board, BoardError, Desk, Readings};
 use crate::control::Control;
 use crate::link::Target;
@@ -50,7 +50,7 @@ pub async fn look(target: &Target, control: &Control, readings: &watch::Sender<R
     let board = tokio::select! {
         biased;
         _ = control.asked_times(1) => return Ok(()),
-        board = connect(target, readings) => board?,
+        board = connect(target, by_chance(), readings) => board?,
     };
     let desk = Desk::new(&board, watch::channel(Advance::default()).0);
     let looked = tokio::select! {

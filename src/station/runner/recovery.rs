@@ -5,7 +5,6 @@ use futures_util::stream::StreamExt as _;
 use gnc_executive::event::{AttemptError, EventKind, Level};
 use gnc_executive::outcome::Outcome;
 
-use super::connection::nonce;
 use super::verdict::judge;
 use super::{End, Flight, Landed, Run, chain};
 use crate::board::{Absent, Board, BoardError};
@@ -117,7 +116,7 @@ impl Run<'_> {
         let reopened = tokio::select! {
             biased;
             asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
-            reopened = board.reopen(nonce()) => Ok(reopened),
+            reopened = board.reopen(self.nonce()) => Ok(reopened),
         };
         self.tell_absences(board).await?;
         self.records_read.set(0);

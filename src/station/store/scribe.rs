@@ -1,4 +1,7 @@
-//! The thread that writes a run's record, so that a slow disk never holds up the link.
+//! Writes a run's record, on a thread of its own so that a slow disk never holds up the link.
+//!
+//! Where one clock stands for station and bench, which moves when both wait, the disk must not be waited for: there the
+//! record is written by whoever emits an event, and the disk takes no time.
 //!
 //! Whoever watches the run hears of an event after it is in the journal, never before. After the first error nothing
 //! more is written or passed on: the journal then ends where the disk ended it.
@@ -27,11 +30,21 @@ pub type Watcher = Box<dyn FnMut(&Event) -> bool + Send>;
 
 type Written = oneshot::Sender<Result<(), StoreError>>;
 
-/// A handle on the thread.
+/// Who writes.
+#[derive(Debug)]
+enum Hand {
+    Thread {
+        events: mpsc::Sender<(Event, Option<Written>)>,
+        thread: JoinHandle<Result<(), StoreError>>,
+    },
+    /// Whoever emits an event; nobody any more after an error.
+    Here(Box<Mutex<Option<Writer>>>),
+}
+
+/// A handle on the record that is being written.
 #[derive(Debug)]
 pub struct Scribe {
-    events: mpsc::Sender<(Event, Option<Written>)>,
-    thread: JoinHandle<Result<(), StoreError>>,
+    hand: Hand,
     state: Arc<Mutex<RunState>>,
     folder: RunFolder,
     raw: Mutex<Vec<RawThread>>,
@@ -44,18 +57,23 @@ impl Scribe {
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
     pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
-        let state = Arc::new(Mutex::new(RunState::new()));
-        for (index, (name, text)) in plan.files().enumerate() {
-            let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
-            folder
-                .put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), |out| out.write_all(text))?;
-        }
-        let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
+        let writer = Writer::open(&folder, plan, watchers)?;
+        let state = Arc::clone(&writer.state);
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
-        let writer = Writer { folder: folder.clone(), journal, state: Arc::clone(&state), watchers, line: Vec::new() };
         let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
         let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
-        Ok(Self { events, thread, state, folder, raw: Mutex::default() })
+        Ok(Self { hand: Hand::Thread { events, thread }, state, folder, raw: Mutex::default() })
+    }
+
+    /// As [`Scribe::start`], without a thread: an event is on disk when it was emitted. For a clock that goes on while a
+    /// thread is waited for.
+    ///
+    /// # Errors
+    /// [`StoreError`]; nothing was tested yet.
+    pub fn without_thread(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
+        let writer = Writer::open(&folder, plan, watchers)?;
+        let state = Arc::clone(&writer.state);
+        Ok(Self { hand: Hand::Here(Box::new(Mutex::new(Some(writer)))), state, folder, raw: Mutex::default() })
     }
 
     /// Opens a file for the raw samples of an attempt of an item.
@@ -104,7 +122,12 @@ impl Scribe {
     /// # Errors
     /// [`StoreError::Closed`] if an earlier event could not be written.
     pub async fn place(&self) -> Result<Place<'_>, StoreError> {
-        self.events.reserve().await.map(Place).map_err(|_| closed())
+        match &self.hand {
+            Hand::Thread { events, .. } => {
+                events.reserve().await.map(|room| Place(Room::OnTheWay(room))).map_err(|_| closed())
+            }
+            Hand::Here(writer) => Ok(Place(Room::Here(writer))),
+        }
     }
 
     /// Waits until all is on disk and the folder is closed with its digests.
@@ -112,8 +135,9 @@ impl Scribe {
     /// # Errors
     /// The first error of the record, if nobody heard of it yet.
     pub async fn close(self) -> Result<(), StoreError> {
-        drop(self.events);
-        let joined = tokio::task::spawn_blocking(move || self.thread.join()).await;
+        let Hand::Thread { events, thread } = self.hand else { return Ok(()) };
+        drop(events);
+        let joined = tokio::task::spawn_blocking(move || thread.join()).await;
         match joined {
             Ok(Ok(result)) => result,
             _ => Err(StoreError::Closed { why: "the thread that writes it came to grief".into() }),
@@ -123,35 +147,62 @@ impl Scribe {
 
 /// Room for one event.
 #[derive(Debug)]
-pub struct Place<'a>(mpsc::Permit<'a, (Event, Option<Written>)>);
+pub struct Place<'a>(Room<'a>);
 
-impl Place<'_> {
+#[derive(Debug)]
+enum Room<'a> {
+    OnTheWay(mpsc::Permit<'a, (Event, Option<Written>)>),
+    Here(&'a Mutex<Option<Writer>>),
+}
+
+impl<'a> Place<'a> {
     /// Hands the event over, at once; `sync` asks for word when it is on disk.
     #[must_use]
-    pub fn write(self, event: Event, sync: bool) -> OnItsWay {
-        if !sync {
-            self.0.send((event, None));
-            return OnItsWay(None);
-        }
-        let (sender, written) = oneshot::channel();
-        self.0.send((event, Some(sender)));
-        OnItsWay(Some(written))
+    pub fn write(self, event: Event, sync: bool) -> OnItsWay<'a> {
+        OnItsWay(match self.0 {
+            Room::OnTheWay(room) if sync => {
+                let (sender, written) = oneshot::channel();
+                room.send((event, Some(sender)));
+                Way::Awaited(written)
+            }
+            Room::OnTheWay(room) => {
+                room.send((event, None));
+                Way::Unawaited
+            }
+            Room::Here(writer) => Way::Here(writer, Box::new(event), sync),
+        })
     }
 }
 
 /// An event that was handed over.
 #[derive(Debug)]
-pub struct OnItsWay(Option<oneshot::Receiver<Result<(), StoreError>>>);
+pub struct OnItsWay<'a>(Way<'a>);
 
-impl OnItsWay {
+#[derive(Debug)]
+enum Way<'a> {
+    Unawaited,
+    Awaited(oneshot::Receiver<Result<(), StoreError>>),
+    /// Not written yet: the fold that the record is made of is still in the hands of whoever emits.
+    Here(&'a Mutex<Option<Writer>>, Box<Event>, bool),
+}
+
+impl OnItsWay<'_> {
     /// Waits until it is on disk, if that was asked for.
     ///
     /// # Errors
     /// The first error of the record.
     pub async fn synced(self) -> Result<(), StoreError> {
         match self.0 {
-            Some(written) => written.await.map_err(|_| closed())?,
-            None => Ok(()),
+            Way::Unawaited => Ok(()),
+            Way::Awaited(written) => written.await.map_err(|_| closed())?,
+            Way::Here(writer, event, sync) => {
+                let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
+                let written = writer.as_mut().ok_or_else(closed)?.write_and_tell(&event, sync);
+                if written.is_err() {
+                    *writer = None;
+                }
+                written
+            }
         }
     }
 }
@@ -160,6 +211,7 @@ fn closed() -> StoreError {
     StoreError::Closed { why: "an earlier event could not be written".into() }
 }
 
+/// The open record.
 struct Writer {
     folder: RunFolder,
     /// Held for as long as the run goes on.
@@ -170,15 +222,28 @@ struct Writer {
     line: Vec<u8>,
 }
 
+impl std::fmt::Debug for Writer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Writer").field("folder", &self.folder).finish_non_exhaustive()
+    }
+}
+
 impl Writer {
+    fn open(folder: &RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
+        for (index, (name, text)) in plan.files().enumerate() {
+            let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
+            folder
+                .put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), |out| out.write_all(text))?;
+        }
+        let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
+        let state = Arc::new(Mutex::new(RunState::new()));
+        Ok(Self { folder: folder.clone(), journal, state, watchers, line: Vec::new() })
+    }
+
     fn run(mut self, mut events: mpsc::Receiver<(Event, Option<Written>)>) -> Result<(), StoreError> {
         while let Some((event, written)) = events.blocking_recv() {
-            let result = self.write(&event, written.is_some());
+            let result = self.write_and_tell(&event, written.is_some());
             let failed = result.is_err();
-            if !failed {
-                // Somebody who no longer listens, or is that far behind, is no reason to stop.
-                self.watchers.retain_mut(|watcher| watcher(&event));
-            }
             match written {
                 Some(written) => {
                     let _ = written.send(result);
@@ -189,6 +254,13 @@ impl Writer {
                 return Ok(());
             }
         }
+        Ok(())
+    }
+
+    fn write_and_tell(&mut self, event: &Event, sync: bool) -> Result<(), StoreError> {
+        self.write(event, sync)?;
+        // Somebody who no longer listens, or is that far behind, is no reason to stop.
+        self.watchers.retain_mut(|watcher| watcher(event));
         Ok(())
     }
 

@@ -82,6 +82,7 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
             site: None,
             resumed: None,
             one_by_one: false,
+            nonce: None,
             found: Vec::new(),
         };
         let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");

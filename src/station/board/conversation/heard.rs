@@ -68,7 +68,7 @@ impl Conversation {
         self.beat = Instant::now();
         self.before.get_or_insert_with(|| self.link.counters());
         self.link.restart_sequence();
-        self.pulse.send_replace(Pulse::default());
+        self.pulse.change(|pulse| *pulse = Pulse::default());
         let _ = greeting.answer.send(Ok(hello));
     }
 
@@ -151,7 +151,7 @@ impl Conversation {
                     return self.restarted(before, beat.boot_id);
                 }
                 self.beat = Instant::now();
-                self.pulse.send_modify(|pulse| {
+                self.pulse.change(|pulse| {
                     pulse.board_time_us = beat.board_time_us;
                     pulse.beats += 1;
                 });

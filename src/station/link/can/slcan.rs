@@ -4,7 +4,6 @@
 //! error frames nor of bus-off.
 
 use std::io;
-use std::path::Path;
 use std::time::Duration;
 
 use gnc_protocol::can::CanFrame;
@@ -12,7 +11,7 @@ use gnc_protocol::can::slcan::{self, Decoder, Item, encode};
 use tokio_util::bytes::Buf as _;
 
 use super::bus::Turn;
-use crate::link::serial::{OpenError, Port, PortEvent};
+use crate::link::serial::{OpenError, Place, Port, PortEvent};
 
 /// Rate of the port. USB adapters ignore it; on a real line it must carry more than the bus: 27 characters for each
 /// frame of 111 bits.
@@ -30,8 +29,8 @@ pub(super) struct SlcanBus {
 }
 
 impl SlcanBus {
-    pub(super) fn open(port: &Path) -> Result<Self, OpenError> {
-        let mut port = Port::open(port, RATE_BAUD)?;
+    pub(super) fn open(place: Place) -> Result<Self, OpenError> {
+        let mut port = Port::open(place)?;
         port.outgoing.extend_from_slice(slcan::OPEN_500K);
         Ok(Self { port, decoder: Decoder::default() })
     }

@@ -3,16 +3,17 @@
 //! A port that vanishes reads as "no more bytes" for ever, which is "device gone" and not "no data". It is opened again
 //! by its name, since udev gives an adapter that was plugged in again another device behind the same link.
 
+use std::fmt;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, ReadHalf, WriteHalf};
-use tokio_serial::SerialStream;
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, ReadHalf, WriteHalf};
 use tokio_util::bytes::BytesMut;
 
 use super::{OpenError, open_stream};
 use crate::link::absence::Absence;
+use crate::link::memory::MemoryPort;
 
 /// Bytes read at once: what an adapter passes on in a frame of USB, several times over.
 const READ_AT_ONCE: usize = 4096;
@@ -21,11 +22,24 @@ const READ_AT_ONCE: usize = 4096;
 /// would be somebody else's terminal. A link to one has an owner who moves it.
 const PSEUDO_TERMINALS: &str = "/dev/pts";
 
+/// Where a port is.
+#[derive(Debug)]
+pub(in crate::link) enum Place {
+    /// A device of this computer, and the rate that it is set to.
+    Device(PathBuf, u32),
+    /// In this program.
+    Memory(MemoryPort),
+}
+
+/// Bytes in and out.
+trait Stream: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug {}
+
+impl<T: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug> Stream for T {}
+
 /// The port, its buffers, and whether it is there.
 #[derive(Debug)]
 pub(in crate::link) struct Port {
-    path: PathBuf,
-    rate_baud: u32,
+    place: Place,
     state: State,
     /// What has come and nobody took yet.
     pub(in crate::link) incoming: BytesMut,
@@ -36,8 +50,8 @@ pub(in crate::link) struct Port {
 #[derive(Debug)]
 enum State {
     Open {
-        reader: ReadHalf<SerialStream>,
-        writer: WriteHalf<SerialStream>,
+        reader: ReadHalf<Box<dyn Stream>>,
+        writer: WriteHalf<Box<dyn Stream>>,
         /// The absence from which it returned, until something comes from it.
         mute: Option<Absence>,
     },
@@ -63,19 +77,22 @@ enum Moved {
 }
 
 impl Port {
-    pub(in crate::link) fn open(path: &Path, rate_baud: u32) -> Result<Self, OpenError> {
-        let state = open(path, rate_baud, None)?;
+    pub(in crate::link) fn open(place: Place) -> Result<Self, OpenError> {
+        let state = place.open(None)?;
         let (incoming, outgoing) = (BytesMut::with_capacity(READ_AT_ONCE), BytesMut::new());
-        Ok(Self { path: path.to_owned(), rate_baud, state, incoming, outgoing })
+        Ok(Self { place, state, incoming, outgoing })
     }
 
     pub(in crate::link) fn rate_baud(&self) -> u32 {
-        self.rate_baud
+        match &self.place {
+            Place::Device(_, rate_baud) => *rate_baud,
+            Place::Memory(port) => port.rate_baud(),
+        }
     }
 
     /// What people call it.
     pub(in crate::link) fn name(&self) -> String {
-        format!("port {}", self.path.display())
+        format!("port {}", self.place)
     }
 
     /// Whether it is there, as far as anybody knows.
@@ -132,7 +149,7 @@ impl Port {
     /// `true`: this is news.
     fn went_away(&mut self) -> io::Result<bool> {
         let State::Open { mute, .. } = &mut self.state else { return Ok(false) };
-        if self.path.starts_with(PSEUDO_TERMINALS) {
+        if matches!(&self.place, Place::Device(path, _) if path.starts_with(PSEUDO_TERMINALS)) {
             let text = format!("{} went away, and a pseudo-terminal does not come back", self.name());
             return Err(io::Error::new(io::ErrorKind::NotConnected, text));
         }
@@ -147,21 +164,38 @@ impl Port {
     /// Opens the port once more.
     fn look(&mut self) -> io::Result<Option<PortEvent>> {
         let State::Away(absence) = &mut self.state else { return Ok(None) };
-        match open(&self.path, self.rate_baud, Some(*absence)) {
+        match self.place.open(Some(*absence)) {
             Ok(open) => {
                 self.state = open;
                 let State::Open { mute: Some(absence), .. } = &mut self.state else { return Ok(None) };
                 Ok(absence.returned().map(PortEvent::Back))
             }
             Err(error) => {
-                let name = format!("port {}", self.path.display());
+                let name = format!("port {}", self.place);
                 absence.goes_on(&name, &error).map(|()| None)
             }
         }
     }
 }
 
-fn open(path: &Path, rate_baud: u32, mute: Option<Absence>) -> Result<State, OpenError> {
-    let (reader, writer) = tokio::io::split(open_stream(path, rate_baud)?);
-    Ok(State::Open { reader, writer, mute })
+impl Place {
+    fn open(&self, mute: Option<Absence>) -> Result<State, OpenError> {
+        let stream: Box<dyn Stream> = match self {
+            Self::Device(path, rate_baud) => Box::new(open_stream(path, *rate_baud)?),
+            Self::Memory(port) => {
+                Box::new(port.open().ok_or_else(|| OpenError::Missing { port: port.to_string().into() })?)
+            }
+        };
+        let (reader, writer) = tokio::io::split(stream);
+        Ok(State::Open { reader, writer, mute })
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Device(path, _) => path.display().fmt(f),
+            Self::Memory(port) => port.fmt(f),
+        }
+    }
 }

@@ -112,7 +112,7 @@ async fn all(
     let header = auto::header(args, &plan, &setup, &start.serial_number);
     let Setup { records, key, target, can, fixture, site, simulation, .. } = setup;
     let (one_by_one, found) = (args.one_by_one, seal_interrupted(&records, key.as_ref()));
-    let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one, found };
+    let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one, nonce: None, found };
     // The simulated bench ends with this scope.
     let _simulation = simulation;
     let control = &handles.control;

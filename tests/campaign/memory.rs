@@ -1,0 +1,298 @@
+//! Carries out one run in memory: station, bench and whoever disturbs them in one task, on one clock that moves when all
+//! of them wait. The same case is the same run, to the byte of its journal.
+
+use std::convert::Infallible;
+use std::path::Path;
+use std::time::Duration;
+
+use chrono::DateTime;
+use gnc_executive::event::Event;
+use gnc_station::control::Control;
+use gnc_station::fixture::{Ask, Fixture, Question};
+use gnc_station::link::Target;
+use gnc_station::link::can::CanTarget;
+use gnc_station::link::memory::MemoryPort;
+use gnc_station::runner::journal::Journal;
+use gnc_station::runner::{self, Live};
+use gnc_station::store::{Scribe, Watcher};
+use hw_mocks::{Adapter, Bench, Options, Speed};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf};
+use tokio::sync::{mpsc, watch};
+use tokio::time::{Instant, sleep_until, timeout};
+
+use super::case::{Case, Link};
+use super::order::{Ordered, order};
+use super::run::{Act, LONGEST, Ran, SAFE_AFTER, acts, options};
+
+/// When every run begins, by its own calendar.
+const BEGAN: &str = "2026-11-22T06:30:15+00:00";
+/// Bytes taken at once.
+const AT_ONCE: usize = 4096;
+/// The clock moves at least so far between two looks of the bench: what it has to do in between it does then, and the
+/// clock's own ticks are a millisecond.
+const LOOK: Duration = Duration::from_micros(100);
+/// A question is asked when the one before is answered.
+const QUESTIONS: usize = 1;
+
+/// Of an slcan adapter; nothing paces it.
+const ADAPTER_BAUD: u32 = 2_000_000;
+
+pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
+    let said = |error: &dyn std::fmt::Display| error.to_string();
+    let options = options(case, Speed::Times(1.0))?;
+    let port = MemoryPort::new("port", options.rate_baud);
+    let adapter = MemoryPort::new("adapter", ADAPTER_BAUD);
+    let can = CanTarget::Memory(adapter.clone());
+    let target = match case.link {
+        Link::Rs422 => Target::Memory(port.clone()),
+        Link::Can => Target::Can(can.clone()),
+    };
+    let (asks, questions) = mpsc::channel(QUESTIONS);
+    let began = DateTime::parse_from_rfc3339(BEGAN).map_err(|error| said(&error))?;
+    let Ordered { order, folder } = order(case, "1", (target, can), Fixture::Screen(asks), place, began)?;
+    let path = folder.path().to_owned();
+    let (told, heard) = watch::channel(0);
+    let watcher: Watcher = Box::new(move |_: &Event| {
+        told.send_modify(|events| *events += 1);
+        true
+    });
+    let scribe = Scribe::without_thread(folder, order.job.plan(), vec![watcher]).map_err(|error| said(&error))?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .start_paused(true)
+        .build()
+        .map_err(|error| said(&error))?;
+    runtime.block_on(async {
+        let control = Control::default();
+        let mut world = World::new(case, &options, (port, adapter), control.clone(), questions, heard);
+        let (journal, live) = (Journal::dated(scribe, began), Live::default());
+        let station = timeout(LONGEST, runner::run(&order, journal, &control, &live));
+        let ended = tokio::select! {
+            biased;
+            ended = station => ended,
+            never = world.go_on() => match never {},
+        };
+        let at = Instant::now();
+        let mut ran = Ran { took: at - world.began, in_memory: true, ..Ran::default() };
+        ran.since_disturbed = world.disturbed.map(|disturbed| at - disturbed);
+        let Ok(ending) = ended else {
+            ran.problems.push(format!("it did not come to an end within {LONGEST:?}"));
+            return Ok(ran);
+        };
+        let truth = world.bench.truth();
+        (ran.line, ran.restarts) = (truth.line, truth.restarts);
+        // Nobody disturbs what is over.
+        world.due.clear();
+        ran.off_after = timeout(SAFE_AFTER, world.off()).await.ok().map(|off| off.saturating_duration_since(at));
+        ran.off_since_disturbed = world.disturbed.zip(world.off_since_disturbed).map(|(from, to)| to - from);
+        match ending.store_error {
+            Some(error) => Err(format!("the record could not be written: {error}")),
+            None => Ok(ran.with_record(ending.outcome, &path)),
+        }
+    })
+}
+
+/// The bench's end of a cable; nothing in it where none is plugged in.
+#[derive(Default)]
+struct CableEnd {
+    reader: Option<ReadHalf<DuplexStream>>,
+    writer: Option<WriteHalf<DuplexStream>>,
+}
+
+impl CableEnd {
+    fn plugged_into(port: &MemoryPort) -> Self {
+        let (reader, writer) = tokio::io::split(port.plug_in());
+        Self { reader: Some(reader), writer: Some(writer) }
+    }
+}
+
+/// Bytes that came.
+async fn read(reader: &mut Option<ReadHalf<DuplexStream>>, buffer: &mut [u8]) -> usize {
+    let Some(end) = reader else { return std::future::pending().await };
+    let count = end.read(buffer).await.unwrap_or(0);
+    if count == 0 {
+        *reader = None;
+    }
+    count
+}
+
+/// Bytes that are gone: all where there is no cable, since nobody hears what is said while it is out.
+async fn write(writer: &mut Option<WriteHalf<DuplexStream>>, bytes: &[u8]) -> usize {
+    let Some(end) = writer else { return bytes.len() };
+    match end.write(bytes).await {
+        Ok(count @ 1..) => count,
+        Ok(_) | Err(_) => {
+            *writer = None;
+            bytes.len()
+        }
+    }
+}
+
+/// What happened first.
+enum Happened {
+    Asked(Question),
+    /// The moment of the case has come.
+    Moment,
+    Said(usize),
+    CanSaid(usize),
+    Heard(usize),
+    CanHeard(usize),
+    TimePassed,
+}
+
+/// Everything but the station.
+struct World<'a> {
+    case: &'a Case,
+    bench: Bench,
+    began: Instant,
+    port: MemoryPort,
+    line: CableEnd,
+    adapter_port: MemoryPort,
+    adapter_line: CableEnd,
+    adapter: Adapter,
+    control: Control,
+    questions: mpsc::Receiver<Question>,
+    /// Events of the run so far.
+    heard: watch::Receiver<u64>,
+    /// The moment of the case has come.
+    scheduled: bool,
+    due: Vec<(Instant, Act)>,
+    /// When somebody disturbed the run first.
+    disturbed: Option<Instant>,
+    /// When the module was off for the first time since then.
+    off_since_disturbed: Option<Instant>,
+}
+
+impl<'a> World<'a> {
+    fn new(
+        case: &'a Case,
+        options: &Options,
+        (port, adapter_port): (MemoryPort, MemoryPort),
+        control: Control,
+        questions: mpsc::Receiver<Question>,
+        heard: watch::Receiver<u64>,
+    ) -> Self {
+        Self {
+            case,
+            bench: Bench::new(options),
+            began: Instant::now(),
+            line: CableEnd::plugged_into(&port),
+            port,
+            adapter_line: CableEnd::plugged_into(&adapter_port),
+            adapter_port,
+            adapter: Adapter::default(),
+            control,
+            questions,
+            heard,
+            scheduled: false,
+            due: Vec::new(),
+            disturbed: None,
+            off_since_disturbed: None,
+        }
+    }
+
+    async fn go_on(&mut self) -> Infallible {
+        loop {
+            self.turn().await;
+        }
+    }
+
+    /// Goes on until the module is off; when that was.
+    async fn off(&mut self) -> Instant {
+        while self.bench.is_powered() {
+            self.turn().await;
+        }
+        Instant::now()
+    }
+
+    /// What is due now, and then waits for the next that happens.
+    async fn turn(&mut self) {
+        self.act();
+        let at = Instant::now();
+        let now = at - self.began;
+        self.bench.advance(now);
+        if self.disturbed.is_some() && !self.bench.is_powered() {
+            self.off_since_disturbed.get_or_insert(at);
+        }
+        let said = self.bench.output(now).to_vec();
+        while self.adapter.output().len() < AT_ONCE
+            && let Some(frame) = self.bench.output_can()
+        {
+            self.adapter.send(&frame);
+        }
+        let lines = self.adapter.output().to_vec();
+        let (mut bytes, mut can_bytes) = ([0; AT_ONCE], [0; AT_ONCE]);
+        let room = self.bench.room().min(AT_ONCE);
+        // As many bytes as the shortest frames may need.
+        let can_room = (self.bench.can_room() * 5).min(AT_ONCE);
+        let due = self.due.iter().map(|(due, _)| *due);
+        let next = due.fold(self.began + self.bench.next_due(now), Instant::min).max(at + LOOK);
+        let moment = self.case.moment.0;
+        let (line, adapter_line) = (&mut self.line, &mut self.adapter_line);
+        let happened = tokio::select! {
+            biased;
+            Some(question) = self.questions.recv() => Happened::Asked(question),
+            Ok(_) = self.heard.wait_for(|events| *events >= moment), if !self.scheduled => Happened::Moment,
+            count = write(&mut line.writer, &said), if !said.is_empty() => Happened::Said(count),
+            count = write(&mut adapter_line.writer, &lines), if !lines.is_empty() => Happened::CanSaid(count),
+            count = read(&mut line.reader, &mut bytes[..room]), if room > 0 => Happened::Heard(count),
+            count = read(&mut adapter_line.reader, &mut can_bytes[..can_room]), if can_room > 0 => Happened::CanHeard(count),
+            () = sleep_until(next) => Happened::TimePassed,
+        };
+        let now = self.began.elapsed();
+        match happened {
+            Happened::Asked(question) => self.answer(question, now),
+            Happened::Moment => (self.scheduled, self.due) = (true, acts(self.case)),
+            Happened::Said(count) => self.bench.consume(count),
+            Happened::CanSaid(count) => self.adapter.consume(count),
+            Happened::Heard(count) => self.bench.receive(&bytes[..count], now),
+            Happened::CanHeard(count) => {
+                let frames = self.adapter.receive(&can_bytes[..count]);
+                frames.into_iter().for_each(|frame| self.bench.receive_can(frame, now));
+            }
+            Happened::TimePassed => {}
+        }
+    }
+
+    /// Does what an operator is asked to do at this bench.
+    fn answer(&mut self, question: Question, now: Duration) {
+        self.bench.pass_time(now);
+        let done = match question.ask {
+            Ask::Switches(on) => {
+                (1..=5).for_each(|number| self.bench.set_switch(number, Some(number) == on));
+                true
+            }
+            Ask::Heading { deg } => {
+                self.bench.set_heading_deg(deg);
+                true
+            }
+            // The functional plan asks for nothing else.
+            _ => false,
+        };
+        // An item that was stopped meanwhile waits no longer.
+        let _ = question.answer.send(done);
+    }
+
+    fn act(&mut self) {
+        let now = Instant::now();
+        while let Some(index) = self.due.iter().position(|(due, _)| *due <= now) {
+            let (_, act) = self.due.remove(index);
+            self.disturbed.get_or_insert(now);
+            let (port, line) = match self.case.link {
+                Link::Rs422 => (&self.port, &mut self.line),
+                Link::Can => (&self.adapter_port, &mut self.adapter_line),
+            };
+            match act {
+                Act::Stop => self.control.stop("SIGTERM"),
+                Act::Unplug => {
+                    port.unplug();
+                    *line = CableEnd::default();
+                }
+                Act::PlugIn => *line = CableEnd::plugged_into(port),
+            }
+            if act != Act::Stop && self.case.link == Link::Can {
+                self.adapter = Adapter::default();
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Carries out one run over pseudo-terminals: the station on a thread of its own, the bench on another.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use chrono::Local;
+use gnc_executive::outcome::Outcome;
+use gnc_station::control::Control;
+use gnc_station::fixture::Fixture;
+use gnc_station::link::Target;
+use gnc_station::link::can::CanTarget;
+use gnc_station::runner::journal::Journal;
+use gnc_station::runner::{self, Live};
+use gnc_station::store::{Scribe, Watcher};
+use hw_mocks::{Cable, RunningBench, Speed};
+use tokio::time::Instant;
+
+use super::case::{Case, Link};
+use super::order::{Ordered, order};
+use super::run::{Act, LONGEST, Ran, SAFE_AFTER, acts, options};
+
+/// More events than any run of the functional plan has.
+const UNHEARD: usize = 1 << 14;
+
+/// What the campaign hears of a run.
+enum News {
+    Event,
+    Ended(Ended),
+}
+
+/// The outcome of a run and its folder, or what hindered it.
+type Ended = Result<(Outcome, PathBuf), String>;
+
+pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
+    let options = options(case, Speed::Max)?;
+    let bench = RunningBench::start(&options).map_err(|error| error.to_string())?;
+    // By links of our own, as udev makes them: a cable that is plugged in again has the same name.
+    let port = place.join("port");
+    let adapter = place.join("adapter");
+    let slcan = bench.can_port().trim_start_matches("slcan:").to_owned();
+    point(&port, bench.port())?;
+    point(&adapter, Path::new(&slcan))?;
+    let hands = bench.control();
+    let control = Control::default();
+    let (told, news) = mpsc::sync_channel(UNHEARD);
+    let began = Instant::now();
+    let can = CanTarget::parse(&format!("slcan:{}", adapter.display()));
+    let target = match case.link {
+        Link::Rs422 => Target::Serial { port: port.clone(), rate_baud: options.rate_baud },
+        Link::Can => Target::Can(can.clone()),
+    };
+    let fixture = Fixture::Simulated(hands.clone());
+    let ordered = order(case, "max", (target, can), fixture, place, Local::now().fixed_offset())?;
+    let station = Station { control: control.clone(), told, ordered };
+    let thread = std::thread::Builder::new()
+        .name(format!("run {}", case.number))
+        .spawn(move || station.run())
+        .map_err(|error| error.to_string())?;
+    let cable = match case.link {
+        Link::Rs422 => (Cable::Serial, port.as_path()),
+        Link::Can => (Cable::Slcan, adapter.as_path()),
+    };
+    let (ended, disturbed, off) = watch(case, &news, &control, &hands, cable)?;
+    let took = began.elapsed();
+    let mut ran = Ran { took, since_disturbed: disturbed.map(|at| at.elapsed()), ..Ran::default() };
+    let Some(ended) = ended else {
+        ran.problems.push(format!("it did not come to an end within {LONGEST:?}"));
+        // Its thread is left to itself: nothing ends a thread that hangs.
+        return Ok(ran);
+    };
+    let truth = hands.truth().map_err(|error| error.to_string())?;
+    (ran.line, ran.restarts) = (truth.line, truth.restarts);
+    ran.off_after = off_after(&hands);
+    ran.off_since_disturbed = off.and_then(|off| off.join().ok().flatten());
+    let _ = thread.join();
+    let (outcome, folder) = ended?;
+    Ok(ran.with_record(outcome, &folder))
+}
+
+fn point(link: &Path, port: &Path) -> Result<(), String> {
+    // Moved into its place, so that nobody finds it missing.
+    let fresh = link.with_extension("new");
+    std::os::unix::fs::symlink(port, &fresh)
+        .and_then(|()| std::fs::rename(&fresh, link))
+        .map_err(|error| format!("{}: {error}", link.display()))
+}
+
+/// Waits for the end of the run, and disturbs it at its moment.
+fn watch(
+    case: &Case,
+    news: &Receiver<News>,
+    control: &Control,
+    hands: &hw_mocks::Control,
+    (cable, link): (Cable, &Path),
+) -> Result<Watched, String> {
+    let mut due: Vec<(Instant, Act)> = Vec::new();
+    let (mut events, mut disturbed, mut off) = (0, None, None);
+    let end = Instant::now() + LONGEST;
+    loop {
+        due.sort_by_key(|(at, _)| *at);
+        let now = Instant::now();
+        if due.first().is_some_and(|(at, _)| *at <= now) {
+            let (_, act) = due.remove(0);
+            disturbed.get_or_insert(now);
+            off = off.or_else(|| {
+                let hands = hands.clone();
+                Some(std::thread::spawn(move || off_after(&hands)))
+            });
+            match act {
+                Act::Stop => control.stop("SIGTERM"),
+                Act::Unplug => {
+                    // The link goes with its device.
+                    std::fs::remove_file(link).map_err(|error| error.to_string())?;
+                    hands.unplug(cable).map_err(|error| error.to_string())?;
+                }
+                Act::PlugIn => point(link, &hands.plug_in(cable).map_err(|error| error.to_string())?)?,
+            }
+            continue;
+        }
+        let until = due.first().map_or(end, |(at, _)| (*at).min(end));
+        match news.recv_timeout(until.saturating_duration_since(now)) {
+            Ok(News::Event) => {
+                events += 1;
+                if events == case.moment.0 {
+                    due.extend(acts(case));
+                }
+            }
+            Ok(News::Ended(ended)) => return Ok((Some(ended), disturbed, off)),
+            Err(RecvTimeoutError::Timeout) if Instant::now() < end => {}
+            Err(RecvTimeoutError::Timeout) => return Ok((None, disturbed, None)),
+            Err(RecvTimeoutError::Disconnected) => return Err("the station's thread came to grief".to_owned()),
+        }
+    }
+}
+
+/// How a run ended, when it was disturbed, and who waits for the module to be off since then.
+type Watched = (Option<Ended>, Option<Instant>, Option<JoinHandle<Option<Duration>>>);
+
+/// How long the module is still on.
+fn off_after(hands: &hw_mocks::Control) -> Option<Duration> {
+    let began = Instant::now();
+    hands.wait_off(SAFE_AFTER).is_ok_and(|off| off).then(|| began.elapsed())
+}
+
+/// What the station's thread needs.
+struct Station {
+    control: Control,
+    told: SyncSender<News>,
+    ordered: Ordered,
+}
+
+impl Station {
+    fn run(self) {
+        let told = self.told.clone();
+        let ended = self.follow_plan();
+        let _ = told.send(News::Ended(ended));
+    }
+
+    fn follow_plan(self) -> Ended {
+        let said = |error: &dyn std::fmt::Display| error.to_string();
+        let Ordered { order, folder } = self.ordered;
+        let path = folder.path().to_owned();
+        let told = self.told;
+        let watcher: Watcher = Box::new(move |_| told.send(News::Event).is_ok());
+        let scribe = Scribe::start(folder, order.job.plan(), vec![watcher]).map_err(|error| said(&error))?;
+        let runtime =
+            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| said(&error))?;
+        let ending = runtime.block_on(runner::run(&order, Journal::new(scribe), &self.control, &Live::default()));
+        runtime.shutdown_background();
+        match ending.store_error {
+            Some(error) => Err(format!("the record could not be written: {error}")),
+            None => Ok((ending.outcome, path)),
+        }
+    }
+}
