@@ -1,6 +1,7 @@
-//! What the station itself costs: time and memory of an item, and of a 1 kHz stream. Prints figures with their bounds.
+//! What the station itself costs: time and memory of an item, and of a 1 kHz stream; a day of it in board time, at full
+//! speed; how late a wait ends beside one. Prints figures with their bounds.
 //!
-//!     cargo bench -p gnc-station --bench own_cost [-- cost | items N | stream SECONDS]
+//!     cargo bench -p gnc-station --bench own_cost [-- cost | items N | stream SECONDS | day HOURS | waits N]
 //!
 //! `openhtf_peer.py` beside this file runs OpenHTF on the same task and prints both.
 
@@ -16,11 +17,13 @@ use gnc_executive::job::{BenchAbilities, Job, Next};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Plan;
 use gnc_protocol::message::{ModulePower, StreamStart};
-use gnc_protocol::stream::StreamId;
-use gnc_station::board::{Advance, Board, Desk};
+use gnc_protocol::stream::{StreamFrame, StreamId};
+use gnc_station::board::stream::Stream;
+use gnc_station::board::{Advance, Board, BoardError, Desk};
 use gnc_station::link::{Link, Target};
 use gnc_station::runner::journal::Journal;
 use gnc_station::store::{RunFolder, Scribe};
+use hw_mocks::{Options, RunningBench, Speed};
 use tokio::sync::watch;
 
 /// Own cost of a trivial item, journal and record included.
@@ -29,6 +32,11 @@ const ITEM_MS: f64 = 0.1;
 const ITEM_BYTES: f64 = 1000.0;
 /// Share of a core for a stream of 1 kHz.
 const STREAM_SHARE: f64 = 0.05;
+/// A wait of half a second ends so soon, milliseconds.
+const WAIT_MS: (f64, f64) = (500.0, 520.0);
+/// Memory that a stream of a day may hold at its end more than after its first hour: what the allocator keeps by chance.
+const DAY_BYTES: f64 = 1e6;
+const RATE_HZ: u16 = 1000;
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
@@ -37,6 +45,8 @@ fn main() {
         ["items", count] => items(count.parse().expect("a number")),
         ["cost"] => cost(),
         ["stream", seconds] => stream(seconds.parse().expect("a number")),
+        ["day", hours] => day(hours.parse().expect("a number")),
+        ["waits", count] => waits(count.parse().expect("a number")),
         _ => all(),
     }
 }
@@ -46,6 +56,13 @@ fn all() {
     let [share, lost] = child(&["stream", "60"])[..] else { return };
     verdict("1 kHz stream for 60 s, share of a core", share, STREAM_SHARE, "");
     verdict("1 kHz stream for 60 s, samples lost", lost, 0.0, "");
+    let [shortest, longest] = child(&["waits", "60"])[..] else { return };
+    verdict("60 waits of 500 ms beside a 1 kHz stream, longest", longest, WAIT_MS.1, "ms");
+    verdict("the same, 500 ms less the shortest", WAIT_MS.0 - shortest, 0.0, "ms");
+    let [lost, grown, rate] = child(&["day", "24"])[..] else { return };
+    verdict("24 h of 1 kHz in board time, samples lost", lost, 0.0, "");
+    verdict("the same, memory grown after the first hour", grown, DAY_BYTES, "bytes");
+    println!("the same, {:.2} million samples a second of wall time", rate * 1e-6);
 }
 
 fn cost() {
@@ -141,30 +158,87 @@ fn header() -> RunHeader {
     }
 }
 
-/// A 1 kHz stream of the IMU from the simulated board in a process of its own. Prints the share of a core that this
-/// end took, and the samples lost.
+/// A 1 kHz stream of the IMU from the simulated board. Prints the share of a core that this end took, and the samples
+/// lost.
 fn stream(seconds: u32) {
-    let bench = hw_mocks::RunningBench::start(&hw_mocks::Options::default()).expect("a simulated bench");
+    let wanted = seconds * u32::from(RATE_HZ);
+    let (lost, busy) = beside_a_board(Speed::Times(1.0), async |desk| {
+        let mut stream = started(desk, wanted).await;
+        let before = thread_time();
+        while !is_last(stream.next().await, wanted) {}
+        (wanted - stream.losses().received, thread_time() - before)
+    });
+    println!("{} {lost}", busy.as_secs_f64() / f64::from(seconds));
+}
+
+/// The same at full speed. Prints the samples lost, the memory held at the end more than after an hour of board time, and
+/// samples a second.
+fn day(hours: u32) {
+    let hour = 3600 * u32::from(RATE_HZ);
+    let wanted = hours * hour;
+    let began = Instant::now();
+    let (lost, grown) = beside_a_board(Speed::Max, async |desk| {
+        let mut stream = started(desk, wanted).await;
+        let mut after_an_hour = None;
+        loop {
+            let frame = stream.next().await;
+            if stream.losses().received >= hour && after_an_hour.is_none() {
+                after_an_hour = Some(held_bytes());
+            }
+            if is_last(frame, wanted) {
+                break;
+            }
+        }
+        (wanted - stream.losses().received, held_bytes() - after_an_hour.unwrap_or_default())
+    });
+    println!("{lost} {grown} {}", f64::from(wanted) / began.elapsed().as_secs_f64());
+}
+
+/// Waits of half a second, one after the other, on the thread that reads a 1 kHz stream. Prints the shortest and the
+/// longest in milliseconds.
+fn waits(count: u32) {
+    let wait = Duration::from_millis(WAIT_MS.0 as u64);
+    let lasted = beside_a_board(Speed::Times(1.0), async |desk| {
+        let mut stream = started(desk, 0).await;
+        let mut lasted = Vec::new();
+        for _ in 0..count {
+            let began = Instant::now();
+            let read = async { while !is_last(stream.next().await, u32::MAX) {} };
+            let _ = tokio::time::timeout(wait, read).await;
+            lasted.push(began.elapsed().as_secs_f64() * 1e3);
+        }
+        lasted
+    });
+    let shortest = lasted.iter().copied().fold(f64::INFINITY, f64::min);
+    println!("{shortest} {}", lasted.iter().copied().fold(0.0, f64::max));
+}
+
+/// Works at a board whose module is switched on, as one item does.
+fn beside_a_board<T>(speed: Speed, work: impl AsyncFnOnce(&Desk<'_>) -> T) -> T {
+    let options = Options { speed, ..Options::default() };
+    let bench = RunningBench::start(&options).expect("a simulated bench");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    let wanted = seconds * 1000;
-    let (lost, busy) = runtime.block_on(async {
-        let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
+    runtime.block_on(async {
+        let target = Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud };
         let link = Link::open(&target).expect("a port");
         let board = Board::connect(link, 1, Default::default()).await.expect("a board");
         let desk = Desk::new(&board, watch::channel(Advance::default()).0);
         desk.call(&ModulePower { on: 1 }).await.expect("power");
-        let mut stream = desk.listen(StreamId::Imu).await.expect("a stream");
-        let before = thread_time();
-        let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: 1000, count: wanted, samples_per_frame: 0 };
-        desk.call(&start).await.expect("started");
-        while let Some(frame) = stream.next().await.expect("a live board") {
-            if frame.head.first + u32::from(frame.head.count) >= wanted {
-                break;
-            }
-        }
-        (wanted - stream.losses().received, thread_time() - before)
-    });
-    println!("{} {lost}", busy.as_secs_f64() / f64::from(seconds));
+        work(&desk).await
+    })
+}
+
+/// The stream of the IMU, so many samples of it; without end for 0.
+async fn started(desk: &Desk<'_>, count: u32) -> Stream {
+    let stream = desk.listen(StreamId::Imu).await.expect("a stream");
+    let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: RATE_HZ, count, samples_per_frame: 0 };
+    desk.call(&start).await.expect("started");
+    stream
+}
+
+fn is_last(frame: Result<Option<Box<StreamFrame>>, BoardError>, wanted: u32) -> bool {
+    let frame = frame.expect("a live board");
+    frame.is_some_and(|frame| frame.head.first + u32::from(frame.head.count) >= wanted)
 }
 
 /// Processor time of this thread alone: the simulated board runs on another one.
@@ -175,7 +249,16 @@ fn thread_time() -> Duration {
 
 /// Most memory that this process ever held.
 fn resident_bytes() -> f64 {
+    memory("VmHWM:")
+}
+
+/// Memory that it holds now.
+fn held_bytes() -> f64 {
+    memory("VmRSS:")
+}
+
+fn memory(what: &str) -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
-    let line = status.lines().find(|line| line.starts_with("VmHWM:")).expect("VmHWM");
+    let line = status.lines().find(|line| line.starts_with(what)).expect("a figure of memory");
     line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).expect("kilobytes") * 1024.0
 }

@@ -36,7 +36,8 @@ pub(super) async fn run(program: &Program, bench: &Bench<'_>, report: &Report<'_
     let table = table.as_ref();
     let taken = taken(bench, report).await?;
     let course = Course::new(program, bench.board, bench.guide);
-    let mut captor = Captor { bench, report, table, moving: false, raw: report.raw()?, captures: Vec::new(), course };
+    let mut captor =
+        Captor { bench, report, table, moving: false, raw: report.raw().await?, captures: Vec::new(), course };
     let followed = captor.follow(program, &taken).await;
     if followed.is_err() && captor.moving {
         // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.

@@ -67,8 +67,8 @@ impl Journal {
     ///
     /// # Errors
     /// [`StoreError`].
-    pub fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
-        self.scribe.raw(item, attempt, repeat)
+    pub async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+        self.scribe.raw(item, attempt, repeat).await
     }
 
     /// Waits until every raw file is whole.

@@ -91,8 +91,9 @@ impl<'a> Report<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub fn raw(&self) -> Result<RawFile, Trouble> {
-        Ok(self.journal.raw(&self.item.name, self.attempt, *self.repeat.borrow())?)
+    pub async fn raw(&self) -> Result<RawFile, Trouble> {
+        let repeat = *self.repeat.borrow();
+        Ok(self.journal.raw(&self.item.name, self.attempt, repeat).await?)
     }
 
     /// What another item of this run captured, in its last attempt.

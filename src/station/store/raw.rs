@@ -32,19 +32,44 @@ pub struct RawFile {
 /// The thread of a raw file; the file is whole when it has ended.
 pub(super) type RawThread = JoinHandle<()>;
 
+/// A raw file that is being created. The disk may take seconds for it, in which the board's watchdog wants to be heard.
+pub(super) struct Opening {
+    file: RawFile,
+    there: oneshot::Receiver<()>,
+}
+
+impl Opening {
+    /// Waits until the file is there.
+    ///
+    /// # Errors
+    /// Why it cannot be created.
+    pub(super) async fn opened(self) -> Result<RawFile, StoreError> {
+        match self.there.await {
+            Ok(()) => Ok(self.file),
+            Err(_) => Err(self.file.ended.await.map_or_else(|_| closed(), |ended| ended.err().unwrap_or_else(closed))),
+        }
+    }
+}
+
 impl RawFile {
-    /// Creates the file, below a run's folder, and starts to write.
-    pub(super) fn create(folder: &RunFolder, name: &str) -> Result<(Self, RawThread), StoreError> {
-        let file = folder.create_below(name)?;
-        let path = folder.path().join(name);
+    /// Begins to create the file, below a run's folder, and to write.
+    pub(super) fn create(folder: &RunFolder, name: String) -> Result<(Opening, RawThread), StoreError> {
+        let path = folder.path().join(&name);
         let (pieces, receiver) = mpsc::channel(ON_THE_WAY);
         let (done, ended) = oneshot::channel();
-        let named = path.clone();
+        let (created, there) = oneshot::channel();
+        let (folder, named) = (folder.clone(), path.clone());
         let spawned = std::thread::Builder::new().name("raw samples".into()).spawn(move || {
+            let written = folder.create_below(&name).and_then(|file| {
+                // Whoever does not wait for it was stopped.
+                let _ = created.send(());
+                write(file, &named, receiver)
+            });
             // Whoever waits for it hears of an error; nobody does after a stop.
-            let _ = done.send(write(file, &named, receiver));
+            let _ = done.send(written);
         });
-        Ok((Self { pieces, ended }, on(spawned, "start a thread for", &path)?))
+        let thread = on(spawned, "start a thread for", &path)?;
+        Ok((Opening { file: Self { pieces, ended }, there }, thread))
     }
 
     /// Hands a piece over; waits while the disk is behind.

@@ -80,12 +80,12 @@ impl Scribe {
     ///
     /// # Errors
     /// [`StoreError::File`].
-    pub fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+    pub async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
         let position = self.state.lock().unwrap_or_else(PoisonError::into_inner).position(item).unwrap_or_default();
         let name = format!("{}/{}", item_folder(position, item), raw_file(attempt, repeat));
-        let (file, thread) = RawFile::create(&self.folder, &name)?;
+        let (opening, thread) = RawFile::create(&self.folder, name)?;
         self.threads().push(thread);
-        Ok(file)
+        opening.opened().await
     }
 
     /// Waits until every raw file is whole, also those that nobody waits for after a stop.
