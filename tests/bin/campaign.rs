@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, Over, carry_out, table};
+use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, Kept, Over, carry_out, table};
 
 /// Runs the functional plan on simulated benches, each drawn from the seed: a good module is never failed, a bad one never
 /// passed, no run outlives its bound, and every loss is counted where it happened.
@@ -32,7 +32,7 @@ struct Args {
     /// Runs at once.
     #[arg(long, default_value_t = AT_ONCE)]
     at_once: usize,
-    /// Where the records of runs that disappoint are kept.
+    /// Where the records of runs that disappoint are kept, and that of --only in any case.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
 }
@@ -46,7 +46,7 @@ fn main() -> ExitCode {
         over: args.over,
         twice: args.twice && args.over == Over::Memory,
         at_once: args.at_once.max(1),
-        keep: args.keep,
+        keep: args.keep.map(|keep| (keep, if args.only.is_some() { Kept::All } else { Kept::Wrong })),
     };
     let total = campaign.runs.end - campaign.runs.start;
     let began = Instant::now();

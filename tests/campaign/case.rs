@@ -15,6 +15,8 @@ const EVENTS: u32 = 160;
 const LATER_US: u32 = 4000;
 /// Longest time between two things that happen.
 const BETWEEN_MS: u32 = 600;
+/// A computer is suspended for up to so many times that: the board's watchdog waits for less than two seconds.
+const SUSPENDED: u32 = 10;
 
 /// A fault of the line: its key in a board's file, its rates from mild to harsh, and how long it lasts where it takes
 /// time.
@@ -71,6 +73,9 @@ pub enum Disturbance {
         /// The second time.
         again: Option<Duration>,
     },
+    /// Suspends the computer for so long: its clock stands, the board's goes on, and what the board says nobody hears.
+    /// In memory alone; nobody can do that to half of a program.
+    Suspend(Duration),
     /// Pulls out the cable of the conversation; `back` after some time it is plugged in again.
     Unplug {
         /// When it comes back.
@@ -176,11 +181,12 @@ fn drawn_faults(link: Link, dice: &mut ChaCha8Rng) -> (String, Vec<&'static str>
 
 fn drawn_disturbance(dice: &mut ChaCha8Rng) -> Disturbance {
     let pause = |dice: &mut ChaCha8Rng| Duration::from_millis(u64::from(dice.random_range(0..BETWEEN_MS)));
-    match dice.random_range(0..8) {
+    match dice.random_range(0..9) {
         0 => Disturbance::Stop { again: None },
         1 => Disturbance::Stop { again: Some(pause(dice)) },
         2 => Disturbance::Unplug { back: None },
         3 => Disturbance::Unplug { back: Some(pause(dice)) },
+        4 => Disturbance::Suspend(pause(dice) * dice.random_range(1..SUSPENDED)),
         _ => Disturbance::None,
     }
 }

@@ -99,7 +99,7 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     // On a busy computer these are figures and no bounds.
     let bound = match case.disturbance {
         // Plugged in again in time, the run goes on.
-        Disturbance::None | Disturbance::Unplug { back: Some(_) } => return,
+        Disturbance::None | Disturbance::Suspend(_) | Disturbance::Unplug { back: Some(_) } => return,
         Disturbance::Stop { .. } => SAFE_AFTER_A_STOP,
         Disturbance::Unplug { back: None } => SAFE_BY_WATCHDOG,
     };
@@ -132,9 +132,9 @@ impl Booked {
 fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     let booked = Booked::read(record);
     let LineTruth { to_host, to_board, can_to_host, can_to_board } = ran.line;
-    let unplugged = matches!(case.disturbance, Disturbance::Unplug { .. });
+    let deaf = matches!(case.disturbance, Disturbance::Unplug { .. } | Disturbance::Suspend(_));
     let acted = |toll: Toll| toll.spoilt + toll.others > 0;
-    let harmed = [to_host, to_board, can_to_host, can_to_board].into_iter().any(acted) || ran.restarts > 0 || unplugged;
+    let harmed = [to_host, to_board, can_to_host, can_to_board].into_iter().any(acted) || ran.restarts > 0 || deaf;
     // A message of many frames on CAN is also broken off by its own timeouts, where a computer stands still meanwhile.
     let undisturbed = case.link == Link::Rs422 || ran.in_memory;
     if undisturbed && !harmed && booked != Booked::default() {

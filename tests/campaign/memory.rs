@@ -31,6 +31,8 @@ const AT_ONCE: usize = 4096;
 /// The clock moves at least so far between two looks of the bench: what it has to do in between it does then, and the
 /// clock's own ticks are a millisecond.
 const LOOK: Duration = Duration::from_micros(100);
+/// While the computer is suspended the bench is looked at so often, as often as by its clock.
+const SUSPENDED_STEP: Duration = Duration::from_millis(1);
 /// A question is asked when the one before is answered.
 const QUESTIONS: usize = 1;
 
@@ -157,6 +159,8 @@ struct World<'a> {
     /// The moment of the case has come.
     scheduled: bool,
     due: Vec<(Instant, Act)>,
+    /// The computer was suspended for so long.
+    suspended: Duration,
     /// When somebody disturbed the run first.
     disturbed: Option<Instant>,
     /// When the module was off for the first time since then.
@@ -186,6 +190,7 @@ impl<'a> World<'a> {
             heard,
             scheduled: false,
             due: Vec::new(),
+            suspended: Duration::ZERO,
             disturbed: None,
             off_since_disturbed: None,
         }
@@ -209,7 +214,7 @@ impl<'a> World<'a> {
     async fn turn(&mut self) {
         self.act();
         let at = Instant::now();
-        let now = at - self.began;
+        let now = self.link_time(at);
         self.bench.advance(now);
         if self.disturbed.is_some() && !self.bench.is_powered() {
             self.off_since_disturbed.get_or_insert(at);
@@ -226,7 +231,7 @@ impl<'a> World<'a> {
         // As many bytes as the shortest frames may need.
         let can_room = (self.bench.can_room() * 5).min(AT_ONCE);
         let due = self.due.iter().map(|(due, _)| *due);
-        let next = due.fold(self.began + self.bench.next_due(now), Instant::min).max(at + LOOK);
+        let next = due.fold(at + self.bench.next_due(now).saturating_sub(now), Instant::min).max(at + LOOK);
         let moment = self.case.moment.0;
         let (line, adapter_line) = (&mut self.line, &mut self.adapter_line);
         let happened = tokio::select! {
@@ -239,7 +244,7 @@ impl<'a> World<'a> {
             count = read(&mut adapter_line.reader, &mut can_bytes[..can_room]), if can_room > 0 => Happened::CanHeard(count),
             () = sleep_until(next) => Happened::TimePassed,
         };
-        let now = self.began.elapsed();
+        let now = self.link_time(Instant::now());
         match happened {
             Happened::Asked(question) => self.answer(question, now),
             Happened::Moment => (self.scheduled, self.due) = (true, acts(self.case)),
@@ -273,6 +278,24 @@ impl<'a> World<'a> {
         let _ = question.answer.send(done);
     }
 
+    /// The bench goes on while the station's clock stands.
+    fn suspend(&mut self, span: Duration) {
+        let until = self.suspended + span;
+        while self.suspended < until {
+            self.suspended += SUSPENDED_STEP;
+            let now = self.link_time(Instant::now());
+            self.bench.advance(now);
+            let unheard = self.bench.output(now).len();
+            self.bench.consume(unheard);
+            while self.bench.output_can().is_some() {}
+        }
+    }
+
+    /// The bench's time.
+    fn link_time(&self, at: Instant) -> Duration {
+        at - self.began + self.suspended
+    }
+
     fn act(&mut self) {
         let now = Instant::now();
         while let Some(index) = self.due.iter().position(|(due, _)| *due <= now) {
@@ -289,8 +312,9 @@ impl<'a> World<'a> {
                     *line = CableEnd::default();
                 }
                 Act::PlugIn => *line = CableEnd::plugged_into(port),
+                Act::Suspend(span) => self.suspend(span),
             }
-            if act != Act::Stop && self.case.link == Link::Can {
+            if matches!(act, Act::Unplug | Act::PlugIn) && self.case.link == Link::Can {
                 self.adapter = Adapter::default();
             }
         }

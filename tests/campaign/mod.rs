@@ -16,7 +16,7 @@ use std::sync::Mutex;
 
 pub use case::{Case, Disturbance, Link};
 pub use judge::violations;
-pub use run::{LONGEST, Over, Ran, differs, run};
+pub use run::{Kept, LONGEST, Over, Ran, differs, run};
 pub use table::table;
 
 /// Runs at once where nobody says otherwise: those on a bad line wait more than they work.
@@ -35,8 +35,8 @@ pub struct Campaign {
     pub twice: bool,
     /// Runs at once.
     pub at_once: usize,
-    /// Where the records of runs that disappoint are kept; nowhere if not given.
-    pub keep: Option<PathBuf>,
+    /// Where records are kept, and which; none if not given.
+    pub keep: Option<(PathBuf, Kept)>,
 }
 
 /// One run with what is wrong about it.
@@ -65,7 +65,8 @@ pub fn carry_out(campaign: &Campaign, told: &(dyn Fn(usize, &Judged) + Sync)) ->
                         return;
                     };
                     let case = Case::drawn(campaign.seed, number);
-                    let ran = run(&case, campaign.over, campaign.keep.as_deref());
+                    let ran =
+                        run(&case, campaign.over, campaign.keep.as_ref().map(|(keep, kept)| (keep.as_path(), *kept)));
                     let mut found = violations(&case, &ran);
                     found.extend(campaign.twice.then(|| differs(&case, &ran)).flatten());
                     let judged = Judged { violations: found, case, ran: Ran { journal: Vec::new(), ..ran } };

@@ -115,6 +115,7 @@ fn watch(
                     std::fs::remove_file(link).map_err(|error| error.to_string())?;
                     hands.unplug(cable).map_err(|error| error.to_string())?;
                 }
+                Act::Suspend(_) => {}
                 Act::PlugIn => point(link, &hands.plug_in(cable).map_err(|error| error.to_string())?)?,
             }
             continue;

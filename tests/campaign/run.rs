@@ -72,14 +72,25 @@ impl Ran {
     }
 }
 
-/// Runs it; a record about which something is wrong is kept in `keep`.
+/// Which records are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kept {
+    /// Those about which something is wrong.
+    Wrong,
+    /// All.
+    All,
+}
+
+/// Runs it; its record is kept in a folder if one is given and it is one of those.
 #[must_use]
-pub fn run(case: &Case, over: Over, keep: Option<&Path>) -> Ran {
+pub fn run(case: &Case, over: Over, keep: Option<(&Path, Kept)>) -> Ran {
     match tempfile::TempDir::new() {
         Ok(place) => {
             let ran = run_in(case, over, place.path());
-            if let Some(keep) = keep.filter(|_| !super::violations(case, &ran).is_empty()) {
+            let kept = keep.filter(|(_, kept)| *kept == Kept::All || !super::violations(case, &ran).is_empty());
+            if let Some((keep, _)) = kept {
                 // Whether it can be kept or not, the run is told of.
+                let _ = std::fs::write(place.path().join("board.toml"), case.text());
                 let _ = std::fs::create_dir_all(keep);
                 let _ = std::fs::rename(place.keep(), keep.join(format!("{}-{}", case.seed, case.number)));
             }
@@ -126,6 +137,7 @@ pub(super) fn options(case: &Case, speed: Speed) -> Result<Options, String> {
 pub(super) enum Act {
     Stop,
     Unplug,
+    Suspend(Duration),
     PlugIn,
 }
 
@@ -134,6 +146,7 @@ pub(super) fn acts(case: &Case) -> Vec<(Instant, Act)> {
     let at = Instant::now() + case.moment.1;
     match case.disturbance {
         Disturbance::None => Vec::new(),
+        Disturbance::Suspend(span) => vec![(at, Act::Suspend(span))],
         Disturbance::Stop { again } => {
             [Some(at), again.map(|after| at + after)].into_iter().flatten().map(|at| (at, Act::Stop)).collect()
         }

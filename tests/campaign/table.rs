@@ -76,6 +76,7 @@ fn names(judged: &Judged) -> Vec<String> {
         Disturbance::None => "nobody touched it",
         Disturbance::Stop { again: None } => "stopped in order",
         Disturbance::Stop { again: Some(_) } => "stopped in order, then at once",
+        Disturbance::Suspend(_) => "suspended",
         Disturbance::Unplug { back: None } => "unplugged",
         Disturbance::Unplug { back: Some(_) } => "unplugged and plugged in again",
     };
