@@ -414,7 +414,7 @@ pub enum Resource {
     Link,
     /// The CAN bus.
     CanBus,
-    /// The module is switched off and on: excludes every other item.
+    /// The supply of the module is switched or settles: excludes every other item.
     Power,
 }
 

@@ -30,7 +30,8 @@ pub(super) static IDENTITY: ItemSpec = ItemSpec {
         ),
     ],
     devices: &[Device::Slave],
-    resources: &[],
+    // Its second look at the supply settles like a switch: no stream may start in it, and no other item add its current.
+    resources: &[Resource::Power],
     timeout_s: 5.0,
 };
 

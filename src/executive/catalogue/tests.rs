@@ -69,7 +69,9 @@ fn needs_stand_before() {
 #[test]
 fn power_cycles_exclude_everything() {
     for item in ItemId::ALL {
-        assert!(ItemId::BiasRepeatability.excludes(item) && item.excludes(ItemId::BiasRepeatability), "{item}");
+        for switches in [ItemId::BiasRepeatability, ItemId::Identity] {
+            assert!(switches.excludes(item) && item.excludes(switches), "{item}");
+        }
     }
     assert!(!ItemId::GyroBias.excludes(ItemId::Gnss));
 }
