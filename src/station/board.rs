@@ -26,7 +26,7 @@ use crate::link::can::Tap;
 pub use conversation::{Answer, LinkReport};
 use conversation::{Command, Conversation};
 pub use desk::Desk;
-pub use readings::{GnssReading, Readings, StreamReading};
+pub use readings::{Readings, StreamReading};
 
 /// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;

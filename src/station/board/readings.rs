@@ -32,32 +32,13 @@ pub struct Readings {
     /// The correction of the magnetometer that the module keeps, once somebody read it.
     pub correction: Option<Correction>,
     /// The newest epoch of the receiver.
-    pub gnss: Option<GnssReading>,
+    pub gnss: Option<Epoch>,
     /// Edges of the 1PPS so far.
     pub pulses: u32,
     /// Channels 1 to 8 in volts, as far as they were read.
     pub ad_v: [Option<f64>; 8],
     /// The streams that were heard.
     pub streams: Vec<StreamReading>,
-}
-
-/// What the receiver says of itself.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GnssReading {
-    /// 0 none, 2 or 3.
-    pub dimensions: u8,
-    /// North positive.
-    pub latitude_deg: Option<f64>,
-    /// East positive.
-    pub longitude_deg: Option<f64>,
-    /// Above the WGS-84 ellipsoid.
-    pub height_m: Option<f64>,
-    /// Over ground.
-    pub ground_speed_mps: Option<f64>,
-    /// In the solution.
-    pub satellites_used: Option<u32>,
-    /// Horizontal dilution of precision.
-    pub hdop: Option<f32>,
 }
 
 /// A stream, and where its samples are.
@@ -163,7 +144,7 @@ impl Gauges {
         if parsed >= GNSS_BUDGET {
             self.sentences = Sentences::default();
         } else if let Some(epoch) = self.sentences.push(bytes).pop() {
-            self.now.gnss = Some(GnssReading::from(epoch));
+            self.now.gnss = Some(epoch);
         }
     }
 
@@ -211,20 +192,6 @@ impl Gauges {
 fn last_of<S: Wire>(frame: &StreamFrame, sample_bytes: usize) -> Option<S> {
     let last = frame.samples.len().checked_sub(sample_bytes).and_then(|at| frame.samples.get(at..))?;
     S::get(&mut Reader::new(last)).ok()
-}
-
-impl From<Epoch> for GnssReading {
-    fn from(epoch: Epoch) -> Self {
-        Self {
-            dimensions: epoch.dimensions,
-            latitude_deg: epoch.latitude_deg,
-            longitude_deg: epoch.longitude_deg,
-            height_m: epoch.height_m,
-            ground_speed_mps: epoch.ground_speed_mps,
-            satellites_used: epoch.satellites_used,
-            hdop: epoch.hdop,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -23,7 +23,8 @@ use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
 use super::update::{Command, Msg, update};
 use super::view;
-use crate::board::{GnssReading, Readings, StreamReading};
+use crate::board::{Readings, StreamReading};
+use crate::nmea::Epoch;
 
 /// A screen in memory.
 #[derive(Debug)]
@@ -335,7 +336,7 @@ fn readings(phase: f64) -> Readings {
         gyro_temperature: 2364,
         accel_temperature: 2344,
     };
-    let gnss = GnssReading {
+    let gnss = Epoch {
         dimensions: 3,
         latitude_deg: Some(34.2321),
         longitude_deg: Some(108.9154),
@@ -343,6 +344,7 @@ fn readings(phase: f64) -> Readings {
         ground_speed_mps: Some(0.02),
         satellites_used: Some(10),
         hdop: Some(0.9),
+        ..Epoch::default()
     };
     let stream = |id, rate_hz, received, on_line| StreamReading { id, rate_hz, received, on_board: 0, on_line };
     Readings {
