@@ -166,16 +166,20 @@ impl Job {
         let items = self.plan.items();
         let needs_s = |position: usize| busy_s(position).unwrap_or(0.0);
         // An item's requirements stand before it, so that one pass in order finds the longest chain up to each.
-        let mut chains: Vec<CriticalPath> = Vec::with_capacity(items.len());
+        let mut chains: Vec<Chain> = Vec::with_capacity(items.len());
         for (position, item) in items.iter().enumerate() {
-            let before = item.requires.iter().filter_map(|required| chains.get(*required)).max_by(longer);
-            let mut chain = before.cloned().unwrap_or_default();
-            if busy_s(position).is_some() {
-                chain.items.push(position);
-                chain.span_s += needs_s(position);
-            }
-            chains.push(chain);
+            let span_s = |required: &usize| chains.get(*required).map_or(0.0, |chain| chain.span_s);
+            let after = item.requires.iter().copied().max_by(|a, b| span_s(a).total_cmp(&span_s(b)));
+            let span_s = after.as_ref().map_or(0.0, span_s) + needs_s(position);
+            chains.push(Chain { span_s, after });
         }
+        // The items of a chain that need time, the first one first.
+        let chain = |last: usize| {
+            let back = std::iter::successors(Some(last), |at| chains.get(*at)?.after);
+            let mut items: Vec<usize> = back.filter(|at| busy_s(*at).is_some()).collect();
+            items.reverse();
+            items
+        };
         let exclusive =
             Resource::ALL.into_iter().filter(|resource| resource.excludes(*resource)).filter_map(|resource| {
                 let has = |position: &usize, resource| items[*position].id.spec().resources.contains(&resource);
@@ -189,11 +193,13 @@ impl Job {
                 // Before the first of them there is at least the shortest of their ways to begin.
                 let begin = together.iter().map(|at| (chains[*at].span_s - needs_s(*at), *at));
                 let (begin_s, first) = begin.min_by(|a, b| a.0.total_cmp(&b.0))?;
-                let way = chains[first].items.iter().copied().filter(|at| *at != first);
+                let way = chain(first).into_iter().filter(|at| *at != first);
                 let span_s = begin_s + together.iter().map(|at| needs_s(*at)).sum::<f64>();
                 Some(CriticalPath { span_s, items: way.chain(together.iter().copied()).collect() })
             });
-        let longest = chains.iter().cloned().chain(exclusive).max_by(|a, b| longer(&a, &b))?;
+        let last = (0..chains.len()).max_by(|a, b| chains[*a].span_s.total_cmp(&chains[*b].span_s))?;
+        let longest = CriticalPath { span_s: chains[last].span_s, items: chain(last) };
+        let longest = std::iter::once(longest).chain(exclusive).max_by(|a, b| a.span_s.total_cmp(&b.span_s))?;
         (!longest.items.is_empty()).then_some(longest)
     }
 
@@ -314,8 +320,11 @@ pub struct CriticalPath {
     pub items: Vec<usize>,
 }
 
-fn longer(a: &&CriticalPath, b: &&CriticalPath) -> std::cmp::Ordering {
-    a.span_s.total_cmp(&b.span_s)
+/// The longest chain of items that wait for one another and end with a certain one.
+struct Chain {
+    span_s: f64,
+    /// The item before the last one.
+    after: Option<usize>,
 }
 
 enum Condition {

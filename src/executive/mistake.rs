@@ -187,8 +187,10 @@ impl Source {
             .take(SHOWN_CHARACTERS)
             .map(|c| if printable(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8() { c } else { ' ' })
             .collect();
-        let mark = column - skipped;
-        let marked = marked.min(text.chars().count().saturating_sub(mark)).max(1);
+        // What comes behind a line end that is not shown is marked at the end of what is.
+        let shown = text.chars().count();
+        let mark = (column - skipped).min(shown);
+        let marked = marked.min(shown - mark).max(1);
         Place { file: self.name.clone(), line, column: column + 1, text, mark, marked }
     }
 }
@@ -202,4 +204,17 @@ fn floor(text: &str, at: usize) -> usize {
 /// A message of the TOML parser, printable and short.
 pub(crate) fn syntax_message(message: &str) -> String {
     shortened(message.lines().next().unwrap_or("the text cannot be read"), 200)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Found by fuzzing: behind carriage returns the mark stood as far beyond the line as there were of them.
+    #[test]
+    fn a_mark_stays_at_its_line() {
+        let source = Source::new("plan.toml", b"a = 1\r\r\r".to_vec(), 100).unwrap();
+        let place = source.place(8..8);
+        assert_eq!((place.text.as_str(), place.column, place.mark, place.marked), ("a = 1", 9, 5, 1));
+    }
 }

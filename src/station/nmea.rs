@@ -101,7 +101,7 @@ impl Sentences {
             return;
         };
         match nmea::parse_str(text) {
-            Ok(ParseResult::GGA(gga)) if !plausible(&gga) => self.errors += 1,
+            Ok(sentence) if !plausible(&sentence) => self.errors += 1,
             Ok(ParseResult::GGA(gga)) => {
                 let again = self.gga.is_some();
                 epochs.extend(self.close_unless(gga.fix_time, again));
@@ -164,8 +164,65 @@ fn used(sentence: &str) -> bool {
     sentence.get(3..6).is_some_and(|kind| matches!(kind, "GGA" | "GSA" | "RMC"))
 }
 
-/// The parser takes any number for a latitude.
-fn plausible(gga: &GgaData) -> bool {
-    gga.latitude.is_none_or(|latitude| latitude.abs() <= 90.0)
-        && gga.longitude.is_none_or(|longitude| longitude.abs() <= 180.0)
+/// The parser takes any number for a latitude, and for any other number also what is none.
+fn plausible(sentence: &ParseResult) -> bool {
+    // Dilutions and speeds have no sign.
+    let amount = |number: Option<f32>| number.is_none_or(|number| number.is_finite() && number >= 0.0);
+    match sentence {
+        ParseResult::GGA(gga) => {
+            let finite = |number: Option<f32>| number.is_none_or(f32::is_finite);
+            gga.latitude.is_none_or(|latitude| latitude.abs() <= 90.0)
+                && gga.longitude.is_none_or(|longitude| longitude.abs() <= 180.0)
+                && finite(gga.altitude)
+                && finite(gga.geoid_separation)
+                && amount(gga.hdop)
+        }
+        ParseResult::GSA(gsa) => amount(gsa.vdop),
+        ParseResult::RMC(rmc) => amount(rmc.speed_over_ground),
+        _ => true,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sentence with its checksum.
+    fn sentence(body: &str) -> String {
+        let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+        format!("${body}*{sum:02X}\r\n")
+    }
+
+    fn heard(bodies: &[&str]) -> (Vec<Epoch>, u32) {
+        let mut sentences = Sentences::default();
+        let text: String = bodies.iter().map(|body| sentence(body)).collect();
+        let epochs = sentences.push(format!("\n{text}").as_bytes());
+        (epochs, sentences.errors())
+    }
+
+    /// Found by fuzzing: the parser takes `nan` for a height and `-inf` for a speed, and so did the epoch.
+    #[test]
+    fn a_number_that_is_none_is_an_error() {
+        let gga = |hdop: &str, altitude: &str, geoid: &str| {
+            format!("GPGGA,120000.00,3413.92,N,10854.92,E,1,08,{hdop},{altitude},M,{geoid},M,,")
+        };
+        let next = "GPGGA,120001.00,3413.92,N,10854.92,E,1,08,1.0,400.0,M,12.0,M,,";
+        let good = gga("1.0", "400.0", "12.0");
+        assert_eq!(heard(&[&good, next]).0[0].height_m, Some(412.0));
+        for bad in [
+            gga("nan", "400.0", "12.0"),
+            gga("-1.0", "400.0", "12.0"),
+            gga("1.0", "nan", "12.0"),
+            gga("1.0", "400.0", "-inf"),
+            gga("1.0", "1e39", "12.0"),
+        ] {
+            assert_eq!(heard(&[&bad, next]), (Vec::new(), 1), "{bad}");
+        }
+        for bad in ["GPRMC,120000.00,A,3413.92,N,10854.92,E,-inf,,010124,,,A", "GPGSA,A,3,1,2,3,4,,,,,,,,,1.8,1.1,nan"]
+        {
+            let (epochs, errors) = heard(&[&good, bad, next]);
+            assert_eq!((epochs.len(), errors), (1, 1), "{bad}");
+            assert_eq!((epochs[0].ground_speed_mps, epochs[0].vdop), (None, None), "{bad}");
+        }
+    }
 }

@@ -4,6 +4,7 @@ use super::*;
 use crate::event::EventKind;
 use crate::fixture::{EVERYTHING, FUNCTIONAL, Run, header, job, plan};
 use crate::measurement::Value;
+use crate::plan::MAX_ITEMS;
 
 /// Runs a job with given outcomes, the next one for each attempt, and writes down what happened.
 fn play(job: &Job, outcomes: &[(&str, &[Outcome])], stop: Option<(usize, StopHow)>) -> String {
@@ -435,4 +436,16 @@ fn the_critical_path_is_the_longest_chain_or_the_fullest_resource() {
     let processor = path([0.2, 1.5, 1.0, 2.0, 0.1, 1.9]);
     assert_eq!((processor.items.as_slice(), (processor.span_s * 10.0).round()), ([0, 1, 2].as_slice(), 27.0));
     assert_eq!(job.critical_path(&|_| None), None);
+}
+
+/// Kept as a list for each of its items, such a chain took 1.6 GB.
+#[test]
+fn the_longest_chain_that_a_plan_may_hold_is_found() {
+    let mut text = "name = \"p\"\nversion = \"1\"\n".to_owned();
+    for index in 0..MAX_ITEMS {
+        let requires = if index == 0 { String::new() } else { format!("requires = [\"i{}\"]\n", index - 1) };
+        text += &format!("[[item]]\nid = \"io\"\nname = \"i{index}\"\n{requires}limits.wrong_reads = \"== 0\"\n");
+    }
+    let path = job(&text).critical_path(&|_| Some(0.5)).unwrap();
+    assert_eq!((path.span_s, path.items), (MAX_ITEMS as f64 * 0.5, (0..MAX_ITEMS).collect()));
 }

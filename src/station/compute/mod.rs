@@ -4,6 +4,8 @@
 //! refuses the record, with the reason; 2 when the command line or the file cannot be read, with line and column.
 
 mod allan;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 mod magnetometer;
 pub(crate) mod plot;
 mod record;

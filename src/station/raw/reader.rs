@@ -1,5 +1,6 @@
 //! Reads captures back, bit for bit. A file is hostile: nothing in it is believed before it was checked.
 
+use std::collections::BTreeMap;
 use std::io::{self, Read};
 
 use mcap::McapError;
@@ -132,8 +133,8 @@ struct Found {
     captures: Vec<Capture>,
     /// The capture that has begun.
     open: Option<Capture>,
-    /// Topics by the numbers that this file gives them.
-    channels: Vec<(u16, Topic)>,
+    /// Topics by the numbers that this file gives them: as many as it likes, and as often.
+    channels: BTreeMap<u16, Topic>,
     samples: usize,
     bytes: usize,
     /// What follows repeats what stands before.
@@ -148,18 +149,17 @@ impl Found {
             Record::Channel(channel) => {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 match topic {
-                    Some(topic) if channel.message_encoding == "protobuf" => self.channels.push((channel.id, topic)),
+                    Some(topic) if channel.message_encoding == "protobuf" => {
+                        self.channels.entry(channel.id).or_insert(topic);
+                    }
                     Some(_) => return Err(self.foreign(format!("{} is no protobuf", channel.topic))),
                     // Later versions may have more to say.
                     None => {}
                 }
             }
             Record::Message { header, data } => {
-                let Some((_, topic)) = self.channels.iter().find(|(id, _)| *id == header.channel_id) else {
-                    return Ok(());
-                };
-                let topic = *topic;
-                self.message(topic, header.log_time, &data)?;
+                let Some(topic) = self.channels.get(&header.channel_id) else { return Ok(()) };
+                self.message(*topic, header.log_time, &data)?;
             }
             _ => {}
         }
@@ -297,5 +297,25 @@ fn place(captures: &[Capture], open: Option<&Capture>) -> String {
         ),
         (None, Some(last)) => format!("after capture `{}`", last.about.label),
         (None, None) => "before the first capture".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use mcap::records::Channel;
+
+    use super::*;
+
+    /// Each message looks its channel up: a list of all that a file tells made a small file take minutes.
+    #[test]
+    fn a_channel_that_is_told_again_is_kept_once() {
+        let mut found = Found::default();
+        for topic in ["/imu", "/gnss", "/imu"] {
+            let message_encoding = "protobuf".to_owned();
+            let channel =
+                Channel { id: 7, schema_id: 1, topic: topic.to_owned(), message_encoding, metadata: BTreeMap::new() };
+            found.take(Record::Channel(channel)).unwrap();
+        }
+        assert_eq!(found.channels.into_iter().collect::<Vec<_>>(), [(7, Topic::Imu)]);
     }
 }

@@ -16,7 +16,7 @@ use std::thread;
 use gnc_metrology::{Refusal, series::Clock};
 use thiserror::Error;
 
-use pieces::Pieces;
+use pieces::{PIECE, Pieces};
 use rows::{Delimiter, Fault, Parsed, Role, Rows, unquoted};
 
 /// Longest line that is taken for a line of a record.
@@ -89,11 +89,12 @@ impl Table {
         let fail = |source| TableError::Io { path: path.to_owned(), source };
         let source: Box<dyn Read> =
             if path == Path::new("-") { Box::new(io::stdin()) } else { Box::new(File::open(path).map_err(fail)?) };
-        Self::from_reader(path, source)
+        Self::from_reader(path, source, PIECE)
     }
 
-    fn from_reader(path: &Path, source: Box<dyn Read>) -> Result<Self, TableError> {
-        let mut pieces = Pieces::new(path, source);
+    /// Reads it in pieces of about this many bytes.
+    pub(super) fn from_reader(path: &Path, source: Box<dyn Read>, piece: usize) -> Result<Self, TableError> {
+        let mut pieces = Pieces::new(path, source, piece);
         let mut number = 0;
         let no_header = |line: usize| TableError::NoHeader { path: path.to_owned(), line };
         while let Some(piece) = pieces.next(Vec::new())? {
@@ -277,7 +278,7 @@ mod tests {
     use super::*;
 
     fn read(text: &'static str, numbers: &[&str], rate_hz: Option<f64>) -> Result<Columns, TableError> {
-        Table::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()))?.read(&Wanted {
+        Table::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()), PIECE)?.read(&Wanted {
             numbers,
             label: None,
             rate_hz,
@@ -365,7 +366,7 @@ mod tests {
                 Ok(buffer.len())
             }
         }
-        let error = Table::from_reader(Path::new("r.bin"), Box::new(Zeros)).err().unwrap();
+        let error = Table::from_reader(Path::new("r.bin"), Box::new(Zeros), PIECE).err().unwrap();
         assert_eq!(error.to_string(), "r.bin: no line end within 1048576 bytes; is it a text?");
     }
 }

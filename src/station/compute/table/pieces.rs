@@ -6,20 +6,22 @@ use std::path::{Path, PathBuf};
 use super::{LONGEST_LINE, TableError};
 
 /// Bytes of a piece: enough to be worth handing to a thread, and some of them fit a processor's cache.
-const PIECE: usize = 1 << 20;
+pub(super) const PIECE: usize = 1 << 20;
 
 /// Reads a source and cuts it after line ends.
 pub(super) struct Pieces {
     path: PathBuf,
     source: Box<dyn Read>,
+    /// Bytes of a piece.
+    size: usize,
     /// Beginning of a line whose end is not yet read.
     carry: Vec<u8>,
     ended: bool,
 }
 
 impl Pieces {
-    pub(super) fn new(path: &Path, source: Box<dyn Read>) -> Self {
-        Self { path: path.to_owned(), source, carry: Vec::new(), ended: false }
+    pub(super) fn new(path: &Path, source: Box<dyn Read>, size: usize) -> Self {
+        Self { path: path.to_owned(), source, size, carry: Vec::new(), ended: false }
     }
 
     /// Whether the last piece was given.
@@ -54,7 +56,7 @@ impl Pieces {
     /// Appends up to a piece.
     fn fill(&mut self, buffer: &mut Vec<u8>) -> Result<(), TableError> {
         let before = buffer.len();
-        buffer.resize(before + PIECE, 0);
+        buffer.resize(before + self.size, 0);
         let mut end = before;
         while end < buffer.len() && !self.ended {
             match self.source.read(&mut buffer[end..]) {

@@ -1,0 +1,50 @@
+//! Journals: what can be folded can be written again and shown, and cut off anywhere it folds up to the last whole event.
+
+#![no_main]
+
+use gnc_executive::event::Event;
+use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
+use gnc_executive::{journal, text};
+use gnc_station::{passport, report};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let whole = match journal::fold(bytes) {
+        Ok(whole) => whole,
+        Err(error) => return assert!(!error.to_string().is_empty()),
+    };
+    assert_eq!(whole.good_bytes + whole.cut_bytes, bytes.len());
+    written_again(&bytes[..whole.good_bytes], &whole.state);
+    // At the end of a line, and in the middle.
+    let lines = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at);
+    for cut in lines.take(4).flat_map(|end| [end, end + 1, end + 2]).chain([bytes.len() / 2]) {
+        let part = journal::fold(&bytes[..cut.min(bytes.len())]).expect("a part of what could be folded");
+        assert!(part.state.next_seq() <= whole.state.next_seq());
+    }
+    if let Some(record) = RunRecord::from_state(&whole.state) {
+        shown(&record);
+    }
+});
+
+/// The same events give the same run, and the same lines.
+fn written_again(good: &[u8], state: &RunState) {
+    let events: Vec<Event> =
+        serde_json::Deserializer::from_slice(good).into_iter().map(|event| event.expect("it was folded")).collect();
+    let lines: String = events.iter().map(|event| journal::line(event).expect("it is written")).collect();
+    let again = journal::fold(lines.as_bytes()).expect("what was written is read");
+    assert_eq!(again.cut_bytes, 0);
+    assert_eq!(&again.state, state);
+}
+
+fn shown(record: &RunRecord) {
+    let _ = (text::log_txt(record), text::verdict_line(record), text::failing_rows(record));
+    let passport = passport::of_run(record, "0");
+    if let Ok(passport) = &passport {
+        passport::xml(passport).expect("a passport as XML");
+    }
+    let page = report::html(record, &passport, &[]);
+    assert!(!page.contains("<script"));
+    let written = serde_json::to_string(record).expect("a record is written");
+    assert_eq!(&serde_json::from_str::<RunRecord>(&written).expect("and read"), record);
+}
