@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Read};
 
 use mcap::McapError;
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::Topic;
@@ -93,29 +93,63 @@ impl RawError {
 ///
 /// # Errors
 /// [`RawError`]. That a file has no end is no error.
-pub fn read(mut source: impl Read) -> Result<RawRecord, RawError> {
-    let options =
-        LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LONGEST_RECORD);
-    let mut reader = LinearReader::new_with_options(options);
+pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
     let mut found = Found::default();
-    let mut bytes = 0u64;
-    loop {
-        match reader.next_event() {
-            None => return found.close(false),
-            Some(Ok(LinearReadEvent::ReadRequest(need))) => {
-                let got = fill(&mut source, reader.insert(need))?;
-                bytes += got as u64;
+    let mut bytes = 0;
+    // Chunks come whole and are looked at before they are opened.
+    let options = LinearReaderOptions::default().with_emit_chunks(true);
+    let end = each_record(source, options, &mut bytes, |opcode, data| match opcode {
+        op::CHUNK => found.chunk(data),
+        _ => found.record(opcode, data),
+    });
+    match end {
+        Ok(()) => found.close(false),
+        // Less than the eight bytes by which a file is known is no file of ours.
+        Err(Unread::File(McapError::UnexpectedEof)) if bytes >= mcap::MAGIC.len() => found.close(true),
+        Err(why) => Err(found.unread(why)),
+    }
+}
+
+/// Why records were not read to their end.
+enum Unread {
+    /// One of them was refused, or the file cannot be read.
+    Refused(RawError),
+    /// They are no MCAP.
+    File(McapError),
+}
+
+/// Gives every record to `take`: what it is, and what it holds. `bytes` counts those that were read.
+fn each_record(
+    mut source: impl Read,
+    options: LinearReaderOptions,
+    bytes: &mut usize,
+    mut take: impl FnMut(u8, &[u8]) -> Result<(), RawError>,
+) -> Result<(), Unread> {
+    let mut reader = LinearReader::new_with_options(options.with_record_length_limit(LONGEST_RECORD));
+    while let Some(event) = reader.next_event() {
+        match event.map_err(Unread::File)? {
+            LinearReadEvent::ReadRequest(need) => {
+                let got = fill(&mut source, reader.insert(need)).map_err(|error| Unread::Refused(error.into()))?;
+                *bytes += got;
                 reader.notify_read(got);
             }
-            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                let record = mcap::parse_record(opcode, data).map_err(|source| found.damaged(source))?;
-                found.take(record)?;
-            }
-            // Less than the eight bytes by which a file is known is no file of ours.
-            Some(Err(McapError::UnexpectedEof)) if bytes >= mcap::MAGIC.len() as u64 => return found.close(true),
-            Some(Err(source)) => return Err(found.damaged(source)),
+            LinearReadEvent::Record { opcode, data } => take(opcode, data).map_err(Unread::Refused)?,
         }
     }
+    Ok(())
+}
+
+/// Whether records fill these bytes to the last one.
+fn are_records(mut rest: &[u8]) -> bool {
+    while !rest.is_empty() {
+        let length = rest.get(1..9).and_then(|length| Some(u64::from_le_bytes(*length.first_chunk()?)));
+        let end = length.and_then(|length| usize::try_from(length).ok()?.checked_add(9));
+        match end.and_then(|end| rest.get(end..)) {
+            Some(behind) => rest = behind,
+            None => return false,
+        }
+    }
+    true
 }
 
 fn fill(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
@@ -142,6 +176,38 @@ struct Found {
 }
 
 impl Found {
+    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), RawError> {
+        let record = mcap::parse_record(opcode, data).map_err(|source| self.damaged(source))?;
+        self.take(record)
+    }
+
+    /// Takes the records of a chunk.
+    fn chunk(&mut self, chunk: &[u8]) -> Result<(), RawError> {
+        let opened = mcap::parse_record(op::CHUNK, chunk).map_err(|source| self.damaged(source))?;
+        // The reader of MCAP would go on beyond the end of one that is not packed, and take what comes there for its own.
+        if let Record::Chunk { header, data } = opened
+            && header.compression.is_empty()
+            && !are_records(&data)
+        {
+            return Err(self.damaged(McapError::UnexpectedEoc));
+        }
+        let mut head = vec![op::CHUNK];
+        head.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true);
+        let end = each_record(head.chain(chunk), options, &mut 0, |opcode, data| self.record(opcode, data));
+        end.map_err(|why| self.unread(why))
+    }
+
+    fn unread(&self, why: Unread) -> RawError {
+        match why {
+            Unread::Refused(error) => error,
+            Unread::File(source) => self.damaged(source),
+        }
+    }
+
     fn take(&mut self, record: Record<'_>) -> Result<(), RawError> {
         match record {
             Record::DataEnd(_) => self.past_data = true,

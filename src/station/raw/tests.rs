@@ -252,3 +252,25 @@ fn messages_say_what_and_where() {
     let twice = [captures[0].clone(), captures[0].clone()];
     check(&file(&twice), "it is no record of this station: `x+` comes twice after capture `x+`");
 }
+
+/// Found by fuzzing: the rest of the file was taken for the chunk's own, or the station ended in a panic.
+#[test]
+fn a_record_does_not_leave_its_chunk() {
+    let record =
+        |opcode: u8, length: usize, body: &[u8]| [&[opcode][..], &(length as u64).to_le_bytes(), body].concat();
+    let chunk = |records: &[u8]| {
+        // Times, unpacked size, no checksum, no packer, size.
+        let size = (records.len() as u64).to_le_bytes();
+        let body = [&[0; 16], &size[..], &[0; 8], &size, records].concat();
+        let footer = record(2, 20, &[0; 20]);
+        let start = [mcap::MAGIC, &record(1, 8, &[0; 8])].concat();
+        [start, record(6, body.len(), &body), record(15, 4, &[0; 4]), footer, mcap::MAGIC.to_vec()].concat()
+    };
+    let error = |file: Vec<u8>| crate::runner::chain(&read(file.as_slice()).unwrap_err());
+    let whole = error(chunk(&record(0x80, 3, &[0; 3])));
+    assert_eq!(whole, "it is no record of this station: it has none of our topics before the first capture");
+    for length in [4, 20, 1 << 40] {
+        let broken = error(chunk(&record(0x80, length, &[0; 3])));
+        assert_eq!(broken, "it is damaged before the first capture: Chunk ended in the middle of a record", "{length}");
+    }
+}
