@@ -200,7 +200,7 @@ mod tests {
         (epochs, sentences.errors())
     }
 
-    /// Found by fuzzing: the parser takes `nan` for a height and `-inf` for a speed, and so did the epoch.
+    /// The parser takes `nan` for a height and `-inf` for a speed, and so did the epoch.
     #[test]
     fn a_number_that_is_none_is_an_error() {
         let gga = |hdop: &str, altitude: &str, geoid: &str| {
