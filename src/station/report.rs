@@ -11,6 +11,8 @@ mod plots;
 #[cfg(test)]
 mod tests;
 
+use std::io;
+
 use gnc_executive::event::{BenchKind, Level};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
@@ -26,10 +28,17 @@ pub const REPORT: &str = "report.html";
 
 /// The report. `passport` is that of the run, or why it has none; `digests` are those of the files of the record that the
 /// report stands beside: name and SHA-256.
-#[must_use]
-pub fn html(record: &RunRecord, passport: &Result<Passport, NoPassport>, digests: &[(String, String)]) -> String {
+///
+/// # Errors
+/// What `out` says.
+pub fn html(
+    out: &mut dyn io::Write,
+    record: &RunRecord,
+    passport: &Result<Passport, NoPassport>,
+    digests: &[(String, String)],
+) -> io::Result<()> {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
-    let mut page = Page::new(&title);
+    let mut page = Page::new(out, &title);
     verdict(&mut page, record);
     identity(&mut page, record);
     what_decided(&mut page, record);

@@ -1,6 +1,7 @@
 //! HTML, written so that no text can become markup.
 
 use std::fmt::{self, Write as _};
+use std::io;
 
 /// A text from anywhere as the content of an element or an attribute.
 ///
@@ -40,49 +41,68 @@ const HEAD: &str = r#"<!DOCTYPE html>
 
 const STYLE: &str = include_str!("style.css");
 
-/// A page that grows from top to bottom.
-#[derive(Debug)]
-pub(super) struct Page(String);
+/// Bytes of a page that are held before they are handed on: the report of a burn-in may have tens of thousands of rows.
+const PIECE: usize = 1 << 16;
 
-impl Page {
-    pub(super) fn new(title: &str) -> Self {
-        Self(format!("{HEAD}<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n", Text(title)))
+/// A page that grows from top to bottom.
+pub(super) struct Page<'a> {
+    out: &'a mut dyn io::Write,
+    text: String,
+    written: io::Result<()>,
+}
+
+impl<'a> Page<'a> {
+    pub(super) fn new(out: &'a mut dyn io::Write, title: &str) -> Self {
+        let text = format!("{HEAD}<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n", Text(title));
+        Self { out, text, written: Ok(()) }
     }
 
-    pub(super) fn finish(mut self) -> String {
-        self.0.push_str("</body>\n</html>\n");
-        self.0
+    /// Whether all of it was written.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        self.text.push_str("</body>\n</html>\n");
+        self.hand_on();
+        self.written
     }
 
     /// An element with a text. Tags and classes are words of this program.
     pub(super) fn element(&mut self, tag: &'static str, class: &'static str, text: &str) {
         self.tag(tag, class);
         // Writing to a String cannot fail, here and below.
-        let _ = writeln!(self.0, "{}</{tag}>", Text(text));
+        let _ = writeln!(self.text, "{}</{tag}>", Text(text));
     }
 
     pub(super) fn open(&mut self, tag: &'static str, class: &'static str) {
         self.tag(tag, class);
-        self.0.push('\n');
+        self.text.push('\n');
     }
 
     pub(super) fn close(&mut self, tag: &'static str) {
-        let _ = writeln!(self.0, "</{tag}>");
+        let _ = writeln!(self.text, "</{tag}>");
+        if self.text.len() >= PIECE {
+            self.hand_on();
+        }
+    }
+
+    fn hand_on(&mut self) {
+        if self.written.is_ok() {
+            self.written = self.out.write_all(self.text.as_bytes());
+        }
+        self.text.clear();
     }
 
     /// A heading that can be jumped to.
     pub(super) fn heading(&mut self, text: &str, anchor: &str) {
-        let _ = writeln!(self.0, "<h2 id=\"{}\">{}</h2>", Text(anchor), Text(text));
+        let _ = writeln!(self.text, "<h2 id=\"{}\">{}</h2>", Text(anchor), Text(text));
     }
 
     /// A cell that leads to a heading.
     pub(super) fn link(&mut self, text: &str, anchor: &str) {
-        let _ = writeln!(self.0, "<td><a href=\"#{}\">{}</a></td>", Text(anchor), Text(text));
+        let _ = writeln!(self.text, "<td><a href=\"#{}\">{}</a></td>", Text(anchor), Text(text));
     }
 
     /// A cell over several columns.
     pub(super) fn wide_cell(&mut self, columns: usize, text: &str) {
-        let _ = writeln!(self.0, "<td colspan=\"{columns}\">{}</td>", Text(text));
+        let _ = writeln!(self.text, "<td colspan=\"{columns}\">{}</td>", Text(text));
     }
 
     /// A row of a name and what it is.
@@ -107,20 +127,20 @@ impl Page {
         if svgs.is_empty() {
             return;
         }
-        self.0.push_str("<figure>\n");
-        svgs.iter().for_each(|svg| self.0.push_str(svg));
-        self.0.push_str("</figure>\n");
+        self.text.push_str("<figure>\n");
+        svgs.iter().for_each(|svg| self.text.push_str(svg));
+        self.text.push_str("</figure>\n");
     }
 
     /// A cell with a picture that this program drew.
     pub(super) fn picture_cell(&mut self, svg: &str) {
-        let _ = writeln!(self.0, "<td>{svg}</td>");
+        let _ = writeln!(self.text, "<td>{svg}</td>");
     }
 
     fn tag(&mut self, tag: &'static str, class: &'static str) {
         let _ = match class {
-            "" => write!(self.0, "<{tag}>"),
-            class => write!(self.0, "<{tag} class=\"{class}\">"),
+            "" => write!(self.text, "<{tag}>"),
+            class => write!(self.text, "<{tag} class=\"{class}\">"),
         };
     }
 }

@@ -63,9 +63,15 @@ fn record(serial_number: &str) -> RunRecord {
     RunRecord::from_state(&state).expect("a run")
 }
 
+fn shown(record: &RunRecord, passport: &Result<Passport, NoPassport>, digests: &[(String, String)]) -> String {
+    let mut out = Vec::new();
+    html(&mut out, record, passport, digests).expect("memory takes all");
+    String::from_utf8(out).expect("text")
+}
+
 #[test]
 fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
-    let page = html(&record("SN-1"), &NONE, &[("events.jsonl".to_owned(), "ab".repeat(32))]);
+    let page = shown(&record("SN-1"), &NONE, &[("events.jsonl".to_owned(), "ab".repeat(32))]);
     for expected in [
         "FAILED SN-1",
         "SIMULATED BENCH (good): no evidence about any module",
@@ -80,7 +86,7 @@ fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
 /// A serial number with markup, an escape sequence and a turned direction: the page holds its letters and none of them.
 #[test]
 fn no_text_becomes_markup() {
-    let page = html(&record(HOSTILE), &NONE, &[]);
+    let page = shown(&record(HOSTILE), &NONE, &[]);
     assert!(!page.contains("<script"), "markup got through");
     assert!(!page.contains(['\u{1b}', '\u{202e}']), "a control character got through");
     assert!(page.contains("&lt;script&gt;alert(1)&lt;/script&gt;"));
@@ -103,7 +109,7 @@ fn the_page_needs_no_network() {
     let mut record = record("SN-1");
     record.items[0].attempts[0].details = vec![allan()];
     record.items[0].id = ItemId::Allan;
-    let page = html(&record, &NONE, &[]).replace("http://www.w3.org/2000/svg", "");
+    let page = shown(&record, &NONE, &[]).replace("http://www.w3.org/2000/svg", "");
     for place in ["http:", "https:", "src=", "url(", "@import"] {
         assert!(!page.contains(place), "{place}");
     }
@@ -121,7 +127,7 @@ fn details_are_tables_matrices_and_pictures() {
         "curves": allan()["curves"],
         "nothing": null,
     })];
-    let page = html(&record, &NONE, &[]);
+    let page = shown(&record, &NONE, &[]);
     for expected in
         ["f = M N + b", ">0.25<", "1.50000e-7", "table angle", "U = 5 with k = 2", "<svg", "not available", ">type<"]
     {
@@ -141,9 +147,9 @@ fn numbers_keep_their_digits() {
 #[test]
 fn the_decision_rule_is_stated() {
     let mut record = record("SN-1");
-    assert!(!html(&record, &NONE, &[]).contains("Decision rule"), "no value has an interval");
+    assert!(!shown(&record, &NONE, &[]).contains("Decision rule"), "no value has an interval");
     record.items[0].attempts[0].measurements[0].decision = Some(Decision::GuardBand);
-    let page = html(&record, &NONE, &[]);
+    let page = shown(&record, &NONE, &[]);
     assert!(page.contains("guard band by the uncertainty") && !page.contains("simple acceptance"));
 }
 
@@ -151,6 +157,6 @@ fn the_decision_rule_is_stated() {
 #[test]
 fn a_missing_passport_is_explained() {
     let why = Err(NoPassport::Outcome { outcome: Outcome::Failed });
-    assert!(html(&record("SN-1"), &why, &[]).contains("None: the run failed"));
-    assert!(!html(&record("SN-1"), &NONE, &[]).contains("Sensor passport"));
+    assert!(shown(&record("SN-1"), &why, &[]).contains("None: the run failed"));
+    assert!(!shown(&record("SN-1"), &NONE, &[]).contains("Sensor passport"));
 }

@@ -61,7 +61,7 @@ fn file_papers(folder: &RunFolder, record: &RunRecord, sums: &mut Sums) -> Resul
     let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
     let all = ("the whole record, as the passport names it".to_owned(), record_sha256);
     let digests: Vec<_> = files.chain([all]).collect();
-    folder.put(REPORT, |out| out.write_all(report::html(record, &passport, &digests).as_bytes()))
+    folder.put(REPORT, |out| report::html(out, record, &passport, &digests))
 }
 
 /// Seals the runs that were interrupted, and says in a line each what became of them. One that ended and was not closed

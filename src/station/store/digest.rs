@@ -132,7 +132,10 @@ impl Sums {
     #[must_use]
     pub fn of_record(&self) -> String {
         let is_paper = |file: &Path| PAPERS.iter().any(|paper| file == Path::new(paper));
-        hexadecimal(&Sha256::digest(Self::lines(self.0.iter().filter(|(file, _)| !is_paper(file)))))
+        let mut hasher = Sha256::new();
+        let files = self.0.iter().filter(|(file, _)| !is_paper(file));
+        files.for_each(|(file, digest)| hasher.update(Self::line(file, digest)));
+        hexadecimal(&hasher.finalize())
     }
 
     /// The digest of one file.
@@ -148,6 +151,10 @@ impl Sums {
     }
 
     fn lines<'s>(sums: impl Iterator<Item = (&'s PathBuf, &'s String)>) -> String {
-        sums.map(|(file, digest)| format!("{digest}  {}\n", file.display())).collect()
+        sums.map(|(file, digest)| Self::line(file, digest)).collect()
+    }
+
+    fn line(file: &Path, digest: &str) -> String {
+        format!("{digest}  {}\n", file.display())
     }
 }
