@@ -7,12 +7,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::Parser;
+use clap::error::ErrorKind;
+use clap::{CommandFactory as _, Parser};
 use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, Kept, Over, carry_out, table};
 
 /// Runs the functional plan on simulated benches, each drawn from the seed: a good module is never failed, a bad one never
 /// passed, no run outlives its bound, and every loss is counted where it happened.
 #[derive(Debug, Parser)]
+#[command(name = "campaign")]
 struct Args {
     /// How many.
     #[arg(long, default_value_t = 2000)]
@@ -39,12 +41,16 @@ struct Args {
 
 fn main() -> ExitCode {
     let args = Args::parse();
+    if args.twice && args.over == Over::Pty {
+        let why = "over pseudo-terminals no run is the same twice: leave --twice or --over pty out";
+        Args::command().error(ErrorKind::ArgumentConflict, why).exit();
+    }
     let runs = args.only.map_or(0..args.runs, |only| only..only + 1);
     let campaign = Campaign {
         seed: args.seed,
         runs,
         over: args.over,
-        twice: args.twice && args.over == Over::Memory,
+        twice: args.twice,
         at_once: args.at_once.max(1),
         keep: args.keep.map(|keep| (keep, if args.only.is_some() { Kept::All } else { Kept::Wrong })),
     };
