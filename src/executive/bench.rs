@@ -14,6 +14,10 @@
 //! gravity = "9.80151 m/s^2"          # local gravity, where it was measured
 //! field = "0.55 gauss"               # total magnetic field
 //!
+//! [fixture]                          # optional, see [`Fixture`]: how the module's seat is mounted, what fields the bench adds
+//! mounting = ["0.012 deg", "-0.018 deg", "0 deg"]
+//! mounting_u = "0.002 deg"
+//!
 //! [socket]                           # optional; --sim needs none
 //! link = "rs422"                     # or "can": then it has neither port nor rate
 //! port = "/dev/ttyUSB0"              # required
@@ -23,7 +27,11 @@
 //! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
 //! ```
 
+mod fixture;
+
 use serde::{Deserialize, Serialize};
+
+pub use fixture::Fixture;
 
 use crate::mistake::{Mistakes, Source};
 use crate::printable::quoted;
@@ -67,6 +75,16 @@ pub struct Site {
     pub gravity_mps2: Option<f64>,
     /// Total magnetic field in gauss, if it was measured.
     pub field_gauss: Option<f64>,
+    /// Imperfections of the bench, if its file states them; otherwise [`Fixture::default`] counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixture: Option<Fixture>,
+}
+
+impl Site {
+    /// Imperfections of the bench: as its file states them, or the defaults.
+    pub fn fixture(site: Option<&Site>) -> Fixture {
+        site.and_then(|site| site.fixture).unwrap_or_default()
+    }
 }
 
 /// A surveyed place, WGS 84.
@@ -119,6 +137,12 @@ impl BenchFile {
             }
         };
         let site = root.table("site").map(|table| site(&walk, table));
+        let fixture = root.table("fixture").map(|table| fixture::fixture(&walk, table));
+        // A bench may know its fixture without knowing its place.
+        let site = match (site, fixture) {
+            (None, None) => None,
+            (site, fixture) => Some(Site { fixture, ..site.unwrap_or_default() }),
+        };
         let has_can = root.entry("can").is_some();
         let socket = root.table("socket").and_then(|table| socket(&walk, table, has_can));
         let can = root.table("can").and_then(|table| can(&walk, table));
@@ -171,7 +195,7 @@ fn site(walk: &Walk<'_>, table: Table<'_, '_>) -> Site {
         }
         _ => None,
     };
-    Site { name, place, gravity_mps2, field_gauss }
+    Site { name, place, gravity_mps2, field_gauss, fixture: None }
 }
 
 fn can(walk: &Walk<'_>, table: Table<'_, '_>) -> Option<Can> {

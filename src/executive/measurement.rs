@@ -222,12 +222,13 @@ impl Measurement {
 
     /// The coverage interval for people: "+- 0.03", "2.9 .. 11"; empty where none is stated.
     pub fn uncertainty_text(&self) -> String {
-        /// An uncertainty is itself known to a few percent at best.
-        const DIGITS: usize = 3;
         let Some(known) = &self.uncertainty else { return String::new() };
         match known.expanded() {
-            Some(expanded) => format!("+- {}", number::plain(expanded, 2)),
-            None => format!("{} .. {}", number::plain(known.low, DIGITS), number::plain(known.high, DIGITS)),
+            Some(expanded) => format!("+- {}", number::plain(expanded, number::INTERVAL_DIGITS)),
+            None => {
+                let (low, high) = number::interval(known.low, known.high);
+                format!("{low} .. {high}")
+            }
         }
     }
 

@@ -8,6 +8,26 @@ const ALL_DIGITS: usize = 17;
 /// Significant digits that survive one or two roundings of an `f64`; noise stands behind them.
 const ARITHMETIC_DIGITS: usize = 12;
 
+/// Significant digits of an uncertainty, which is itself known to a few percent at best.
+pub(crate) const INTERVAL_DIGITS: usize = 2;
+
+/// Digits that the ends of an interval have at least.
+const END_DIGITS: usize = 3;
+
+/// The ends of an interval, with as many digits as its width needs: both ends never look alike unless they are.
+pub(crate) fn interval(low: f64, high: f64) -> (String, String) {
+    let width = high - low;
+    let end = |number: f64| {
+        if !(width > 0.0 && width.is_finite()) || number == 0.0 {
+            return plain(number, END_DIGITS);
+        }
+        let above = decimal_exponent(number, END_DIGITS) - decimal_exponent(width, INTERVAL_DIGITS);
+        let needed = usize::try_from(above).unwrap_or(0) + INTERVAL_DIGITS;
+        plain(number, needed.clamp(END_DIGITS, ALL_DIGITS))
+    };
+    (end(low), end(high))
+}
+
 /// A number with about so many significant digits, trailing zeros cut; an integer is always printed in full.
 pub(crate) fn plain(number: f64, digits: usize) -> String {
     if !number.is_finite() {

@@ -291,6 +291,24 @@ pub(crate) fn texts<'t>(walk: &Walk<'_>, value: &'t Spanned<DeValue<'t>>, key: &
     texts
 }
 
+/// A list of numbers with units of this dimension, with their places.
+pub(crate) fn quantities(
+    walk: &Walk<'_>,
+    value: &Spanned<DeValue<'_>>,
+    key: &str,
+    dimension: Dimension,
+) -> Vec<(Quantity, Span)> {
+    let Some(list) = value.get_ref().as_array() else {
+        let example = Quantity::new(1.0, dimension.usual_unit());
+        walk.wrong_type(value, key, &format!("a list of numbers with their units, such as [\"{example}\"]"));
+        return Vec::new();
+    };
+    let read = |element: &Spanned<DeValue<'_>>| {
+        quantity(walk, element, key, dimension).map(|quantity| (quantity, element.span()))
+    };
+    list.iter().filter_map(read).collect()
+}
+
 /// A TOML type for people.
 fn type_name(value: &DeValue<'_>) -> &'static str {
     match value {

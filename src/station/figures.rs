@@ -5,6 +5,7 @@
 
 mod accel_bias;
 mod allan;
+mod axes;
 mod budget;
 pub mod calibration;
 mod captures;
@@ -26,6 +27,7 @@ mod resolution;
 mod roll;
 mod rotation;
 mod six_position;
+mod spin_blocks;
 mod stability;
 mod still_fit;
 mod thin;

@@ -96,3 +96,54 @@ rate = "5 bit/s"
       try: is this the right file?
     "#);
 }
+
+#[test]
+fn the_fixture_is_read_or_has_stated_defaults() {
+    let read = |fixture: &str| {
+        let text = format!("[station]\nid = \"a\"\n{fixture}");
+        BenchFile::read("bench.toml", text.into()).unwrap_or_else(|mistakes| panic!("{mistakes}")).site
+    };
+    assert_eq!(read(""), None);
+    assert_eq!(Site::fixture(read("").as_ref()), Fixture::default());
+    let known = Site::fixture(
+        read(
+            "[fixture]\nmounting = [\"0.012 deg\", \"-0.6 deg\", \"1 deg\"]\nmounting_u = \"0.002 deg\"\nfield_u = \"50 nT\"",
+        )
+        .as_ref(),
+    );
+    let mounting = known.mounting_rad.unwrap().map(f64::to_degrees);
+    assert!(mounting.iter().zip([0.012, -0.6, 1.0]).all(|(read, written)| (read - written).abs() < 1e-12));
+    assert!((known.mounting_u_rad.to_degrees() - 0.002).abs() < 1e-12 && (known.field_u_gauss - 0.5e-3).abs() < 1e-12);
+    assert_eq!(known.ambient_u_gauss, Fixture::default().ambient_u_gauss);
+}
+
+#[test]
+fn mistakes_of_a_fixture() {
+    let text = "[station]\nid = \"a\"\n[fixture]\nmounting = [\"0.1 deg\", \"7 deg\"]\nmounting_u = \"-1 deg\"\nfeld_u = \"1 uT\"\nambient_u = \"1 deg\"\n";
+    insta::assert_snapshot!(BenchFile::read("bench.toml", text.into()).unwrap_err(), @r#"
+    bench.toml:4:12: mounting is not three angles about X, Y and Z
+     4 | mounting = ["0.1 deg", "7 deg"]
+       |            ^^^^^^^^^^^^^^^^^^^^
+       = try: write three angles: mounting = ["0.01 deg", "-0.02 deg", "0 deg"]
+
+    bench.toml:4:24: mounting is 7 deg
+     4 | mounting = ["0.1 deg", "7 deg"]
+       |                        ^^^^^^^
+       = try: it may be -5 deg to 5 deg
+
+    bench.toml:5:14: mounting_u is -1 deg
+     5 | mounting_u = "-1 deg"
+       |              ^^^^^^^^
+       = try: it may be 0 deg to 5 deg
+
+    bench.toml:6:1: unknown key "feld_u"
+     6 | feld_u = "1 uT"
+       | ^^^^^^
+       = try: did you mean "field_u"?
+
+    bench.toml:7:13: "1 deg" is an angle, and "ambient_u" is a magnetic field
+     7 | ambient_u = "1 deg"
+       |             ^^^^^^^
+       = try: a magnetic field is written in gauss, mgauss, uT, nT
+    "#);
+}

@@ -75,3 +75,18 @@ proptest! {
         prop_assert!(((printed - number) / number).abs() < 1e-5);
     }
 }
+
+#[test]
+fn the_ends_of_an_interval_show_its_width() {
+    let check = |low: f64, high: f64, expected: (&str, &str)| {
+        let (one, other) = interval(low, high);
+        assert_eq!((one.as_str(), other.as_str()), expected);
+    };
+    check(0.149_851, 0.150_149, ("0.14985", "0.15015"));
+    check(2.9, 11.4, ("2.9", "11.4"));
+    check(0.15, 0.15, ("0.15", "0.15"));
+    check(-1e-9, 1e-9, ("-1e-9", "1e-9"));
+    check(999.999_96, 1_000.000_04, ("999.99996", "1000.00004"));
+    check(0.0, 0.003, ("0", "0.003"));
+    check(f64::NEG_INFINITY, 1.0, ("-inf", "1"));
+}

@@ -18,7 +18,9 @@ mod figures {
     pub use gnc_station::figures::*;
 }
 #[path = "../figures/tests/coverage.rs"]
-mod simulation;
+mod coverage;
+#[path = "../figures/tests/coverage_field.rs"]
+mod coverage_field;
 #[path = "../figures/tests/world.rs"]
 mod world;
 
@@ -27,12 +29,13 @@ const SEED: u64 = 1;
 fn main() {
     let trials = std::env::args().skip(1).find_map(|argument| argument.parse().ok()).unwrap_or(1000);
     let start = Instant::now();
-    let tallies = simulation::run(trials, SEED);
+    let mut tallies = coverage::run(trials, SEED);
+    tallies.extend(coverage_field::run(trials, SEED));
     println!("{trials} modules calibrated, seed {SEED}, in {:.1} s", start.elapsed().as_secs_f64());
     let mut broken = 0;
     let percent = |held: usize| 100.0 * held as f64 / trials as f64;
-    for simulation::Tally { name, held } in &tallies {
-        println!("  {name:<32} {:.1} %", percent(*held));
+    for coverage::Tally { name, held } in &tallies {
+        println!("  {name:<40} {:.1} %", percent(*held));
         // Four binomial standard deviations about 95 %.
         let band = 4.0 * (0.95 * 0.05 / trials as f64).sqrt() * 100.0;
         broken += u32::from((percent(*held) - 95.0).abs() > band);

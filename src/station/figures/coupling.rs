@@ -3,21 +3,23 @@
 
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
+use gnc_metrology::triad::nonorthogonality_rad;
 use nalgebra::Matrix3;
 use serde_json::json;
 
+use super::axes::of_angle;
 use super::budget::Budget;
 use super::captures::AXES;
 use super::json::{matrix, vector};
 use super::repeated::{self, Series};
-use super::{FigureError, Findings, Question, rotation};
+use super::{FigureError, Findings, Question};
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let all = repeated::calibrations(question)?;
     let mut findings = Findings::new(json!({
         "equation": "M_q Ka_1 (S_q Kg_1): coupling_ij = element ij over ii; of the calibrations after the first the largest",
-        "label": "coupling relative to the fixture; nonorthogonality free of how the module sits in it",
+        "label": "coupling against the first calibration, so that the mounting of the seat cancels; nonorthogonality is the module's own",
     }));
     let judged = all.iter().map(Judged::of).collect::<Result<Vec<_>, _>>()?;
     for judged in &judged {
@@ -25,7 +27,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let calibrations: Vec<_> = judged
             .left
             .iter()
-            .map(|left| json!({ "after_compensation": matrix(left), "nonorthogonality": vector(&rotation::nonorthogonality_rad(left)) }))
+            .map(|left| json!({ "after_compensation": matrix(left), "nonorthogonality": vector(&nonorthogonality_rad(left)) }))
             .collect();
         findings.detail(&format!("calibrations_{name}"), calibrations);
         for i in 0..3 {
@@ -39,14 +41,8 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     for judged in &judged {
         let name = judged.series.triad().name();
         for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-            let (q, value) = judged.largest(|left| rotation::nonorthogonality_rad(left)[k]);
-            let [(one, one_dof), (other, other_dof)] =
-                [judged.budget(q, i, j).combined(), judged.budget(q, j, i).combined()];
-            let budget = Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a(
-                "of the other",
-                other,
-                other_dof,
-            );
+            let (q, value) = judged.largest(|left| nonorthogonality_rad(left)[k]);
+            let budget = of_angle(judged.budget(q, i, j), judged.budget(q, j, i));
             let figure = format!("nonorthogonality_{name}_{}{}", AXES[i], AXES[j]);
             findings.figure(figure, value * 1e6, &budget, probability);
         }

@@ -1,5 +1,6 @@
 //! The magnetometer in its plane of rotation: ellipse, correction to a circle, roll angle.
 
+use gnc_executive::bench::{Fixture, Site};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::ellipse::{self, Correction, Ellipse};
@@ -10,7 +11,10 @@ use serde_json::json;
 use super::budget::Budget;
 use super::calibration::{self, Calibration, Mag};
 use super::captures::{self, Triad};
+use super::mean::MeanVariance;
 use super::roll::{self, Roll};
+use super::spin_blocks::{self, FIGURES};
+use super::still_fit::rare_ratio;
 use super::thin;
 use super::{FigureError, Findings, Question};
 use crate::capture::{Capture, Pose};
@@ -27,6 +31,8 @@ struct Spin<'c> {
     told_rps: f64,
     found: Ellipse,
     roll: Roll,
+    /// Its figures block by block.
+    blocks: Vec<[f64; FIGURES]>,
     /// With the print's correction from extremes.
     as_printed: Roll,
     /// Some of its points for a picture, gauss: raw.
@@ -39,24 +45,16 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     if spins.is_empty() {
         return Err(FigureError::Missing { what: "a spin about Z".into() });
     }
-    let skew = Skew::of(&spins);
+    let known = Known::of(&spins, question);
+    let skew = Skew::of(&spins, &known);
     let mut findings = Findings::new(details(&spins, &skew));
-    let mean = |pick: &dyn Fn(&Ellipse) -> (f64, f64)| average(&spins, pick);
-    let put = |findings: &mut Findings, name: &str, (value, u, dof): (f64, f64, f64), unit: Unit| {
-        findings.figure(name, value, &Budget::new(unit).a("fit, or differences between spins", u, dof), probability);
-        value
-    };
-    let dx = put(&mut findings, "zero_x", mean(&|e| (e.correction.dx, e.sd.correction.dx)), Unit::Gauss);
-    let dy = put(&mut findings, "zero_y", mean(&|e| (e.correction.dy, e.sd.correction.dy)), Unit::Gauss);
-    let ky = put(
-        &mut findings,
-        "sensitivity_ratio",
-        mean(&|e| (e.correction.ky * 100.0, e.sd.correction.ky * 100.0)),
-        Unit::Percent,
-    ) / 100.0;
-    let alpha = Budget::new(Unit::Degree).a("fit", skew.alpha_sd.to_degrees(), skew.dof);
+    let dx = known.put(&mut findings, Figure::ZeroX, &spins, |e| e.correction.dx, probability);
+    let dy = known.put(&mut findings, Figure::ZeroY, &spins, |e| e.correction.dy, probability);
+    let ky = known.put(&mut findings, Figure::Ky, &spins, |e| e.correction.ky, probability);
+    let alpha =
+        known.disturbed(Figure::SinAlpha, Budget::new(Unit::Degree).a(NOISE, skew.alpha_sd.to_degrees(), skew.dof));
     findings.figure("alpha", skew.alpha.to_degrees(), &alpha, probability);
-    put(&mut findings, "radius", mean(&|e| (e.radius, e.sd.semi_axes[0])), Unit::Gauss);
+    known.put(&mut findings, Figure::Radius, &spins, |e| e.radius, probability);
     let worst = |pick: &dyn Fn(&Spin<'_>) -> f64| spins.iter().map(pick).fold(0.0, f64::max);
     findings.number("residual_rms", worst(&|spin| spin.found.residual_rms / spin.found.radius * 100.0), Unit::Percent);
     findings.number("residual_peak", worst(&|spin| spin.found.residual_peak * 100.0), Unit::Percent);
@@ -123,30 +121,116 @@ impl<'c> Spin<'c> {
         let as_printed = roll_of(&|x, y| printed.apply_as_printed(x, y));
         let corrected: Vec<(f64, f64)> = x.iter().zip(&y).map(|(x, y)| found.correction.apply(*x, *y)).collect();
         let shown = thin::rim(&corrected).into_iter().map(|place| (x[place], y[place])).collect();
-        Ok(Self { capture, told_rps, found, roll, as_printed, shown })
+        let blocks = spin_blocks::of_spin(&x, &y, roll.rate_rps / rate_hz);
+        Ok(Self { capture, told_rps, found, roll, blocks, as_printed, shown })
     }
 
-    /// The apparent alpha and its standard uncertainty, rad.
-    fn alpha(&self) -> (f64, f64) {
-        let sine = self.found.correction.sin_alpha;
-        (sine.asin(), self.found.sd.correction.sin_alpha / (1.0 - sine * sine).sqrt())
+    /// The apparent alpha, rad.
+    fn alpha(&self) -> f64 {
+        self.found.correction.sin_alpha.asin()
     }
 }
 
-/// Mean over the spins with its standard uncertainty: that of the fits, or of the scatter between the spins where it is
-/// larger.
-fn average(spins: &[Spin<'_>], pick: &dyn Fn(&Ellipse) -> (f64, f64)) -> (f64, f64, f64) {
-    let figures: Vec<(f64, f64)> = spins.iter().map(|spin| pick(&spin.found)).collect();
-    let n = figures.len() as f64;
-    let values: Vec<f64> = figures.iter().map(|(value, _)| *value).collect();
-    let (mean, sd) = stats::mean_sd(&values);
-    let of_fits = figures.iter().map(|(_, u)| u * u).sum::<f64>().sqrt() / n;
-    let between = sd / n.sqrt();
-    if between > of_fits {
-        (mean, between, n - 1.0)
-    } else {
-        (mean, of_fits, spins.iter().map(|s| s.found.dof as f64).sum())
+/// Name of the type A contribution.
+const NOISE: &str = "noise, white and slow";
+
+/// A figure of a spin, at its place among those of the blocks.
+#[derive(Clone, Copy)]
+enum Figure {
+    ZeroX,
+    ZeroY,
+    Ky,
+    SinAlpha,
+    Radius,
+}
+
+/// What the budgets rest on.
+struct Known {
+    /// Of the figures of one spin.
+    noise: [MeanVariance; FIGURES],
+    fixture: Fixture,
+    /// The field along the axis of the turn, and the one across it, gauss.
+    axial_gauss: f64,
+    across_gauss: f64,
+}
+
+/// The strongest field of the earth: what the field may be where the bench file gives none.
+const STRONGEST_GAUSS: f64 = 0.67;
+
+impl Known {
+    fn of(spins: &[Spin<'_>], question: &Question<'_>) -> Self {
+        let blocks: Vec<&[[f64; FIGURES]]> = spins.iter().map(|spin| spin.blocks.as_slice()).collect();
+        let across_gauss = stats::mean(&spins.iter().map(|spin| spin.found.radius).collect::<Vec<_>>());
+        let total = question.site.and_then(|site| site.field_gauss).unwrap_or(STRONGEST_GAUSS);
+        Self {
+            noise: spin_blocks::variances(&blocks),
+            fixture: Site::fixture(question.site),
+            axial_gauss: (total * total - across_gauss * across_gauss).max(0.0).sqrt(),
+            across_gauss,
+        }
     }
+
+    /// Puts the mean over the spins with its budget, and gives it.
+    fn put(
+        &self,
+        findings: &mut Findings,
+        figure: Figure,
+        spins: &[Spin<'_>],
+        pick: impl Fn(&Ellipse) -> f64,
+        probability: f64,
+    ) -> f64 {
+        let (name, unit, factor) = match figure {
+            Figure::ZeroX => ("zero_x", Unit::Gauss, 1.0),
+            Figure::ZeroY => ("zero_y", Unit::Gauss, 1.0),
+            Figure::Ky => ("sensitivity_ratio", Unit::Percent, 100.0),
+            Figure::SinAlpha => ("alpha", Unit::Degree, 1.0_f64.to_degrees()),
+            Figure::Radius => ("radius", Unit::Gauss, 1.0),
+        };
+        let values: Vec<f64> = spins.iter().map(|spin| pick(&spin.found)).collect();
+        let (mean, contribution, u, dof) = average(&values, &self.noise[figure as usize]);
+        let budget = self.disturbed(figure, Budget::new(unit).a(contribution, u * factor, dof));
+        findings.figure(name, mean * factor, &budget, probability);
+        mean
+    }
+
+    /// Adds what the bench does to a figure and the record cannot show.
+    fn disturbed(&self, figure: Figure, budget: Budget) -> Budget {
+        let fixture = &self.fixture;
+        let [about_x, about_y, _] = fixture.mounting_rad.unwrap_or_default();
+        let tilt = self.axial_gauss / self.across_gauss;
+        // A tilt in step with the turn makes a circle an ellipse, whose direction is any.
+        let runout = std::f64::consts::SQRT_2 * tilt;
+        let quantum = 1.0 / MAG_LSB_PER_GAUSS / 12.0_f64.sqrt();
+        match figure {
+            // The axis of the turn is not quite that of the module: a part of the field along it stays on x and y.
+            Figure::ZeroX | Figure::ZeroY => {
+                let known_rad = if matches!(figure, Figure::ZeroX) { about_y } else { about_x };
+                budget
+                    .b("mounting of the seat", fixture.mounting_u_rad, "rad", self.axial_gauss)
+                    .bound("known mounting, not corrected", known_rad.abs(), "rad", self.axial_gauss)
+                    .b("field of the fixture", fixture.field_u_gauss, "gauss", 1.0)
+                    .b("quantisation", quantum, "gauss", 1.0)
+            }
+            Figure::Ky => budget.b("runout of the axis", fixture.runout_u_rad, "rad", 100.0 * runout),
+            Figure::SinAlpha => budget.b("runout of the axis", fixture.runout_u_rad, "rad", runout.to_degrees()),
+            Figure::Radius => budget
+                .b("alignment of the axis", fixture.axis_u_rad, "rad", self.axial_gauss)
+                .b("ambient field", fixture.ambient_u_gauss, "gauss", 1.0)
+                .b("quantisation", quantum, "gauss", 1.0),
+        }
+    }
+}
+
+/// Mean over the spins, the name of its type A contribution, its standard uncertainty and degrees of freedom: that of the
+/// noise within the spins, or of the scatter between them where chance gives such a scatter once in a thousand times.
+fn average(values: &[f64], noise: &MeanVariance) -> (f64, &'static str, f64, f64) {
+    let n = values.len() as f64;
+    let (mean, sd) = if values.len() > 1 { stats::mean_sd(values) } else { (values[0], 0.0) };
+    let ratio = sd * sd / noise.variance;
+    if values.len() > 1 && ratio > rare_ratio(n - 1.0, std::slice::from_ref(noise)) {
+        return (mean, "differences between spins", sd / n.sqrt(), n - 1.0);
+    }
+    (mean, NOISE, noise.sd() / n.sqrt(), noise.dof)
 }
 
 /// Alpha and a sampling skew between X and Y, told apart by the rates: a Y that is sampled `skew` later looks like
@@ -160,20 +244,17 @@ struct Skew {
 }
 
 impl Skew {
-    fn of(spins: &[Spin<'_>]) -> Self {
-        let points: Vec<(f64, f64, f64)> = spins
-            .iter()
-            .map(|spin| {
-                let (alpha, sd) = spin.alpha();
-                (spin.told_rps, alpha, 1.0 / (sd * sd))
-            })
-            .collect();
+    fn of(spins: &[Spin<'_>], known: &Known) -> Self {
+        let noise = &known.noise[Figure::SinAlpha as usize];
+        let weight = |sine: f64| (1.0 - sine * sine) / noise.variance;
+        let points: Vec<(f64, f64, f64)> =
+            spins.iter().map(|spin| (spin.told_rps, spin.alpha(), weight(spin.found.correction.sin_alpha))).collect();
         let sum =
             |term: &dyn Fn(f64, f64) -> f64| points.iter().map(|(rate, alpha, w)| w * term(*rate, *alpha)).sum::<f64>();
         let (w, wr, wrr) = (sum(&|_, _| 1.0), sum(&|r, _| r), sum(&|r, _| r * r));
         let (wa, wra) = (sum(&|_, a| a), sum(&|r, a| r * a));
         let determinant = w * wrr - wr * wr;
-        let dof = spins.iter().map(|spin| spin.found.dof as f64).sum();
+        let dof = noise.dof;
         if determinant <= 1e-9 * w * wrr {
             return Self { alpha: wa / w, alpha_sd: w.sqrt().recip(), skew_s: None, dof };
         }
@@ -193,7 +274,7 @@ fn details(spins: &[Spin<'_>], skew: &Skew) -> serde_json::Value {
                 "capture": spin.capture.about.label, "told_dps": spin.told_rps.to_degrees(),
                 "rate_dps": spin.roll.rate_rps.to_degrees(), "turns": spin.roll.turns,
                 "centre": e.centre, "semi_axes": e.semi_axes, "rotation_deg": e.rotation_deg, "radius": e.radius,
-                "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha, "alpha_deg": spin.alpha().0.to_degrees(),
+                "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha, "alpha_deg": spin.alpha().to_degrees(),
                 "sd": { "dx": e.sd.correction.dx, "dy": e.sd.correction.dy, "ky": e.sd.correction.ky, "sin_alpha": e.sd.correction.sin_alpha },
                 "residual_rms": e.residual_rms, "residual_peak_relative": e.residual_peak,
                 "rejected": e.rejected, "used": e.used, "dof": e.dof, "condition": e.condition, "gap_deg": e.gap_deg,

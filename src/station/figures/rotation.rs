@@ -1,17 +1,18 @@
 //! Scale factors and couplings of the gyroscopes from turns by a known angle.
 
+use gnc_executive::bench::Site;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::rotation;
 use gnc_protocol::stream::{GYRO_LSB_PER_DPS, SATURATION};
-use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
 
+use super::axes::Frames;
 use super::budget::Budget;
 use super::calibration::{self, Calibration, GyroScale};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::place;
-use super::six_position::{couplings, temperatures};
+use super::six_position::temperatures;
 use super::thin;
 use super::{FigureError, Findings, Question};
 use crate::capture::{Along, Capture, Pose};
@@ -137,23 +138,6 @@ impl Solved {
         let budget = Budget::new(Unit::DegreePerHour).a("noise", self.found.bias_sd_rps[i] * dph, self.found.dof);
         budget.bound("rotation of the earth, not removed", self.found.earth_bound_rps * dph, "deg/h", 1.0)
     }
-
-    /// `S_ij / S_ii`.
-    pub(super) fn coupling(&self) -> Matrix3<f64> {
-        Matrix3::from_fn(|i, j| self.found.response[(i, j)] / self.found.response[(i, i)])
-    }
-
-    /// Departures of the angles between the sensing axes xy, xz, yz from 90 degrees, rad.
-    pub(super) fn nonorthogonality_rad(&self) -> Vector3<f64> {
-        nonorthogonality_rad(&self.found.response)
-    }
-}
-
-/// Departures of the angles between rows xy, xz, yz from 90 degrees, rad (positive: less than 90).
-pub(super) fn nonorthogonality_rad(response: &Matrix3<f64>) -> Vector3<f64> {
-    let row = |i: usize| response.row(i).normalize();
-    let angle = |i: usize, j: usize| row(i).dot(&row(j)).asin();
-    Vector3::new(angle(0, 1), angle(0, 2), angle(1, 2))
 }
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
@@ -168,8 +152,8 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let error_ppm = (c.response[(i, i)] / nominal() - 1.0) * 1e6;
         findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
     }
-    let angles = solved.nonorthogonality_rad();
-    couplings(&mut findings, "", &solved.coupling(), &angles, |i, j| solved.response_budget(i, j), probability);
+    let frames = Frames { response: &c.response, fixture: Site::fixture(question.site) };
+    frames.report(&mut findings, |i, j| solved.response_budget(i, j), probability);
     for (i, axis) in AXES.iter().enumerate() {
         let bias_dph = c.bias_rps[i].to_degrees() * 3600.0;
         findings.figure(format!("bias_at_attitude_{axis}"), bias_dph, &solved.bias_budget(i), probability);

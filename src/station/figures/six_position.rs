@@ -1,5 +1,6 @@
 //! Calibration of the accelerometers from still positions.
 
+use gnc_executive::bench::Site;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::position::Position;
 use gnc_metrology::{earth, six_position};
@@ -7,6 +8,7 @@ use gnc_protocol::stream::ACCEL_LSB_PER_G;
 use nalgebra::Vector3;
 use serde_json::json;
 
+use super::axes::Frames;
 use super::budget::Budget;
 use super::calibration::{self, Accel, Calibration};
 use super::captures::{self, AXES, Triad};
@@ -162,44 +164,13 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let error_ppm = solved.scale_error(i) * 1e6;
         findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
     }
-    couplings(
-        &mut findings,
-        "",
-        &c.coupling(),
-        &c.nonorthogonality_rad(),
-        |i, j| solved.response_budget(i, j),
-        probability,
-    );
+    let frames = Frames { response: &c.response, fixture: Site::fixture(question.site) };
+    frames.report(&mut findings, |i, j| solved.response_budget(i, j), probability);
     let rms_mg = c.residual_rms_mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
     findings.number("residual_rms", rms_mg, Unit::Milligravity);
     temperatures(&mut findings, question.captures, Triad::Accel);
     findings.detail(calibration::KEY, json!(Calibration { accel: Some(accel), ..Calibration::default() }));
     Ok(findings)
-}
-
-/// Couplings of every pair of axes, and the angles between the sensors' axes, in ppm.
-pub(super) fn couplings(
-    findings: &mut Findings,
-    prefix: &str,
-    coupling: &nalgebra::Matrix3<f64>,
-    angles_rad: &Vector3<f64>,
-    budget: impl Fn(usize, usize) -> Budget,
-    probability: f64,
-) {
-    for i in 0..3 {
-        for j in (0..3).filter(|j| *j != i) {
-            let name = format!("coupling_{prefix}{}{}", AXES[i], AXES[j]);
-            findings.figure(name, coupling[(i, j)] * 1e6, &budget(i, j), probability);
-        }
-    }
-    for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-        // To first order the angle is the sum of both couplings.
-        let [(one, one_dof), (other, other_dof)] = [budget(i, j).combined(), budget(j, i).combined()];
-        let of_angle =
-            Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof);
-        let name = format!("nonorthogonality_{prefix}{}{}", AXES[i], AXES[j]);
-        findings.figure(name, angles_rad[k] * 1e6, &of_angle, probability);
-    }
 }
 
 /// Mean temperature and its drift.
@@ -231,7 +202,7 @@ fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
         "label": if solved.excess {
             "residuals larger than noise and attitudes explain: their own scatter is taken for the uncertainty"
         } else {
-            "relative to the fixture"
+            "coefficients relative to the table; couplings relative to the seat (frames)"
         },
     })
 }

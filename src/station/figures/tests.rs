@@ -4,6 +4,7 @@
 
 mod calibrating;
 mod coverage;
+mod coverage_field;
 mod magnetometer;
 mod performance;
 mod receiver;
@@ -39,6 +40,7 @@ fn site() -> Site {
         place: Some(SitePlace { latitude_deg: world::LATITUDE_DEG, longitude_deg: 108.9, height_m: 412.0 }),
         gravity_mps2: Some(world::GRAVITY),
         field_gauss: Some(0.5),
+        fixture: None,
     }
 }
 

@@ -63,7 +63,10 @@ fn bad_attitudes_widen_the_uncertainty() {
     let findings = ask(ItemId::SixPosition, &told, &world.six("", 1, 60.0, 20), &[]).unwrap();
     let pose = &findings.details["budget"]["coupling_xy"]["contributions"][1];
     assert!((pose["u"].as_f64().unwrap() - 1000.0 / 2.0_f64.sqrt()).abs() < 2.0, "{pose}");
-    assert_eq!(findings.details["label"], "relative to the fixture");
+    assert_eq!(
+        findings.details["label"],
+        "coefficients relative to the table; couplings relative to the seat (frames)"
+    );
 }
 
 #[test]

@@ -3,11 +3,11 @@
 //!
 //! A short run here; `cargo bench -p gnc-station --bench coverage` makes the long one from this same file.
 
-use gnc_executive::bench::{Site, SitePlace};
+use gnc_executive::bench::{Fixture, Site, SitePlace};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::world::{Dice, GRAVITY, LATITUDE_DEG, Noise, World};
 use crate::figures::{Findings, Question, analyse};
@@ -61,6 +61,8 @@ fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
     let mut errors = Dice::new(seed ^ 0x5EED);
     world.pose_rad = 0.003_f64.to_radians();
     world.heading_error_deg = 0.5 * errors.normal();
+    let mounting_u_rad = Fixture::default().mounting_u_rad;
+    world.mounting = Vector3::from_fn(|_, _| mounting_u_rad * errors.normal());
     // The clock counts as the angle does: both stand in every integral.
     world.angle_error = 0.01 / 1080.0 * errors.normal() + 12e-6 * errors.normal();
     world.accel_noise = Noise { white: 0.1e-3, slow: 0.15e-3, correlation_s: 2.0, turn_on: 0.1e-3 };
@@ -68,7 +70,7 @@ fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
     world.power_on();
     let place = SitePlace { latitude_deg: LATITUDE_DEG, longitude_deg: 108.9, height_m: 412.0 };
     let gravity_mps2 = Some(GRAVITY * (1.0 + 30e-6 * errors.normal()));
-    let site = Site { name: None, place: Some(place), gravity_mps2, field_gauss: None };
+    let site = Site { name: None, place: Some(place), gravity_mps2, field_gauss: None, fixture: None };
     let (six, turns) = (world.six("", 1, 60.0, 20), world.turns("", 1, 100));
     let mut earlier: Vec<(String, Findings)> = Vec::new();
     for ((id, captures), params) in

@@ -1,7 +1,7 @@
 //! A small world of its own: attitudes, the earth, a module with known errors, seeded noise.
 
 use gnc_protocol::stream::ImuSample;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::board::stream::Losses;
 use crate::capture::{About, Along, Capture, Pose, Receiver};
@@ -67,6 +67,8 @@ pub(super) struct World {
     pub(super) gyro_noise: Noise,
     /// Deviation of each attitude, rad.
     pub(super) pose_rad: f64,
+    /// How the module's seat is mounted: rotation vector from the table's axes to the module's, rad.
+    pub(super) mounting: Vector3<f64>,
     /// What the table tilts by, towards north and east, rad.
     pub(super) tilt: [f64; 2],
     /// Relative error of every angle.
@@ -90,6 +92,7 @@ impl World {
             per_g: Matrix3::new(0.012, -0.004, 0.003, 0.002, -0.009, 0.005, -0.003, 0.004, 0.010),
             gyro_noise: Noise { white: 0.0025, slow: 0.0, correlation_s: 4.0, turn_on: 0.0 },
             pose_rad: 0.0,
+            mounting: Vector3::zeros(),
             tilt: [0.0; 2],
             angle_error: 0.0,
             heading_error_deg: 0.0,
@@ -179,11 +182,11 @@ impl World {
         let upward = Vector3::from(up);
         let true_up = (upward + wrong.cross(&upward) + north * self.tilt[0] + east * self.tilt[1]).normalize();
         let (sin, cos) = LATITUDE_DEG.to_radians().sin_cos();
-        let earth_dps = (north * cos + upward * sin) * EARTH_DPH / 3600.0;
-        let force_g = true_up * GRAVITY / 9.80665;
+        let seat = Rotation3::from_scaled_axis(self.mounting);
+        let rate_dps = seat * ((north * cos + upward * sin) * EARTH_DPH / 3600.0 + turning_dps);
+        let force_g = seat * true_up * GRAVITY / 9.80665;
         let n = (span_s * f64::from(rate_hz)).round() as usize;
-        let samples =
-            (0..n).map(|_| self.sample(&force_g, &(earth_dps + turning_dps), 1.0 / f64::from(rate_hz))).collect();
+        let samples = (0..n).map(|_| self.sample(&force_g, &rate_dps, 1.0 / f64::from(rate_hz))).collect();
         capture(label, series, Pose::Still { up, heading_deg }, rate_hz, samples)
     }
 
@@ -224,13 +227,14 @@ impl World {
         let spin = (spin + wrong.cross(&spin)).normalize();
         let (sin, cos) = LATITUDE_DEG.to_radians().sin_cos();
         let n = ((before_s + span_s + after_s) / dt).round() as usize;
+        let seat = Rotation3::from_scaled_axis(self.mounting);
         let samples = (0..n)
             .map(|i| {
                 let (from, to) = (turned(i as f64 * dt), turned((i + 1) as f64 * dt));
                 // Right-handed about up is anticlockwise from above: the heading falls.
                 let [north, _, up] = Self::attitude(k, 1.0, -f64::midpoint(from, to));
                 let rate = (north * cos + up * sin) * EARTH_DPH / 3600.0 + spin * ((to - from) / dt);
-                self.sample(&(up * GRAVITY / 9.80665), &rate, dt)
+                self.sample(&(seat * up * GRAVITY / 9.80665), &(seat * rate), dt)
             })
             .collect();
         let pose = Pose::Rotating { axis, angle_deg, span_s, along: Along::Up };

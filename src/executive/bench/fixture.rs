@@ -1,0 +1,105 @@
+//! What a bench knows of its own imperfections: how the module's seat is mounted on the table, how well the table's axis
+//! is aligned, and what magnetic field the bench adds to the earth's.
+//!
+//! ```toml
+//! [fixture]                                        # optional, as each of its keys
+//! mounting = ["0.012 deg", "-0.018 deg", "0 deg"]  # rotation from the table's axes to the seat's, about X, Y, Z
+//! mounting_u = "0.002 deg"                         # how well it is known
+//! axis_u = "0.02 deg"                              # alignment of the table's axis
+//! runout_u = "0.001 deg"                           # tilt of that axis in step with the turn
+//! field_u = "0.2 mgauss"                           # field of the fixture at the magnetometer, each axis
+//! ambient_u = "0.1 mgauss"                         # change of the ambient field within an item
+//! ```
+//!
+//! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`Fixture::default`] count.
+
+use serde::{Deserialize, Serialize};
+
+use crate::quantity::{Quantity, Unit};
+use crate::spanned::{Table, Walk, quantities};
+
+/// Largest angle that is an imperfection and no other attitude.
+const MOST_DEG: f64 = 5.0;
+/// Largest field of a fixture: beyond it the fixture is a magnet.
+const MOST_GAUSS: f64 = 0.1;
+
+/// Imperfections of the bench. Angles in rad, fields in gauss; every `_u` is a standard uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fixture {
+    /// Rotation vector that takes components in the table's axes to components in the axes of the module's seat;
+    /// `None` where nobody measured it. It then counts as zero.
+    pub mounting_rad: Option<[f64; 3]>,
+    /// How well the mounting is known, about each axis.
+    pub mounting_u_rad: f64,
+    /// Alignment of the table's axis with the direction that it was told.
+    pub axis_u_rad: f64,
+    /// Amplitude of the axis's tilt in step with the turn.
+    pub runout_u_rad: f64,
+    /// Field of the fixture itself, which turns with the module, on each axis.
+    pub field_u_gauss: f64,
+    /// Change of the ambient field within an item.
+    pub ambient_u_gauss: f64,
+}
+
+impl Default for Fixture {
+    /// A socket screwed on by hand, a position table levelled with a spirit level and pointed by a compass theodolite, a
+    /// fixture of aluminium and brass, a laboratory without lifts or trams next to it.
+    fn default() -> Self {
+        Self {
+            mounting_rad: None,
+            mounting_u_rad: 0.015_f64.to_radians(),
+            axis_u_rad: 0.02_f64.to_radians(),
+            runout_u_rad: 0.001_f64.to_radians(),
+            field_u_gauss: 0.2e-3,
+            ambient_u_gauss: 0.1e-3,
+        }
+    }
+}
+
+/// The table [fixture].
+pub(super) fn fixture(walk: &Walk<'_>, table: Table<'_, '_>) -> Fixture {
+    let default = Fixture::default();
+    let check = |key: &str, quantity: Quantity, span, unit: Unit, (min, max): (f64, f64)| {
+        let number = quantity.in_unit(unit).filter(|number| (min..=max).contains(number));
+        if number.is_none() {
+            let hint = format!("it may be {} to {}", Quantity::new(min, unit), Quantity::new(max, unit));
+            walk.mistake(span, format!("{key} is {quantity}"), hint);
+        }
+        number
+    };
+    let angle = |key: &'static str, default_rad: f64| {
+        let written = table.quantity(key, Unit::Degree.dimension());
+        let known = written.and_then(|(quantity, span)| check(key, quantity, span, Unit::Degree, (0.0, MOST_DEG)));
+        known.map_or(default_rad, f64::to_radians)
+    };
+    let field = |key: &'static str, default_gauss: f64| {
+        let written = table.quantity(key, Unit::Gauss.dimension());
+        let known = written.and_then(|(quantity, span)| check(key, quantity, span, Unit::Gauss, (0.0, MOST_GAUSS)));
+        known.unwrap_or(default_gauss)
+    };
+    let mounting_rad = table.entry("mounting").and_then(|entry| {
+        let written = quantities(walk, entry.value, "mounting", Unit::Degree.dimension());
+        let known: Vec<f64> = written
+            .into_iter()
+            .filter_map(|(quantity, span)| check("mounting", quantity, span, Unit::Degree, (-MOST_DEG, MOST_DEG)))
+            .map(f64::to_radians)
+            .collect();
+        let three = <[f64; 3]>::try_from(known).ok();
+        if three.is_none() {
+            let hint = "write three angles: mounting = [\"0.01 deg\", \"-0.02 deg\", \"0 deg\"]";
+            walk.mistake(entry.value.span(), "mounting is not three angles about X, Y and Z", hint);
+        }
+        three
+    });
+    let fixture = Fixture {
+        mounting_rad,
+        mounting_u_rad: angle("mounting_u", default.mounting_u_rad),
+        axis_u_rad: angle("axis_u", default.axis_u_rad),
+        runout_u_rad: angle("runout_u", default.runout_u_rad),
+        field_u_gauss: field("field_u", default.field_u_gauss),
+        ambient_u_gauss: field("ambient_u", default.ambient_u_gauss),
+    };
+    table.finish();
+    fixture
+}

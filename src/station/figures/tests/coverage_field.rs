@@ -1,0 +1,206 @@
+//! Do the intervals of the magnetometer's figures hold the truth as often as they say? Each trial spins a module on a
+//! bench whose seat, axis, fixture and ambient field err as the bench file says, with a sensor whose zero wanders.
+
+use gnc_executive::bench::{Fixture, Site};
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::measurement::Value;
+use gnc_executive::plan::{Params, Plan};
+use gnc_protocol::stream::ImuSample;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use super::coverage::Tally;
+use super::world::{Dice, capture};
+use crate::capture::{Along, Capture, Pose};
+use crate::figures::{Question, analyse};
+
+const PLAN: &str = r#"
+name = "coverage"
+version = "1"
+[[item]]
+id = "magnetometer-ellipse"
+phase = "setup"
+params = { duration = "6 s", turn_rate = "1000 Hz" }
+[[item]]
+id = "magnetometer-ellipsoid"
+phase = "setup"
+params = { dwell = "2 s", rate = "100 Hz", positions = "24" }
+"#;
+/// The earth's field at the bench: along the level axis to the north, and across it, gauss.
+const AXIAL: f64 = 0.323;
+const ACROSS: f64 = 0.4245;
+/// Soft iron and hard iron.
+const SOFT: Matrix3<f64> = Matrix3::new(1.012, 0.006, -0.004, 0.006, 0.991, 0.005, -0.004, 0.005, 1.008);
+const HARD: Vector3<f64> = Vector3::new(0.020, -0.014, 0.009);
+/// White noise of a sample at 1 kHz, and a zero that wanders, gauss.
+const WHITE: f64 = 134e-6;
+const SLOW: f64 = 8e-6;
+const CORRELATION_S: f64 = 0.05;
+
+/// What the bench does in one trial.
+struct Bench {
+    fixture: Fixture,
+    seat: Rotation3<f64>,
+    own_field: Vector3<f64>,
+    runout: f64,
+    runout_phase: f64,
+    axis: f64,
+    ambient: f64,
+    dice: Dice,
+    slow: Vector3<f64>,
+}
+
+impl Bench {
+    fn new(seed: u64) -> Self {
+        let mut dice = Dice::new(seed);
+        let fixture = Fixture::default();
+        let mounting = Vector3::from_fn(|_, _| fixture.mounting_u_rad * dice.normal());
+        Self {
+            seat: Rotation3::from_scaled_axis(mounting),
+            own_field: Vector3::from_fn(|_, _| fixture.field_u_gauss * dice.normal()),
+            runout: fixture.runout_u_rad * dice.normal(),
+            runout_phase: std::f64::consts::TAU * dice.normal(),
+            axis: fixture.axis_u_rad * dice.normal(),
+            ambient: fixture.ambient_u_gauss * dice.normal(),
+            slow: Vector3::zeros(),
+            fixture,
+            dice,
+        }
+    }
+
+    /// One reading of a field in the axes of the table.
+    fn read(&mut self, field: Vector3<f64>, dt_s: f64, white: f64) -> ImuSample {
+        let decay = (-dt_s / CORRELATION_S).exp();
+        let step = SLOW * (1.0 - decay * decay).sqrt();
+        self.slow = self.slow.map(|slow| decay * slow + step * self.dice.normal());
+        let raw = SOFT * (self.seat * field + self.own_field) + HARD + self.slow;
+        let mag = raw.map(|gauss| ((gauss + white * self.dice.normal()) * 1.25e6).round() as i32).into();
+        ImuSample { gyro: [0, 0, 8_388_607], mag, ..ImuSample::default() }
+    }
+
+    /// A spin about Z, which points to the north.
+    fn spin(&mut self, label: &str, rate_dps: f64) -> Capture {
+        // An axis that is off by a small angle in the plane of the field loses some of what is along it to across it.
+        let across = ACROSS * (1.0 + self.ambient / ACROSS) + AXIAL * self.axis;
+        let samples = (0..6000)
+            .map(|k| {
+                let t_s = f64::from(k) / 1000.0;
+                let angle = rate_dps.to_radians() * t_s;
+                let tilt = self.runout * AXIAL;
+                let (sin, cos) = (angle + self.runout_phase).sin_cos();
+                let field = Vector3::new(across * angle.cos() + tilt * cos, -across * angle.sin() + tilt * sin, AXIAL);
+                self.read(field, 0.001, WHITE)
+            })
+            .collect();
+        capture(label, 1, Pose::Spinning { axis: 2, rate_dps, along: Along::North }, 1000, samples)
+    }
+
+    fn spins(&mut self) -> Vec<Capture> {
+        [("spin +", 5400.0), ("spin -", -5400.0), ("slow spin +", 1800.0), ("slow spin -", -1800.0)]
+            .map(|(label, rate_dps)| self.spin(label, rate_dps))
+            .into()
+    }
+
+    /// Every axis up and down at four headings.
+    fn attitudes(&mut self) -> Vec<Capture> {
+        let mut captures = Vec::new();
+        for (turn, k, sign) in (0..4).flat_map(|turn| (0..3).flat_map(move |k| [(turn, k, 1.0), (turn, k, -1.0)])) {
+            let heading_deg = 90.0 * f64::from(turn);
+            let (sin, cos) = heading_deg.to_radians().sin_cos();
+            // North 0.323, down 0.4245, in the axes of the module: vertical, the next, the third.
+            let ambient = 1.0 + self.fixture.ambient_u_gauss * self.dice.normal() / 0.5334;
+            let vertical = -sign * ACROSS * ambient;
+            let (next, third) = (AXIAL * cos * ambient, AXIAL * sin * sign * ambient);
+            let mut field = Vector3::zeros();
+            (field[k], field[(k + 1) % 3], field[(k + 2) % 3]) = (vertical, next, third);
+            let mut up = [0.0; 3];
+            up[k] = sign;
+            let samples = (0..200).map(|_| self.read(field, 0.01, WHITE / 10.0_f64.sqrt())).collect();
+            captures.push(capture(
+                &format!("{k} {sign} {heading_deg}"),
+                1,
+                Pose::Still { up, heading_deg },
+                100,
+                samples,
+            ));
+        }
+        captures
+    }
+}
+
+/// Spins `trials` modules.
+pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
+    let plan = Plan::read("coverage.toml", PLAN.into(), &mut |_| Err("no includes".into())).expect("the plan is good");
+    let params: Vec<Params> = plan.items().iter().map(|item| item.params.clone()).collect();
+    let mut tallies: Vec<Tally> = Vec::new();
+    for trial in 0..trials {
+        let found = calibrate(&params, seed.wrapping_mul(1_000_003) + trial as u64);
+        for (k, (name, value, truth)) in found.into_iter().enumerate() {
+            if trial == 0 {
+                tallies.push(Tally { name, held: 0 });
+            }
+            let Value::Estimate(_, known) = value else { panic!("{value:?} has no interval") };
+            tallies[k].held += usize::from(known.low <= truth && truth <= known.high);
+        }
+    }
+    tallies
+}
+
+fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
+    let mut bench = Bench::new(seed);
+    let site = Site { field_gauss: Some(0.5334), fixture: Some(bench.fixture), ..Site::default() };
+    let plane = SOFT.fixed_view::<2, 2>(0, 0);
+    let q = plane * plane.transpose();
+    let radius = q[(0, 0)].sqrt() * ACROSS;
+    // The field along the axis stays on both sensors by their response to Z.
+    let zero = |i: usize| HARD[i] + SOFT[(i, 2)] * AXIAL;
+    let correction = SOFT.try_inverse().expect("soft iron is regular") * SOFT.determinant().cbrt();
+    let figures: [(ItemId, Vec<Capture>, Vec<(&str, f64)>); 2] = [
+        (
+            ItemId::MagnetometerEllipse,
+            bench.spins(),
+            vec![
+                ("zero_x", zero(0)),
+                ("zero_y", zero(1)),
+                ("sensitivity_ratio", 100.0 * (q[(0, 0)] / q[(1, 1)]).sqrt()),
+                ("alpha", (q[(0, 1)] / (q[(0, 0)] * q[(1, 1)]).sqrt()).asin().to_degrees()),
+                ("radius", radius),
+                ("skew", 0.0),
+            ],
+        ),
+        (
+            ItemId::MagnetometerEllipsoid,
+            bench.attitudes(),
+            vec![
+                ("hard_iron_x", HARD[0]),
+                ("hard_iron_y", HARD[1]),
+                ("hard_iron_z", HARD[2]),
+                ("soft_iron_xx", (correction[(0, 0)] - 1.0) * 1e6),
+                ("soft_iron_yz", correction[(1, 2)] * 1e6),
+                ("field", AXIAL.hypot(ACROSS) * SOFT.determinant().cbrt()),
+            ],
+        ),
+    ];
+    let mut all = Vec::new();
+    for ((id, captures, truths), params) in figures.into_iter().zip(params) {
+        let question = Question { params, site: Some(&site), captures: &captures, earlier: &[] };
+        let findings = analyse(id, &question).unwrap_or_else(|error| panic!("seed {seed}: {id}: {error}"));
+        for (name, truth) in truths {
+            let value = findings.value(name).cloned().unwrap_or_else(|| panic!("{id} has no {name}"));
+            all.push((format!("{id} {name}"), value, truth));
+        }
+    }
+    all
+}
+
+/// The long run is `cargo bench -p gnc-station --bench coverage`.
+#[cfg(test)]
+#[test]
+fn intervals_of_the_magnetometer_hold_the_truth_as_often_as_they_say() {
+    const TRIALS: usize = 40;
+    const SEED: u64 = 78;
+    let tallies = run(TRIALS, SEED);
+    let pooled = tallies.iter().map(|tally| tally.held).sum::<usize>() as f64 / (tallies.len() * TRIALS) as f64;
+    assert!((0.90..0.99).contains(&pooled), "seed {SEED}: {pooled}\n{tallies:?}");
+    let worst = tallies.iter().min_by_key(|tally| tally.held).expect("there are figures");
+    assert!(worst.held >= 32, "seed {SEED}: {worst:?}");
+}
