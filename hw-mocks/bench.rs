@@ -143,7 +143,10 @@ impl Bench {
     /// A bench at link time 0.
     #[must_use]
     pub fn new(options: &Options) -> Self {
-        let world = World::new(options.site, options.utc_start, options.ambient_c);
+        let table = options.personality.model.turntable;
+        let mut world = World::new(options.site, options.utc_start, options.ambient_c);
+        world.fixture_field_gauss = table.field_mgauss.map(|field| field * 1e-3).into();
+        world.field_swing = table.field_swing_ppm * 1e-6;
         let serial_number = options.serial_number.as_deref().unwrap_or("SIM-0001");
         // A line of a bench that runs N times as fast carries N times as much, or its streams would not fit.
         let (pace, can_pace) = match options.speed {

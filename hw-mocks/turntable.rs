@@ -66,6 +66,10 @@ pub struct TableModel {
     pub rate_error_ppm: f64,
     /// Amplitude of the axis's tilt, twice a turn.
     pub wobble_arcsec: f64,
+    /// Field of the fixture at the magnetometer, in the module's axes: it turns with the module.
+    pub field_mgauss: [f64; 3],
+    /// The field around the table comes and goes by this part of itself, with a period of 1000 s.
+    pub field_swing_ppm: f64,
     /// From the axis to the sensors, in the module's axes.
     pub lever_arm_mm: [f64; 3],
     /// Time that orienting takes; 0: at once.
@@ -84,6 +88,8 @@ impl Default for TableModel {
             angle_error_arcsec: 2.0,
             rate_error_ppm: 20.0,
             wobble_arcsec: 2.0,
+            field_mgauss: [0.15, -0.1, 0.2],
+            field_swing_ppm: 150.0,
             lever_arm_mm: [3.0, -2.0, 4.0],
             slew_s: 6.0,
         }

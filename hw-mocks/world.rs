@@ -166,6 +166,10 @@ pub struct World {
     pub site: Site,
     /// UTC at the start of the bench, seconds since 1970 without leap seconds.
     pub utc_start_s: f64,
+    /// Field of the fixture itself, which turns with the module: in its axes, gauss.
+    pub fixture_field_gauss: Vector3<f64>,
+    /// The ambient field comes and goes by this part of itself, as lifts and trams move.
+    pub field_swing: f64,
     /// Temperature of the room, degC.
     pub ambient_c: f64,
     /// Rise of the module's temperature under power, K.
@@ -188,6 +192,8 @@ impl World {
         Self {
             site,
             utc_start_s: utc_start.as_secs_f64(),
+            fixture_field_gauss: Vector3::zeros(),
+            field_swing: 0.0,
             ambient_c,
             rise_k: 5.0,
             warm_up_s: 180.0,
@@ -258,6 +264,18 @@ impl World {
         self.utc_start_s + now_s
     }
 
+    /// The field around the module in the local frame, gauss. It changes in steps of a second, so that what acts on a module
+    /// that lies still is the same from sample to sample.
+    fn ambient_field_gauss(&self, now_s: f64) -> Vector3<f64> {
+        const PERIOD_S: f64 = 1000.0;
+        let swing = if self.field_swing == 0.0 {
+            0.0
+        } else {
+            self.field_swing * (now_s.floor() / PERIOD_S * std::f64::consts::TAU).sin()
+        };
+        self.site.field_gauss() * (1.0 + swing)
+    }
+
     /// What acts on the module.
     #[must_use]
     pub fn influence(&self, now_s: f64) -> Influence {
@@ -265,7 +283,7 @@ impl World {
         Influence {
             rate_rps: attitude * self.site.earth_rate_rps() + rate_rps,
             force: attitude * Vector3::new(0.0, 0.0, self.site.gravity()) + acceleration,
-            field_gauss: attitude * self.site.field_gauss(),
+            field_gauss: attitude * self.ambient_field_gauss(now_s) + self.fixture_field_gauss,
             temperature_c: self.temperature_c(now_s),
         }
     }

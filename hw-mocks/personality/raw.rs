@@ -274,6 +274,8 @@ pub(super) struct Turntable {
     pub(super) angle_error_arcsec: Option<Spanned<f64>>,
     pub(super) rate_error_ppm: Option<Spanned<f64>>,
     pub(super) wobble_arcsec: Option<Spanned<f64>>,
+    pub(super) field_mgauss: Option<[Spanned<f64>; 3]>,
+    pub(super) field_swing_ppm: Option<Spanned<f64>>,
     pub(super) lever_arm_mm: Option<[Spanned<f64>; 3]>,
     pub(super) slew_s: Option<Spanned<f64>>,
 }

@@ -52,6 +52,8 @@ impl raw::Turntable {
             angle_error_arcsec: spread(&self.angle_error_arcsec, "angle_error_arcsec", d.angle_error_arcsec)?,
             rate_error_ppm: both(&self.rate_error_ppm, "rate_error_ppm", 1e5, d.rate_error_ppm)?,
             wobble_arcsec: spread(&self.wobble_arcsec, "wobble_arcsec", d.wobble_arcsec)?,
+            field_mgauss: numbers(self.field_mgauss.as_ref(), "field_mgauss", 100.0, d.field_mgauss)?,
+            field_swing_ppm: both(&self.field_swing_ppm, "field_swing_ppm", 1e5, d.field_swing_ppm)?,
             lever_arm_mm: numbers(self.lever_arm_mm.as_ref(), "lever_arm_mm", 1000.0, d.lever_arm_mm)?,
             slew_s: number(self.slew_s.as_ref(), "slew_s", 0.0, 600.0, d.slew_s)?,
         })

@@ -60,6 +60,8 @@ pub struct Passport {
     pub gyro: Gyro,
     /// Magnetometer; null where it was not calibrated.
     pub magnetometer: Option<Mag>,
+    /// How the axes of the coefficients lie in the module.
+    pub alignment: Alignment,
     /// Expanded uncertainty.
     pub uncertainty: Uncertainty,
     /// Date, means and record of the calibration.
@@ -133,6 +135,21 @@ pub struct Gyro {
     pub density_dps_per_sqrt_hz: Option<[f64; 3]>,
     /// Flat part / 0.664, worst axis; null where an axis shows none.
     pub bias_instability_dph: Option<f64>,
+}
+
+/// How the axes of the coefficients lie in the module. The coefficients are relative to the axes of the table on which the
+/// module was calibrated; its seat is mounted on that table with a small rotation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Alignment {
+    /// Rotation vector from the table's axes to those of the seat; null where nobody measured it.
+    pub mounting_deg: Option<[f64; 3]>,
+    /// Standard uncertainty of the mounting about each axis.
+    pub mounting_u_deg: Option<f64>,
+    /// Departures of the angles between the accelerometers' own axes xy, xz, yz from 90 degrees, whatever the seat.
+    pub nonorthogonality_accel_ppm: [f64; 3],
+    /// The same of the gyroscopes.
+    pub nonorthogonality_gyro_ppm: [f64; 3],
 }
 
 /// Expanded uncertainty of the compensated output at zero input, worst axis, and where it comes from.

@@ -16,8 +16,9 @@
 //! | temperature | 0.0008 deg/s/K | 0.03 mg/K, scale 30 ppm/K | small enough for the published hour after settling |
 //!
 //! The magnetometer has 60 microgauss of white noise at 200 Hz (half the published resolution), up to 0.02 gauss of
-//! hard iron, 1.5 % of soft iron. A sample stands for the mean over its interval, so white noise grows with the
-//! root of the rate. Codes are those of a 24-bit converter: they saturate, they do not wrap.
+//! hard iron, 1.5 % of soft iron, 3 microgauss of slow noise with 20 s of correlation, 10 microgauss/K. A sample stands for
+//! the mean over its interval, so white noise grows with the root of the rate. Codes are those of a 24-bit converter: they
+//! saturate, they do not wrap.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -30,6 +31,10 @@ pub const REFERENCE_C: f64 = 25.0;
 const GYRO_WHITE: f64 = 9.0 / 3600.0;
 /// White noise of the accelerometers, g sqrt(s).
 const ACCEL_WHITE: f64 = 0.1e-3;
+
+/// Slow noise of the magnetometer, gauss, and its zero per kelvin: usual for magnetoresistive parts with set and reset.
+const MAG_SLOW: f64 = 3e-6;
+const MAG_PER_K: f64 = 10e-6;
 
 /// Bias stability and repeatability of a kind of sensors, X, Y, Z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,8 +130,8 @@ impl TriadModel {
         Self {
             response: Matrix3::new(1.012, 0.006, -0.004, 0.006, 0.991, 0.005, -0.004, 0.005, 1.008),
             bias: Vector3::new(0.020, -0.014, 0.009),
-            noise: [AxisNoise { white, ..AxisNoise::default() }; 3],
-            bias_per_k: 0.0,
+            noise: [AxisNoise { white, slow: MAG_SLOW, correlation_s: 20.0, ..AxisNoise::default() }; 3],
+            bias_per_k: MAG_PER_K,
             response_per_k: 0.0,
         }
     }

@@ -149,6 +149,8 @@ struct Known {
     /// Of the figures of one spin.
     noise: [MeanVariance; FIGURES],
     fixture: Fixture,
+    /// Change of the sensor's temperature over all spins, K.
+    drift_k: f64,
     /// The field along the axis of the turn, and the one across it, gauss.
     axial_gauss: f64,
     across_gauss: f64,
@@ -156,6 +158,9 @@ struct Known {
 
 /// The strongest field of the earth: what the field may be where the bench file gives none.
 const STRONGEST_GAUSS: f64 = 0.67;
+
+/// Zero of a magnetoresistive sensor per kelvin, as data sheets give it for parts with set and reset.
+const ZERO_PER_K_GAUSS: f64 = 20e-6;
 
 impl Known {
     fn of(spins: &[Spin<'_>], question: &Question<'_>) -> Self {
@@ -165,6 +170,7 @@ impl Known {
         Self {
             noise: spin_blocks::variances(&blocks),
             fixture: Site::fixture(question.site),
+            drift_k: captures::temperature(question.captures, Triad::Mag).1,
             axial_gauss: (total * total - across_gauss * across_gauss).max(0.0).sqrt(),
             across_gauss,
         }
@@ -209,6 +215,7 @@ impl Known {
                     .b("mounting of the seat", fixture.mounting_u_rad, "rad", self.axial_gauss)
                     .bound("known mounting, not corrected", known_rad.abs(), "rad", self.axial_gauss)
                     .b("field of the fixture", fixture.field_u_gauss, "gauss", 1.0)
+                    .bound("temperature within the item", self.drift_k / 2.0, "degC", ZERO_PER_K_GAUSS)
                     .b("quantisation", quantum, "gauss", 1.0)
             }
             Figure::Ky => budget.b("runout of the axis", fixture.runout_u_rad, "rad", 100.0 * runout),

@@ -11,7 +11,7 @@ mod receiver;
 mod refusals;
 mod world;
 
-use gnc_executive::bench::{Site, SitePlace};
+use gnc_executive::bench::{Fixture, Site, SitePlace};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;

@@ -11,7 +11,7 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS};
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
-use super::{Accel, Budget, Conditions, Contribution, Gyro, Origin, Passport, TempCoeff, Uncertainty};
+use super::{Accel, Alignment, Budget, Conditions, Contribution, Gyro, Origin, Passport, TempCoeff, Uncertainty};
 use crate::figures::{Calibration, FigureError, Findings};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -132,6 +132,7 @@ pub(super) fn of(
     let calibration = Calibration::of(found)?;
     let (_, six) = part(found, "accel").ok_or(missing(ItemId::SixPosition))?;
     let (_, still) = part(found, "gyro_still").ok_or(missing(ItemId::GyroStill))?;
+    let (_, turned) = part(found, "gyro_scale").ok_or(missing(ItemId::Rotation))?;
     let scale = calibration.gyro_scale.ok_or(missing(ItemId::Rotation))?;
     let accel = calibration.accel.ok_or(missing(ItemId::SixPosition))?;
     let passport = Passport {
@@ -140,10 +141,24 @@ pub(super) fn of(
         accel: accelerometers(&accel.matrix, six, found),
         gyro: gyroscopes(&scale.response, still, found),
         magnetometer: calibration.mag,
+        alignment: alignment(six, turned),
         uncertainty: uncertainty(six, still, budgets(found)),
         origin,
     };
     check(passport)
+}
+
+fn alignment(six: &Findings, turned: &Findings) -> Alignment {
+    let known = |key: &str| six.details.get("frames").and_then(|frames| frames.get(key)).cloned().unwrap_or_default();
+    let angles = |findings: &Findings| {
+        ["xy", "xz", "yz"].map(|pair| number(findings, &format!("nonorthogonality_{pair}"), Unit::PartsPerMillion))
+    };
+    Alignment {
+        mounting_deg: serde_json::from_value(known("mounting_deg")).ok(),
+        mounting_u_deg: known("mounting_u_deg").as_f64(),
+        nonorthogonality_accel_ppm: angles(six),
+        nonorthogonality_gyro_ppm: angles(turned),
+    }
 }
 
 fn accelerometers(per_count: &[[f64; 3]; 3], six: &Findings, found: &[(String, Findings)]) -> Accel {
@@ -172,7 +187,7 @@ fn gyroscopes(response: &[[f64; 3]; 3], still: &Findings, found: &[(String, Find
 
 /// JSON writes a number that is none as null: nothing that must be there may be one.
 fn check(passport: Passport) -> Result<Passport, NoPassport> {
-    let Passport { accel, gyro, uncertainty, .. } = &passport;
+    let Passport { accel, gyro, alignment, uncertainty, .. } = &passport;
     let rows = |matrix: &[[f64; 3]; 3]| matrix.as_flattened().to_vec();
     for (key, numbers) in [
         ("M_a", rows(&accel.response)),
@@ -180,6 +195,8 @@ fn check(passport: Passport) -> Result<Passport, NoPassport> {
         ("M_g", rows(&gyro.response)),
         ("b_g_dps", gyro.bias_dps.to_vec()),
         ("K_g_full_dps_per_g", rows(&gyro.per_g_full_dps)),
+        ("nonorthogonality_accel_ppm", alignment.nonorthogonality_accel_ppm.to_vec()),
+        ("nonorthogonality_gyro_ppm", alignment.nonorthogonality_gyro_ppm.to_vec()),
         ("k", vec![uncertainty.k]),
         ("U_accel_mg", vec![uncertainty.accel_mg]),
         ("U_gyro_dps", vec![uncertainty.gyro_dps]),

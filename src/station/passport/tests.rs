@@ -26,8 +26,11 @@ fn found() -> Vec<(String, Findings)> {
     let six = findings(
         json!({ "calibration": { "accel": {
             "matrix": [[accel(1.001), 0.0, 0.0], [0.0, accel(1.0), 0.0], [0.0, 0.0, accel(1.0)]], "offset": [0.0, 0.0, 0.0],
-        } } }),
+        } }, "frames": { "mounting_deg": [0.01, -0.02, 0.0], "mounting_u_deg": 0.002 } }),
         vec![
+            ("nonorthogonality_xy", estimate(100.0, Unit::PartsPerMillion, 1.0, 2.0)),
+            ("nonorthogonality_xz", estimate(-200.0, Unit::PartsPerMillion, 1.0, 2.0)),
+            ("nonorthogonality_yz", estimate(300.0, Unit::PartsPerMillion, 1.0, 2.0)),
             ("bias_x", estimate(5.0, Unit::Milligravity, 0.01, 2.0)),
             ("bias_y", estimate(-8.0, Unit::Milligravity, 0.02, 2.2)),
             ("bias_z", estimate(6.0, Unit::Milligravity, 0.01, 2.0)),
@@ -40,7 +43,12 @@ fn found() -> Vec<(String, Findings)> {
             "response": [[gyro(1.001), 0.0, 0.0], [0.0, gyro(1.0), 0.0], [0.0, 0.0, gyro(1.0)]],
             "matrix": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         } } }),
-        vec![("temperature", Value::number(26.0, Unit::DegreeCelsius))],
+        vec![
+            ("temperature", Value::number(26.0, Unit::DegreeCelsius)),
+            ("nonorthogonality_xy", estimate(1.0, Unit::PartsPerMillion, 1.0, 2.0)),
+            ("nonorthogonality_xz", estimate(2.0, Unit::PartsPerMillion, 1.0, 2.0)),
+            ("nonorthogonality_yz", estimate(-3.0, Unit::PartsPerMillion, 1.0, 2.0)),
+        ],
     );
     let names = ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"].map(|pair| format!("g_sensitivity_{pair}"));
     let mut measured: Vec<(&str, Value)> = names
@@ -108,6 +116,10 @@ fn the_published_keys_hold_what_was_found() {
     near("/uncertainty/U_accel_mg", 2.5 * 0.02);
     near("/uncertainty/U_gyro_dps", 2.5e-4);
     assert!(written["magnetometer"].is_null());
+    near("/alignment/mounting_deg/1", -0.02);
+    near("/alignment/mounting_u_deg", 0.002);
+    near("/alignment/nonorthogonality_accel_ppm/2", 300.0);
+    near("/alignment/nonorthogonality_gyro_ppm/0", 1.0);
     let back: Passport = serde_json::from_value(written).unwrap();
     assert_eq!(back.device_id, "SN-1");
 }

@@ -18,11 +18,11 @@ pub(super) fn show(page: &mut Page, passport: &Result<Passport, NoPassport>) {
     page.element("h2", "", "Sensor passport");
     let text = format!(
         "For programs in {PASSPORT} and {PASSPORT_XML}, with the same content. M is measured over nominal scale factor, \
-         rows are sensors, columns axes; biases are measured less true. U is the expanded uncertainty of compensated \
+         rows are sensors, columns axes of the table; biases are measured less true. U is the expanded uncertainty of compensated \
          output at zero input, worst axis."
     );
     page.element("p", "", &text);
-    let Passport { conditions, accel, gyro, uncertainty, origin, .. } = passport;
+    let Passport { conditions, accel, gyro, alignment, uncertainty, origin, .. } = passport;
     page.open("div", "details");
     matrix(page, "M_a, accelerometers", &accel.response);
     matrix(page, "M_g, gyroscopes", &gyro.response);
@@ -42,6 +42,16 @@ pub(super) fn show(page: &mut Page, passport: &Result<Passport, NoPassport>) {
         ("White noise of the accelerometers, one-sided", each(accel.density_ug_per_sqrt_hz, "ug/sqrt(Hz)")),
         ("White noise of the gyroscopes, one-sided", each(gyro.density_dps_per_sqrt_hz, "deg/s/sqrt(Hz)")),
         ("Bias instability, worst axis", optional(gyro.bias_instability_dph, "deg/h")),
+        ("Mounting of the seat on the table", each(alignment.mounting_deg, "deg")),
+        ("Standard uncertainty of the mounting", optional(alignment.mounting_u_deg, "deg")),
+        (
+            "Angles between the accelerometers' own axes less 90 deg, xy xz yz",
+            each(Some(alignment.nonorthogonality_accel_ppm), "ppm"),
+        ),
+        (
+            "Angles between the gyroscopes' own axes less 90 deg, xy xz yz",
+            each(Some(alignment.nonorthogonality_gyro_ppm), "ppm"),
+        ),
         ("Temperature of the calibration, measured", temperature),
         ("Supply", optional(conditions.supply_v, "V")),
         ("Vibration and shock", conditions.vibration_and_shock.clone()),
