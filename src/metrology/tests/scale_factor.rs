@@ -70,6 +70,7 @@ fn power_cycles() {
     }
     let slope_sd = 3.0 / RATES.iter().map(|w| w * w).sum::<f64>().sqrt();
     let spread = (K * TURN_ON).hypot(slope_sd);
+    let mut held = 0;
     for _ in 0..TRIALS {
         let mut outputs = Vec::new();
         for _ in 0..CYCLES {
@@ -82,6 +83,8 @@ fn power_cycles() {
         coverage.count("offset", (found.offset.value - truth.offset.value).abs() <= found.offset.expanded());
         let repeatability = found.repeatability.unwrap();
         coverage.count("repeatability", repeatability.sd_low <= spread && spread <= repeatability.sd_high);
+        let (low, high) = found.nonlinearity_full_scale.interval.unwrap();
+        held += usize::from((low..=high).contains(&truth.nonlinearity_full_scale.value));
         let (asymmetry, expected) = (found.asymmetry.unwrap(), truth.asymmetry.as_ref().unwrap());
         let (sd, dof) = asymmetry.uncertainty.unwrap();
         let error = (asymmetry.positive - asymmetry.negative - expected.positive + expected.negative) / K;
@@ -93,6 +96,9 @@ fn power_cycles() {
         });
     }
     coverage.check();
+    // It holds for all points at once, so it covers the largest more often than 95 %.
+    println!("seed {SEED}: nonlinearity covered in {held} of {TRIALS}");
+    assert!(held >= 923, "{held}");
 }
 
 /// A linear sensor is called non-linear in one record of twenty by the test of the line.
@@ -105,10 +111,6 @@ fn the_test_of_the_line_is_honest() {
         let outputs: Vec<f64> = rates.iter().map(|w| K * w + OFFSET + 3.0 * dice.normal()).collect();
         let found = fit(&points(&rates, &outputs, None).unwrap(), &Options::default()).unwrap();
         kept.count("linear", found.lack_of_fit.as_ref().unwrap().p > 0.05);
-        // The interval of the largest residual is that of a residual at a rate given beforehand.
-        let line = found.curve.iter().find(|p| p.rate == 200.0).unwrap();
-        let largest = found.nonlinearity_full_scale;
-        assert!(largest.value >= line.of_full_scale.abs() && largest.expanded.unwrap() > 0.0);
     }
     kept.check();
 }

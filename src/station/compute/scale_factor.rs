@@ -74,13 +74,12 @@ impl ScaleFactor {
                 "nonlinearity_full_scale",
                 "largest residual / (scale_factor full_scale) (GJB 2426A)",
                 largest(&c.nonlinearity_full_scale),
+            )
+            .put(
+                "nonlinearity_output",
+                "largest residual / (scale_factor rate), each at its own rate (IEEE 528)",
+                largest(&c.nonlinearity_output),
             );
-        put(
-            &mut report,
-            "nonlinearity_output",
-            "largest residual / (scale_factor rate), each at its own rate (IEEE 528)",
-            c.nonlinearity_output.as_ref().map(largest),
-        );
         put(&mut report, "asymmetry", "K of each sense alone", c.asymmetry.as_ref().map(asymmetry));
         put(
             &mut report,
@@ -147,10 +146,10 @@ fn put(report: &mut Report, key: &'static str, unit: &str, value: Result<Value, 
 }
 
 fn largest(found: &Largest) -> Value {
-    let expanded = found.expanded.map(|v| v * PPM);
-    let mut value = json!({ "ppm": found.value * PPM, "at_rate": found.rate, "expanded_ppm": expanded });
-    if expanded.is_none() {
-        value["expanded_absent"] = json!("it needs repeated points, alike in every cycle");
+    let ends = found.interval.map(|(low, high)| (low * PPM, high * PPM)).unzip();
+    let mut value = json!({ "ppm": found.value * PPM, "at_rate": found.rate, "low_ppm": ends.0, "high_ppm": ends.1 });
+    if found.interval.is_none() {
+        value["interval_absent"] = json!("it needs repeated points, alike in every cycle");
     }
     value
 }
