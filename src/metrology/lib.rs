@@ -22,6 +22,7 @@ pub mod psd;
 mod quadric;
 mod refusal;
 pub mod rotation;
+pub mod sample_clock;
 pub mod series;
 pub mod six_position;
 pub mod stability;
