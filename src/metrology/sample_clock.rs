@@ -100,9 +100,9 @@ pub enum ClockFault {
         after_us: u64,
     },
     /// The rate cannot be known.
-    #[error("{stamps} of {samples} samples carries a board time: the rate of the samples cannot be checked")]
+    #[error("{stamps} of the {samples} samples tell their board time: the rate of the samples cannot be checked")]
     Untimed {
-        /// Samples that carry a time.
+        /// Samples that tell their time.
         stamps: u32,
         /// Samples.
         samples: u32,
@@ -121,7 +121,7 @@ impl ClockFault {
             Self::Back { .. } => {
                 "the slave board does not keep section 10 of the interface document: look at its supply and its firmware"
             }
-            Self::Untimed { .. } => "capture longer: on CAN every 64th sample carries a time",
+            Self::Untimed { .. } => "capture longer: on CAN every 64th sample tells its time",
         }
     }
 }
@@ -148,12 +148,16 @@ impl SampleClock {
     #[must_use]
     pub fn even(rate_hz: u16, first_us: u64, samples: usize) -> Self {
         let mut clock = Self::new(rate_hz);
-        let last = u32::try_from(samples).unwrap_or(u32::MAX).saturating_sub(1);
-        let span_us = u64::from(last) * 1_000_000 / u64::from(clock.rate_hz);
-        for (number, after_us) in [(0, 0), (last, span_us)].into_iter().take(samples) {
-            clock.stamp(number, first_us.saturating_add(after_us).saturating_mul(1000));
-        }
+        clock.frame(0, first_us, samples);
         clock
+    }
+
+    /// Takes a frame: the time of its first sample, and so many samples behind it on the grid, each cut to a microsecond.
+    pub fn frame(&mut self, first: u32, board_time_us: u64, samples: usize) {
+        for (index, number) in (0..samples as u64).zip(first..=u32::MAX) {
+            let after_us = index * 1_000_000 / u64::from(self.rate_hz);
+            self.stamp(number, board_time_us.saturating_add(after_us).saturating_mul(1000));
+        }
     }
 
     /// Takes the time of a sample. Numbers rise; one that does not is passed over.
