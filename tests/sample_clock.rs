@@ -3,6 +3,11 @@
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
+use std::fs::{self, File};
+use std::path::Path;
+
+use gnc_station::capture::{Capture, HostView};
+use gnc_station::raw::{self, Piece, RawWriter};
 use gnc_tests::{Place, Run, read_json};
 use serde_json::Value;
 
@@ -61,7 +66,8 @@ fn measured(record: &Value, id: &str, name: &str) -> Value {
 fn samples_off_the_boards_own_time_calibrate_nothing() {
     for (error_ppm, link) in [(30.0, "rs422"), (-5000.0, "rs422"), (50_000.0, "can"), (-30.0, "can")] {
         let place = Place::new(STATION);
-        let ended = run(&place, TURNS, &format!("[sampling]\nrate_error_ppm = {error_ppm:.1}\n"), &["--sim-link", link]);
+        let ended =
+            run(&place, TURNS, &format!("[sampling]\nrate_error_ppm = {error_ppm:.1}\n"), &["--sim-link", link]);
         let context = format!("{error_ppm} ppm over {link}\n{}{}", ended.stdout, ended.stderr);
         assert_eq!(ended.code, Some(3), "{context}");
         let record = place.record();
@@ -94,7 +100,9 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
         assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
         let record = read_json(&folder.join("run.json"));
         let value = measured(&record, "rotation", "scale_error_z");
-        let half = (value["uncertainty"]["high"].as_f64().expect("high") - value["uncertainty"]["low"].as_f64().expect("low")) / 2.0;
+        let half = (value["uncertainty"]["high"].as_f64().expect("high")
+            - value["uncertainty"]["low"].as_f64().expect("low"))
+            / 2.0;
         (value["value"].as_f64().expect("a number"), half, record)
     };
     let (slow, half, record) = scale(TURNS, -30.0);
@@ -102,7 +110,9 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
     assert!((fast - slow - 60.0).abs() < 5.0, "{slow} {fast}");
     assert!(half > 50.0, "{half}");
     let unknown = measured(&record, "rotation", "sample_rate_error");
-    assert!(unknown["value"].is_null() && unknown["raw"].as_str().is_some_and(|why| why.contains("simulated at speed")));
+    assert!(
+        unknown["value"].is_null() && unknown["raw"].as_str().is_some_and(|why| why.contains("simulated at speed"))
+    );
 
     let (slow, half, record) = scale(WITH_PULSES, -30.0);
     let (fast, _, _) = scale(WITH_PULSES, 30.0);
@@ -128,7 +138,8 @@ params = { samples = 1000, rate = "200 Hz" }
 sample_rate_error = "-1 % .. 1 %"
 "#;
     let place = Place::new(STATION);
-    let lying = run(&place, plan, "[sampling]\nrate_error_ppm = 50000.0\ncounted_times = true\n", &["--sim-speed", "1"]);
+    let lying =
+        run(&place, plan, "[sampling]\nrate_error_ppm = 50000.0\ncounted_times = true\n", &["--sim-speed", "1"]);
     assert_eq!(lying.code, Some(1), "{}{}", lying.stdout, lying.stderr);
     let seen = measured(&place.record(), "imu", "sample_rate_error");
     let within = |bound: &str| seen["uncertainty"][bound].as_f64().expect("a bound");
@@ -137,5 +148,70 @@ sample_rate_error = "-1 % .. 1 %"
     let place = Place::new(STATION);
     let at_max = run(&place, plan, "", &[]);
     assert_eq!(at_max.code, Some(3), "{}{}", at_max.stdout, at_max.stderr);
-    assert!(at_max.stdout.contains("simulated at speed max") || place.record().to_string().contains("simulated at speed max"));
+    assert!(
+        at_max.stdout.contains("simulated at speed max")
+            || place.record().to_string().contains("simulated at speed max")
+    );
+}
+
+/// The raw file of a good run once more, with the frame times that a board would have told whose samples came so many ppm
+/// too fast: what an older station filed without a look at them.
+fn with_other_times(from: &Path, to: &Path, error_ppm: f64) {
+    let record = raw::read(File::open(from).expect("a raw file")).expect("a whole raw file");
+    let mut out = RawWriter::new(File::create(to).expect("room")).expect("a head");
+    for Capture { about, first_us, samples, losses, .. } in record.captures {
+        let rate_hz = about.rate_hz;
+        out.write(Piece::Begin { about, board_time_us: first_us }).expect("room");
+        for (index, samples) in samples.chunks(10).enumerate() {
+            let first = u32::try_from(index * 10).expect("a short record");
+            let after_us = f64::from(first) * 1e6 / f64::from(rate_hz) / (1.0 + error_ppm * 1e-6);
+            let board_time_us = first_us + after_us as u64;
+            out.write(Piece::Imu { first, board_time_us, rate_hz, samples: samples.to_vec() }).expect("room");
+        }
+        out.write(Piece::End { losses, host: HostView::default(), board_time_us: first_us }).expect("room");
+    }
+    out.finish().expect("room");
+}
+
+/// Files of runs that were captured before anybody looked at the times: nothing is computed from them, and `recompute` says
+/// that the figures do not hold.
+#[test]
+fn older_records_are_looked_at_too() {
+    let place = Place::new(STATION);
+    let ended = run(&place, TURNS, "", &[]);
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let folder = place.runs().remove(0);
+    let (file, other) = (folder.join("01-rotation/attempt-1.mcap"), place.path().join("other.mcap"));
+    let compute = |path: &Path| {
+        let path = path.to_str().expect("UTF-8");
+        place.run([
+            "compute",
+            "rotation",
+            path,
+            "--rate",
+            "1000",
+            "--turns",
+            "3",
+            "--axis",
+            "vertical",
+            "--latitude",
+            "39.9",
+        ])
+    };
+    let good = compute(&file);
+    assert_eq!(good.code, Some(0), "{}{}", good.stdout, good.stderr);
+    for (error_ppm, seen) in [(30.0, "1000.03"), (-5000.0, "995.00")] {
+        with_other_times(&file, &other, error_ppm);
+        let refused = compute(&other);
+        assert_eq!(refused.code, Some(2), "{}{}", refused.stdout, refused.stderr);
+        assert!(
+            refused.stderr.contains(seen) && refused.stderr.contains("1000 Hz were asked for"),
+            "{}",
+            refused.stderr
+        );
+    }
+    fs::copy(&other, &file).expect("room");
+    let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
+    assert_eq!(again.code, Some(1), "{}{}", again.stdout, again.stderr);
+    assert!(again.stdout.contains("was passed, is errored") && again.stdout.contains("995.00"), "{}", again.stdout);
 }

@@ -148,7 +148,8 @@ fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
     assert!((value - truth).abs() < 5.0, "{value} for {truth}");
     // +-5 ppm of drift, every value as likely, and 0.05 ppm of the pulses.
     assert!((row(&measured)["u"].as_f64().unwrap() - 5.0 / 3.0_f64.sqrt()).abs() < 0.01, "{}", row(&measured));
-    assert!(known.expanded().unwrap() < 8.0, "{known:?}");
+    // The noise of these turns is 4 ppm beside it.
+    assert!(known.expanded().unwrap() < 12.0, "{known:?}");
     assert_eq!(row(&measured)["name"], "sample clock, by 1PPS");
     close(&measured, "sample_rate_error", 30.0, 6.0);
     // What is stored follows: its inverse gives the true rate.
