@@ -272,7 +272,8 @@ impl Bench {
                 Port::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
                 Port::Can => self.can.is_full(),
             };
-            let now_ns = (now.as_nanos() as f64 * times) as u64;
+            // The board's clock goes by its oscillator; true time is link time, so many times as fast.
+            let now_ns = self.board.bench_ns(now.as_secs_f64() * times) as u64;
             // A computer too slow to run a memory test at this speed still hears the host and answers in link time:
             // the board's clock falls behind instead, until the test has ended.
             let reach_ns = self.board.now_ns().saturating_add((COMPUTED_AT_ONCE.as_nanos() as f64 * times) as u64);
@@ -285,7 +286,11 @@ impl Bench {
     #[must_use]
     pub fn next_due(&self, now: Duration) -> Duration {
         let events = match self.speed {
-            Speed::Times(times) => self.next_ns().map(|ns| Duration::from_nanos((ns as f64 / times).ceil() as u64)),
+            // A nanosecond later, so that no digit that is lost on the way back leaves it a moment short.
+            Speed::Times(times) => {
+                let due = |ns: u64| Duration::from_nanos((self.board.true_s(ns) * 1e9 / times).ceil() as u64 + 1);
+                self.next_ns().map(due)
+            }
             Speed::Max => (self.can_step(now) && self.next_ns().is_some()).then_some(now),
         };
         let talk = (!self.board.is_booting()).then(|| self.slave.next_due().min(self.can_slave.next_due()));

@@ -7,6 +7,7 @@ use gnc_protocol::wire::{Wire, Writer};
 
 use crate::devices::calibration::Compensation;
 use crate::requests::samples_per_frame;
+use crate::sampling::SamplingFaults;
 
 /// A running stream. Times are bench time in ns.
 #[derive(Debug)]
@@ -28,6 +29,8 @@ pub(crate) struct Stream {
     pub(crate) tick: u64,
     /// What makes compensated samples of raw ones, as it was at the start.
     pub(crate) compensation: Option<Compensation>,
+    /// What is wrong with the samples' times.
+    pub(crate) sampling: SamplingFaults,
 }
 
 impl Stream {
@@ -47,6 +50,7 @@ impl Stream {
             first_time_us: 0,
             tick,
             compensation: None,
+            sampling: SamplingFaults::default(),
         }
     }
 
@@ -65,7 +69,12 @@ impl Stream {
 
     /// When the IMU sample `index` is taken: the first one a period after the start.
     fn imu_time_ns(&self, index: u32) -> u64 {
-        self.started_ns + (u64::from(index) + 1) * 1_000_000_000 / self.rate_hz
+        self.started_ns + self.sampling.taken_ns(index, self.rate_hz)
+    }
+
+    /// What a frame says of the time of the next IMU sample.
+    pub(crate) fn next_told_ns(&self) -> u64 {
+        self.started_ns + self.sampling.told_ns(self.produced, self.rate_hz)
     }
 
     /// When the next IMU sample is taken.

@@ -27,6 +27,7 @@ impl SimulatedBoard {
         };
         self.ended.retain(|(ended, _)| *ended != id);
         let mut stream = Stream::new(start, id, load_permille, self.now_ns, tick);
+        stream.sampling = self.sampling;
         if id == StreamId::Compensated {
             stream.compensation = self.module.calibration.compensation();
         }
@@ -161,7 +162,7 @@ impl SimulatedBoard {
             let influence = self.influence(now_s);
             let field_of_y = (skew_s != 0.0).then(|| self.world.influence(now_s + skew_s).field_gauss);
             let sample = self.module.sensors.sample_skewed(&influence, field_of_y, now_s, rate_hz);
-            let time_us = self.board_us(time_ns);
+            let time_us = self.board_us(stream.next_told_ns());
             let full = match &stream.compensation {
                 Some(compensation) => {
                     let compensated = compensation.apply(&sample);

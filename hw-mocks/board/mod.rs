@@ -17,11 +17,13 @@ use gnc_protocol::wire::text;
 use crate::bench::Port;
 use crate::module::Module;
 use crate::noise::{Dice, Source};
+use crate::oscillator::Oscillator;
 use crate::personality::{Personality, RebootTrigger};
 use crate::records::ErrorLog;
 use crate::requests::{
     self, MS, Task, Work, check, check_can_load, check_load, device, needs_power, one_sample_a_frame, prepare, uses,
 };
+use crate::sampling::SamplingFaults;
 use crate::streams::{Stream, stream_bytes};
 use crate::world::{Influence, World};
 
@@ -65,7 +67,8 @@ pub struct SimulatedBoard {
     booted_ns: u64,
     boot_id: u32,
     boot_dice: Dice,
-    clock_error_ppm: f64,
+    pub(crate) oscillator: Oscillator,
+    sampling: SamplingFaults,
     rate_baud: u32,
     /// The link of the session, which carries the streams.
     carrier: Port,
@@ -104,7 +107,8 @@ impl SimulatedBoard {
             booted_ns: 0,
             boot_id: boot_dice.word(),
             boot_dice,
-            clock_error_ppm: model.clock_error_ppm,
+            oscillator: model.oscillator,
+            sampling: model.sampling,
             rate_baud,
             carrier: Port::Serial,
             powered: false,
@@ -138,12 +142,12 @@ impl SimulatedBoard {
     /// True seconds since the bench was started.
     #[must_use]
     pub fn true_s(&self, bench_ns: u64) -> f64 {
-        bench_ns as f64 * 1e-9 / (1.0 + self.clock_error_ppm * 1e-6)
+        self.oscillator.true_s(bench_ns)
     }
 
     /// Bench time of a true moment.
     pub(crate) fn bench_ns(&self, true_s: f64) -> f64 {
-        true_s * 1e9 * (1.0 + self.clock_error_ppm * 1e-6)
+        self.oscillator.count_ns(true_s)
     }
 
     /// Whether the module is under power.

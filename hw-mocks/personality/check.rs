@@ -128,7 +128,8 @@ impl raw::Personality {
     pub(super) fn check(self, load: Load<'_>) -> Result<Model, Mistake> {
         let d = Model::default();
         let raw::Module { serial_number, part, hardware, firmware, protocol } = self.module;
-        let raw::Board { serial, firmware: board_firmware, clock_error_ppm } = self.board;
+        let oscillator = self.board.oscillator(d.oscillator)?;
+        let raw::Board { serial, firmware: board_firmware, .. } = self.board;
         let serial_number = match &serial_number {
             Some(_) => Some(short_text(serial_number.as_ref(), "serial_number", 64, String::new())?),
             None => None,
@@ -141,7 +142,8 @@ impl raw::Personality {
             protocol: protocol.map_or(Ok(d.protocol), |value| small(&value, "protocol", 0, 255))?,
             board_serial: short_text(serial.as_ref(), "serial", 32, d.board_serial)?,
             board_firmware: short_text(board_firmware.as_ref(), "firmware", 32, d.board_firmware)?,
-            clock_error_ppm: number(clock_error_ppm.as_ref(), "clock_error_ppm", -1e4, 1e4, d.clock_error_ppm)?,
+            oscillator,
+            sampling: self.sampling.check()?,
             supply: SupplyModel {
                 voltage_v: number(self.supply.voltage_v.as_ref(), "voltage_v", 0.0, 12.0, d.supply.voltage_v)?,
                 current_a: number(self.supply.current_a.as_ref(), "current_a", 0.0, 5.0, d.supply.current_a)?,

@@ -23,7 +23,13 @@
 //! [board]                              # the slave board
 //! serial = "SIM-BOARD-1"
 //! firmware = "sim 1.0.0"
-//! clock_error_ppm = 3.0                # of its oscillator, against true time
+//! clock_error_ppm = 3.0                # of its oscillator, against true time: positive: too fast
+//! clock_drift_ppm_per_h = 0.5          # it gets so much faster each hour
+//!
+//! [sampling]                           # of the IMU's streams; a good board has its samples on the grid of its own clock
+//! rate_error_ppm = 30.0                # the sensors have an oscillator of their own, so much too fast against the board's
+//! counted_times = true                 # the times in frames are counted from the rate asked for, whatever the samples do
+//! time_step = { at_s = 0.5, for_s = 0.2, step_us = -500 } # the times are off for a while in each stream
 //!
 //! [supply]                             # at the socket
 //! voltage_v = 5.012
@@ -169,6 +175,7 @@
 
 mod check;
 mod raw;
+mod sampling;
 mod sensors;
 mod table;
 
@@ -196,6 +203,8 @@ use crate::devices::playback::LONGEST;
 use crate::devices::sci::SciFaults;
 use crate::devices::timer::TimerModel;
 use crate::module::SupplyModel;
+use crate::oscillator::Oscillator;
+use crate::sampling::SamplingFaults;
 use crate::turntable::TableModel;
 use crate::wire_faults::WireFaults;
 
@@ -261,7 +270,8 @@ pub(crate) struct Model {
     pub(crate) protocol: u8,
     pub(crate) board_serial: String,
     pub(crate) board_firmware: String,
-    pub(crate) clock_error_ppm: f64,
+    pub(crate) oscillator: Oscillator,
+    pub(crate) sampling: SamplingFaults,
     pub(crate) supply: SupplyModel,
     pub(crate) rails: Rails,
     pub(crate) cpu: CpuFaults,
@@ -368,7 +378,8 @@ impl Default for Model {
             protocol: 1,
             board_serial: "SIM-BOARD-1".to_owned(),
             board_firmware: "sim 1.0.0".to_owned(),
-            clock_error_ppm: 3.0,
+            oscillator: Oscillator { error_ppm: 3.0, drift_ppm_per_h: 0.0 },
+            sampling: SamplingFaults::default(),
             supply: SupplyModel::default(),
             rails: Rails::default(),
             cpu: CpuFaults::default(),

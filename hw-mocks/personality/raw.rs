@@ -14,6 +14,7 @@ pub(super) struct Personality {
     pub(super) expect: BTreeMap<String, Expectation>,
     pub(super) module: Module,
     pub(super) board: Board,
+    pub(super) sampling: Sampling,
     pub(super) supply: Supply,
     pub(super) rails: Rails,
     pub(super) cpu: Cpu,
@@ -54,6 +55,23 @@ pub(super) struct Board {
     pub(super) serial: Option<Spanned<String>>,
     pub(super) firmware: Option<Spanned<String>>,
     pub(super) clock_error_ppm: Option<Spanned<f64>>,
+    pub(super) clock_drift_ppm_per_h: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Sampling {
+    pub(super) rate_error_ppm: Option<Spanned<f64>>,
+    pub(super) counted_times: bool,
+    pub(super) time_step: Option<TimeStep>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimeStep {
+    pub(super) at_s: Spanned<f64>,
+    pub(super) for_s: Spanned<f64>,
+    pub(super) step_us: Spanned<f64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

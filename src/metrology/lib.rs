@@ -24,6 +24,7 @@ pub mod psd;
 mod quadric;
 mod refusal;
 pub mod rotation;
+pub mod sample_clock;
 pub mod scale_factor;
 pub mod series;
 pub mod six_position;

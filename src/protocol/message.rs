@@ -57,6 +57,8 @@ pub mod capability {
     pub const CAN: u32 = 1 << 1;
     /// The module keeps a calibration, and the board compensates samples by it.
     pub const CALIBRATION: u32 = 1 << 2;
+    /// Its sensors have an oscillator of their own: readings come twice or are left out, so that the samples keep the grid.
+    pub const REPEATED_READINGS: u32 = 1 << 3;
 }
 
 /// Message ids of EVENT frames.

@@ -1,5 +1,6 @@
 //! Captures: uninterrupted stretches of raw samples, each with how the module lay or moved meanwhile.
 
+use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::ImuSample;
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,65 @@ pub struct Capture {
     pub losses: Losses,
     /// What the satellite receiver said meanwhile, where that was captured.
     pub receiver: Receiver,
+    /// What is known of the clock by which the samples were taken.
+    pub timing: Timing,
+}
+
+/// The clock of a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Timing {
+    /// The samples' times, by the board's clock.
+    pub board: SampleClock,
+    /// The board's clock against that of the host.
+    pub host: HostView,
+}
+
+/// What the host's clock says of the board's.
+#[derive(Debug, Clone, PartialEq)]
+pub enum HostView {
+    /// Both ran beside each other for long enough.
+    Compared {
+        /// How much faster the board's clock ran than the host's, parts per million.
+        error_ppm: f64,
+        /// Standard uncertainty of that: latency of the link, and the host's own clock.
+        u_ppm: f64,
+    },
+    /// It says nothing, for this reason.
+    Nothing(String),
+}
+
+impl Default for HostView {
+    fn default() -> Self {
+        Self::Nothing("the record does not compare the board's clock with the host's".into())
+    }
+}
+
+impl Timing {
+    /// No sample yet of a capture of this rate.
+    #[must_use]
+    pub fn new(rate_hz: u16) -> Self {
+        Self { board: SampleClock::new(rate_hz), host: HostView::default() }
+    }
+
+    /// So many samples on the grid of their rate, which nobody compared with the host's clock.
+    #[must_use]
+    pub fn even(rate_hz: u16, first_us: u64, samples: usize) -> Self {
+        Self { board: SampleClock::even(rate_hz, first_us, samples), ..Self::new(rate_hz) }
+    }
+}
+
+impl Capture {
+    /// Whether the samples came at the rate that was asked for, by the board's own time.
+    ///
+    /// # Errors
+    /// [`ClockFault`].
+    pub fn check_clock(&self) -> Result<(), ClockFault> {
+        match self.samples.len().max(self.compensated.len()) {
+            // The receiver's bytes have no rate.
+            0 => Ok(()),
+            samples => self.timing.board.check(samples).map(|_| ()),
+        }
+    }
 }
 
 /// What the satellite receiver said, and its pulses.

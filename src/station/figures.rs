@@ -10,6 +10,7 @@ mod budget;
 pub mod calibration;
 mod captures;
 mod check;
+pub mod clock;
 mod coupling;
 mod download;
 mod ellipse;
@@ -43,6 +44,9 @@ use budget::Budget;
 pub use calibration::Calibration;
 pub use error::FigureError;
 
+/// How far the samples' rate is off true time.
+pub(crate) const SAMPLE_RATE_ERROR: &str = "sample_rate_error";
+
 /// What an analysis works with.
 #[derive(Debug)]
 pub struct Question<'a> {
@@ -71,6 +75,18 @@ pub struct Findings {
 /// [`FigureError`]: samples are missing or spoilt, a calibration or the place of the bench is missing, or the method
 /// refuses the record.
 pub fn analyse(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+    clock::check(question.captures)?;
+    let mut findings = figures(item, question)?;
+    if item.spec().measurement(SAMPLE_RATE_ERROR).is_some() {
+        // Items without a probability of their own state a standard one.
+        let probability = question.probability().unwrap_or(0.95);
+        let views = question.captures.iter().map(|capture| &capture.timing.host);
+        findings.put(SAMPLE_RATE_ERROR, clock::sample_rate_error(question.earlier, views, probability));
+    }
+    Ok(findings)
+}
+
+fn figures(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
     match item {
         ItemId::SixPosition => six_position::analyse(question),
         ItemId::GyroStill => gyro_still::analyse(question),

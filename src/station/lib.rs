@@ -13,6 +13,7 @@ pub mod figures;
 mod files;
 pub mod fixture;
 pub mod guidance;
+pub mod host_clock;
 mod latest;
 pub mod link;
 pub mod motion;

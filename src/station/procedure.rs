@@ -12,6 +12,7 @@ mod identity;
 mod imu;
 mod io;
 mod memory;
+mod sampling;
 mod sci;
 mod spi;
 mod timers;
@@ -19,12 +20,14 @@ mod timers;
 use gnc_executive::bench::Site;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::{ParamError, Params};
+use gnc_metrology::sample_clock::ClockFault;
 
 use crate::board::stream::Losses;
 use crate::board::{BoardError, Desk};
 use crate::figures::{FigureError, Findings};
 use crate::fixture::{Fixture, FixtureError};
 use crate::guidance::Guide;
+use crate::host_clock::HostClock;
 use crate::link::can::{CanOpenError, CanTarget};
 use crate::motion::watch::Spoilt;
 use crate::resume::{ResumeError, Resumed};
@@ -49,6 +52,8 @@ pub struct Bench<'a> {
     pub resumed: Option<&'a Resumed>,
     /// Tells people how far captures are.
     pub guide: &'a Guide,
+    /// Whether the host's clock runs as the board's world does.
+    pub host_clock: HostClock,
 }
 
 /// Why a procedure came to no end.
@@ -91,6 +96,14 @@ pub enum Trouble {
         at_s: f64,
         /// What came and what did not.
         losses: Losses,
+    },
+    /// The samples are not on the grid of the board's own clock, so that no rate is known.
+    #[error("{what}: {fault}")]
+    Clock {
+        /// What was captured.
+        what: String,
+        /// What is wrong with its times.
+        fault: ClockFault,
     },
     /// A capture is of no use.
     #[error("capture `{label}` is spoilt at {at_s:.2} s")]
@@ -186,6 +199,7 @@ impl Trouble {
             Self::Param(_) => "report this: the plan was accepted and should not have been",
             Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
             Self::CaptureLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::Clock { fault, .. } => fault.hint(),
             Self::Spoilt { spoilt: Spoilt::Moved { .. }, .. } => {
                 "keep hands and draughts off the table; run the item again"
             }

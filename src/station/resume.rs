@@ -142,7 +142,7 @@ impl Resumed {
             return Ok(Vec::new());
         }
         let mut captures = captures::read(&path)?.captures;
-        captures.retain(|capture| !capture.losses.any());
+        captures.retain(|capture| !capture.losses.any() && capture.check_clock().is_ok());
         Ok(captures)
     }
 }

@@ -292,7 +292,10 @@ impl Run<'_> {
                     self.go_on().await?;
                     self.control.begin(&item.name);
                     self.journal.emit(EventKind::ItemStarted { item: item.name.clone(), attempt }).await?;
-                    flight.push(self.attempt(board, position, item, attempt).boxed_local());
+                    // What has ended by now counts, and nothing that ends before the attempt is first polled: so it is when
+                    // the run is worked out again.
+                    let earlier = self.earlier();
+                    flight.push(self.attempt(board, position, item, attempt, earlier).boxed_local());
                 }
                 Next::End { item, outcome } => self.end_item(item, outcome, None).await?,
                 Next::Skip { item, cause } => self.end_item(item, Outcome::Skipped, Some(cause)).await?,

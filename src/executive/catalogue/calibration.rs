@@ -2,7 +2,7 @@
 
 use super::shared::{
     ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U, POSITIONS, RAMP,
-    RATE, REST, SETTLE, SPAN, TURN_RATE, WARM, degc, dph, mg, ppm,
+    RATE, REST, SAMPLE_RATE, SETTLE, SPAN, TURN_RATE, WARM, degc, dph, mg, ppm,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -38,6 +38,7 @@ pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
         mg("residual_rms", RESIDUAL),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -88,6 +89,7 @@ pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
         dph("residual_rms", RESIDUAL),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -123,6 +125,7 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
         ppm("mismatch_z", MISMATCH),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -187,6 +190,7 @@ pub(super) static CHECK: ItemSpec = ItemSpec {
         dph("rate_error_z", CHECK_GYRO),
         ppm("angle_error", CHECK_GYRO),
         ppm("cross_angle", CHECK_GYRO),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

@@ -1,8 +1,8 @@
 //! What calibration leaves: biases, their stability and repeatability, resolution.
 
 use super::shared::{
-    COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SENSORS, SETTLE, WARM, degc, dph, mg, percent,
-    quantity,
+    COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE, SENSORS, SETTLE, WARM, degc, dph, mg,
+    percent, quantity,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -37,6 +37,7 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
         dph("bias_z", BIAS),
         text("label", "What the figures still hold of the earth's rotation."),
         degc("temperature", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -68,6 +69,7 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
         if_axis(mg("bias_y", BIAS), "y"),
         if_axis(mg("bias_z", BIAS), "z"),
         degc("temperature", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -94,6 +96,7 @@ pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
         accel(mg("bias_stability_accel_z", STABILITY)),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -125,6 +128,7 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
         accel(mg("bias_repeatability_accel_z", REPEATABILITY)),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
@@ -180,6 +184,7 @@ pub(super) static RESOLUTION: ItemSpec = ItemSpec {
         number("range_gyro", Unit::DegreePerSecond, Dimension::AngularRate, RANGE),
         number("range_accel", Unit::Gravity, Dimension::Acceleration, RANGE),
         number("range_mag", Unit::Gauss, Dimension::MagneticField, RANGE),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

@@ -1,6 +1,6 @@
 //! Inertial sensors, satellite receiver, AD channels and magnetometer.
 
-use super::shared::{COVERAGE, quantity};
+use super::shared::{COVERAGE, SAMPLE_RATE, ppm, quantity};
 use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
 
@@ -48,12 +48,14 @@ pub(super) static IMU: ItemSpec = ItemSpec {
         number("accel_temperature", Unit::DegreeCelsius, Dimension::Temperature, TEMPERATURE),
         text("stuck_channels", "These channels repeat one value: suspect the sensor or its line to the FPGA."),
         text("saturated_channels", "These channels stand at the end of their range: suspect the sensor or its supply."),
+        SAMPLE_RATE,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     timeout_s: 30.0,
 };
 
+const BOARD_CLOCK: &str = "The oscillator of the slave board is off: have it looked at.";
 const PLACE: &str = "Check that the antenna sees the sky, and that its place in the bench file is right.";
 
 /// Satellite receiver, judged against the surveyed place of the antenna.
@@ -105,6 +107,7 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
             Dimension::Time,
             "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
         ),
+        ppm("board_clock_error", BOARD_CLOCK),
         count("sentence_errors", "Sentences arrive broken: check the line between receiver and DSP."),
         count(
             "epochs_repeated",
@@ -186,6 +189,7 @@ pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
         number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
         number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
         number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line."),
+        ppm("board_clock_error", BOARD_CLOCK),
         number("pps_accuracy", Unit::Nanosecond, Dimension::Time, "Needs an external time reference."),
         count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences."),
         count("effective_epochs", "So few epochs are independent that the figure is uncertain: collect longer."),

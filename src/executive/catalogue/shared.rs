@@ -90,9 +90,20 @@ pub(super) const GEOMETRY: ParamSpec = ParamSpec {
 pub(super) const ANGLE_U: ParamSpec =
     quantity("angle_u", "standard uncertainty of the angle of a turn", Unit::Degree, (0.0, 10.0), 0.003);
 
-/// Rotation: how well the sample clock is known.
-pub(super) const CLOCK_U: ParamSpec =
-    quantity("clock_u", "standard uncertainty of the sample clock", Unit::PartsPerMillion, (0.0, 1000.0), 12.0);
+/// Rotation: how well the sample clock is known. 29 ppm are a crystal of +-50 ppm, every value as likely.
+pub(super) const CLOCK_U: ParamSpec = quantity(
+    "clock_u",
+    "standard uncertainty of the sample clock, unless an item before has measured it by 1PPS",
+    Unit::PartsPerMillion,
+    (0.0, 1000.0),
+    29.0,
+);
+
+/// The samples' rate against true time.
+pub(super) const SAMPLE_RATE: MeasurementSpec = ppm(
+    "sample_rate_error",
+    "The oscillator of the slave board is off, or that of this computer: compare both with a counter.",
+);
 
 /// Rotation: what is believed of a scale factor.
 pub(super) const BAND: ParamSpec =

@@ -1,7 +1,7 @@
 //! Compensated samples as raw frames. A sample of 46 bytes goes in eight frames, each with the sample's number and its
 //! own place in it; a mark and a clock go ahead as with the IMU's samples.
 
-use super::stream::{MARK_EVERY, frame_of};
+use super::stream::{MARK_EVERY, after_us, frame_of};
 use super::{CanFrame, CanId, MAX_DATA, bits, id, worst_bits};
 use crate::stream::{COMPENSATED_SAMPLE, Format, StreamFrame, StreamHead, StreamId};
 
@@ -29,13 +29,13 @@ pub const fn compensated_bits(rate_hz: u32) -> (u32, u32) {
 #[derive(Debug, Default)]
 pub(super) struct Packer {
     next: Option<u32>,
-    period_us: u64,
+    rate_hz: u16,
     dropped: u32,
 }
 
 impl Packer {
     pub(super) fn start(&mut self, rate_hz: u16) {
-        (self.next, self.period_us) = (None, 1_000_000 / u64::from(rate_hz.max(1)));
+        (self.next, self.rate_hz) = (None, rate_hz);
     }
 
     pub(super) fn pack(&mut self, frame: &StreamFrame, send: &mut impl FnMut(CanFrame)) {
@@ -43,7 +43,7 @@ impl Packer {
         for (at, sample) in (0..u32::from(head.count)).zip(frame.samples.chunks_exact(COMPENSATED_SAMPLE)) {
             let number = head.first.wrapping_add(at);
             if number.is_multiple_of(MARK_EVERY) || self.next != Some(number) || self.dropped != head.dropped {
-                let time_us = head.board_time_us + u64::from(at) * self.period_us;
+                let time_us = head.board_time_us + after_us(at, self.rate_hz);
                 let mark = u64::from(number) | u64::from(head.dropped) << 32;
                 send(CanFrame::full(id::COMPENSATED_MARK, mark.to_le_bytes()));
                 send(CanFrame::full(id::COMPENSATED_CLOCK, time_us.to_le_bytes()));
@@ -65,7 +65,7 @@ impl Packer {
 /// time is not known.
 #[derive(Debug, Default)]
 pub(super) struct Unpacker {
-    period_us: u64,
+    rate_hz: u16,
     /// Number, samples dropped.
     mark: Option<(u32, u32)>,
     /// Number, samples dropped, board time.
@@ -76,7 +76,7 @@ pub(super) struct Unpacker {
 
 impl Unpacker {
     pub(super) fn start(&mut self, rate_hz: u16) {
-        *self = Self { period_us: 1_000_000 / u64::from(rate_hz.max(1)), ..Self::default() };
+        *self = Self { rate_hz, ..Self::default() };
     }
 
     pub(super) fn receive(&mut self, can: u16, data: &[u8]) -> Option<StreamFrame> {
@@ -125,7 +125,7 @@ impl Unpacker {
             format: Format::Compensated as u8,
             count: 1,
             first: first.wrapping_add(since),
-            board_time_us: time_us.wrapping_add(u64::from(since) * self.period_us),
+            board_time_us: time_us.wrapping_add(after_us(since, self.rate_hz)),
             dropped,
         };
         frame_of(head, &self.bytes)

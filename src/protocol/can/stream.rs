@@ -97,7 +97,7 @@ fn clock(time_us: u64, more: u32) -> [u8; MAX_DATA] {
 pub struct Packer {
     /// The next IMU sample, if it follows the last one.
     next: Option<u32>,
-    period_us: u64,
+    rate_hz: u16,
     dropped: u32,
     pulses: u8,
     compensated: compensated::Packer,
@@ -109,7 +109,7 @@ impl Packer {
         match StreamId::from_number(start.stream) {
             Some(StreamId::Imu) => {
                 self.next = None;
-                self.period_us = 1_000_000 / u64::from(start.rate_hz.max(1));
+                self.rate_hz = start.rate_hz;
             }
             Some(StreamId::Pps) => self.pulses = 0,
             Some(StreamId::Compensated) => self.compensated.start(start.rate_hz),
@@ -125,7 +125,7 @@ impl Packer {
                 let mut reader = Reader::new(&frame.samples);
                 for at in 0..u32::from(head.count) {
                     let Ok(sample) = ImuSample::get(&mut reader) else { return };
-                    let time_us = head.board_time_us + u64::from(at) * self.period_us;
+                    let time_us = head.board_time_us + after_us(at, self.rate_hz);
                     self.imu(head.first.wrapping_add(at), time_us, head.dropped, &sample, send);
                 }
             }
@@ -185,7 +185,7 @@ struct Mark {
 /// delivered before the first mark, since its number is not known.
 #[derive(Debug, Default)]
 pub struct Unpacker {
-    period_us: u64,
+    rate_hz: u16,
     mark: Option<Mark>,
     gyro: Option<(u32, [i32; 3])>,
     accel: Option<(u32, [i32; 3])>,
@@ -201,7 +201,7 @@ impl Unpacker {
         match StreamId::from_number(start.stream) {
             Some(StreamId::Imu) => {
                 (self.mark, self.gyro, self.accel) = (None, None, None);
-                self.period_us = 1_000_000 / u64::from(start.rate_hz.max(1));
+                self.rate_hz = start.rate_hz;
             }
             Some(StreamId::Gnss) => (self.bytes, self.bytes_time_us) = (0, 0),
             Some(StreamId::Pps) => self.pulses = 0,
@@ -223,9 +223,8 @@ impl Unpacker {
                 let [n0, n1, n2, n3, g0, g1, a0, a1] = data;
                 let number = u32::from_le_bytes([n0, n1, n2, n3]);
                 let dropped = self.mark.map_or(0, |mark| mark.dropped);
-                let time_us = self
-                    .mark
-                    .map_or(0, |mark| mark.time_us + u64::from(number.wrapping_sub(mark.number)) * self.period_us);
+                let time_us =
+                    self.mark.map_or(0, |mark| mark.time_us + after_us(number.wrapping_sub(mark.number), self.rate_hz));
                 let temperatures = (i16::from_le_bytes([g0, g1]), i16::from_le_bytes([a0, a1]));
                 self.mark = Some(Mark { number, temperatures, time_us, clocked: false, dropped });
                 None
@@ -278,7 +277,7 @@ impl Unpacker {
             format: Format::Imu as u8,
             count: 1,
             first: mark.number.wrapping_add(since),
-            board_time_us: mark.time_us + u64::from(since) * self.period_us,
+            board_time_us: mark.time_us + after_us(since, self.rate_hz),
             dropped: mark.dropped,
         };
         frame_of(head, &sample.to_payload().ok()?)
@@ -315,6 +314,11 @@ impl Unpacker {
         };
         frame_of(head, &capture.to_payload().ok()?)
     }
+}
+
+/// Microseconds from one sample to that which is so many behind it, cut once: the errors of periods do not add up.
+pub(super) fn after_us(samples: u32, rate_hz: u16) -> u64 {
+    u64::from(samples) * 1_000_000 / u64::from(rate_hz.max(1))
 }
 
 /// The number of which the lower 16 bits are given, at or after `from`.

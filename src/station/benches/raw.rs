@@ -51,7 +51,7 @@ fn main() {
         out.write(Piece::Begin { about, board_time_us: 0 })?;
         pieces.into_iter().try_for_each(|piece| out.write(piece))?;
         let losses = Losses { received: SAMPLES, ..Losses::default() };
-        out.write(Piece::End { losses, board_time_us: 0 })?;
+        out.write(Piece::End { losses, host: HostView::default(), board_time_us: 0 })?;
         out.finish()
     })();
     let written_s = began.elapsed().as_secs_f64();

@@ -63,24 +63,27 @@ impl Losses {
     }
 }
 
-/// The newest frame of each stream in this start of the board: board time and first sample.
+/// The newest frame of each stream in this start of the board: its board time, its first sample and the one behind its
+/// last.
 #[derive(Debug, Default)]
-pub(super) struct Newest(Vec<(StreamId, (u64, u32))>);
+pub(super) struct Newest(Vec<(StreamId, (u64, u32), u32)>);
 
 impl Newest {
     /// Whether a frame is newer than all before it. One that came already, or that later ones overtook, is no more
     /// data: its samples are counted, as received or as lost. Board time goes on from one run of a stream to the
-    /// next, and `first` within one.
+    /// next, and `first` within one. A frame that goes on with the numbers where the newest ends is data whatever its
+    /// time: the board's clock went back, and whoever reads the stream is to see that.
     pub(super) fn admit(&mut self, stream: StreamId, head: &StreamHead) -> bool {
         let key = (head.board_time_us, head.first);
-        match self.0.iter_mut().find(|(other, _)| *other == stream) {
-            Some((_, newest)) if key <= *newest => false,
-            Some((_, newest)) => {
-                *newest = key;
+        let next = head.first.wrapping_add(head.count.into());
+        match self.0.iter_mut().find(|(other, ..)| *other == stream) {
+            Some((_, newest, end)) if key <= *newest && (head.first != *end || head.first == 0) => false,
+            Some((_, newest, end)) => {
+                (*newest, *end) = (key, next);
                 true
             }
             None => {
-                self.0.push((stream, key));
+                self.0.push((stream, key, next));
                 true
             }
         }
@@ -228,6 +231,20 @@ mod tests {
         assert!(admit(StreamId::Gnss, 300, 1400));
         assert!(!admit(StreamId::Gnss, 200, 900), "overtaken");
         assert!(admit(StreamId::Gnss, 900, 0), "the next run");
+    }
+
+    /// Numbers that go on while the time goes back are no overtaken frame, but a clock that went back.
+    #[test]
+    fn a_clock_that_goes_back_is_shown() {
+        let mut newest = Newest::default();
+        let mut admit = |board_time_us, first| {
+            newest.admit(StreamId::Imu, &StreamHead { board_time_us, first, count: 10, ..StreamHead::default() })
+        };
+        assert!(admit(7_000_000, 0) && admit(7_050_000, 10));
+        assert!(!admit(7_000_000, 0), "twice");
+        assert!(admit(100_000, 20), "the clock went back");
+        assert!(!admit(100_000, 20), "twice");
+        assert!(admit(150_000, 30));
     }
 
     /// Frames 0-9 come, 10-19 are lost while the stream is being ended: only the board's figures tell.

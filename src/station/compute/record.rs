@@ -172,6 +172,9 @@ impl Raw {
             if capture.losses.any() {
                 return Err(self.unfit(format!("capture `{}` has a gap", about.label)));
             }
+            if let Err(fault) = capture.check_clock() {
+                return Err(self.unfit(format!("capture `{}`: {fault}", about.label)));
+            }
             if let Some(rate_hz) = wanted.rate_hz.filter(|rate_hz| *rate_hz != f64::from(about.rate_hz)) {
                 return Err(self.unfit(format!("capture `{}` has {} Hz, not {rate_hz}", about.label, about.rate_hz)));
             }

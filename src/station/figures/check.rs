@@ -10,6 +10,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::captures::{self, AXES};
+use super::clock;
 use super::json::vector;
 use super::mean::{self, BLOCKS};
 use super::place;
@@ -125,19 +126,23 @@ fn turn(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), 
         _ => None,
     });
     let (capture, axis, angle_deg) = turning.ok_or_else(|| FigureError::Missing { what: "a turn".into() })?;
-    let turned = integrate(capture, axis)?;
+    let clock = clock::Known::of(question)?;
+    let turned = integrate(capture, axis, &clock)?;
     let told_rad = angle_deg.to_radians();
     let ppm = |rad: f64| rad / told_rad.abs() * 1e6;
     let angle_u = question.params.quantity("angle_u", Unit::Radian)?;
-    let clock_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
     let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
     // The calibration and this turn each have their own error of angle and attitude.
     let twice = 2.0_f64.sqrt();
-    let budget = Budget::new(Unit::PartsPerMillion)
-        .a("noise at rest", ppm(turned.noise_rad[axis]), turned.dof)
-        .b("angle of the table, twice", angle_u, "rad", twice * 1e6 / told_rad.abs())
-        .b("sample clock", clock_ppm, "ppm", 1.0);
-    findings.figure("angle_error", (turned.angle_rad[axis] / told_rad - 1.0) * 1e6, &budget, p);
+    let budget = Budget::new(Unit::PartsPerMillion).a("noise at rest", ppm(turned.noise_rad[axis]), turned.dof).b(
+        "angle of the table, twice",
+        angle_u,
+        "rad",
+        twice * 1e6 / told_rad.abs(),
+    );
+    let error_ppm = (turned.angle_rad[axis] / told_rad - 1.0) * 1e6;
+    findings.figure("angle_error", error_ppm, &clock.in_budget(budget), p);
+    findings.detail("sample_clock", clock.details());
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let across = turned.angle_rad[i].hypot(turned.angle_rad[j]);
     let earth_rad = earth::EARTH_RATE_RPS * turned.span_s;
@@ -166,8 +171,8 @@ struct Turned {
 }
 
 /// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
-fn integrate(capture: &Capture, axis: usize) -> Result<Turned, FigureError> {
-    let rate_hz = f64::from(capture.about.rate_hz);
+fn integrate(capture: &Capture, axis: usize, clock: &clock::Known) -> Result<Turned, FigureError> {
+    let rate_hz = clock.rate_hz(f64::from(capture.about.rate_hz));
     let rates: Vec<Vector3<f64>> = capture.compensated.iter().map(rate_rps).collect();
     let own: Vec<f64> = rates.iter().map(|rate| rate[axis]).collect();
     let block = (0.05 * rate_hz).ceil() as usize;

@@ -3,6 +3,7 @@
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::ParamError;
 use gnc_metrology::Refusal;
+use gnc_metrology::sample_clock::ClockFault;
 
 use crate::board::stream::Losses;
 
@@ -33,6 +34,14 @@ pub enum FigureError {
         label: String,
         /// What is missing.
         losses: Losses,
+    },
+    /// The samples are not on the grid of the board's own clock, so that no rate is known.
+    #[error("{label}: {fault}")]
+    Clock {
+        /// The capture.
+        label: String,
+        /// What is wrong with its times.
+        fault: ClockFault,
     },
     /// A capture that the figure needs is not there.
     #[error("no capture of {what}")]
@@ -139,6 +148,7 @@ impl FigureError {
             Self::NoAnalysis { .. } | Self::Param(_) => "report this: the plan was accepted and should not have been",
             Self::Refused { refusal, .. } => refusal.hint(),
             Self::Lost { .. } => "check the cable and its termination, or take a slower stream; then capture again",
+            Self::Clock { fault, .. } => fault.hint(),
             Self::Missing { .. } | Self::Unfit { .. } => "capture again, with the parameters of this plan",
             Self::Short { .. } => "capture again, as long as the plan says",
             Self::Saturated { .. } => "turn more slowly, or take a wider range",

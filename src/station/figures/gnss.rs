@@ -7,6 +7,7 @@ use gnc_executive::uncertainty::Uncertainty;
 use gnc_metrology::stats;
 use serde_json::json;
 
+use super::clock::{BoardClock, SECOND_NS};
 use super::mean;
 use super::thin;
 use super::{FigureError, Findings, Question};
@@ -19,8 +20,6 @@ const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
 const LEAST: usize = 10;
 /// Step of the board's capture timer.
 const TIMER_NS: f64 = 10.0;
-/// Pulses farther apart than a second by this are others: one is missing, or one is a bounce.
-const SECOND_NS: (f64, f64) = (0.99e9, 1.01e9);
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
@@ -74,6 +73,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     );
     findings.put("velocity_height", Value::NotAvailable("the receiver's sentences hold no vertical velocity".into()));
     pulses(question, &mut findings, probability);
+    board_clock(question, &mut findings, probability);
     findings.put("pps_accuracy", Value::NotAvailable("not measured: there is no external time reference".into()));
     findings.put("epochs", Value::count(fixes.len() as u64));
     findings.number("effective_epochs", worth.floor(), Unit::Count);
@@ -117,6 +117,20 @@ fn east_north_up(epoch: &Epoch, place: &SitePlace) -> [f64; 3] {
     let north_deg = epoch.latitude_deg.unwrap_or(f64::NAN) - place.latitude_deg;
     let up_m = epoch.height_m.map_or(f64::NAN, |height| height - place.height_m);
     [east_deg.to_radians() * parallel, north_deg.to_radians() * meridian, up_m]
+}
+
+/// The board's clock against the pulses.
+fn board_clock(question: &Question<'_>, findings: &mut Findings, probability: f64) {
+    let pulses: Vec<u64> = question.captures.iter().flat_map(|capture| capture.receiver.pulses_ns.clone()).collect();
+    match BoardClock::of_pulses(&pulses) {
+        Ok(clock) => {
+            if let (Some(details), Some(own)) = (findings.details.as_object_mut(), clock.details().as_object()) {
+                details.extend(own.clone());
+            }
+            findings.put("board_clock_error", clock.value(probability));
+        }
+        Err(why) => findings.put("board_clock_error", Value::NotAvailable(why)),
+    }
 }
 
 /// Standard deviation of the intervals between pulses, on the board's clock: its rate drops out with the mean.

@@ -8,6 +8,7 @@ use nalgebra::Matrix3;
 use serde_json::json;
 
 use super::captures::{AXES, Triad};
+use super::clock;
 use super::json::matrix;
 use super::six_position::temperatures;
 use super::{FigureError, Findings, Question, rotation, six_position};
@@ -83,6 +84,14 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         "equation": "standard deviation (n - 1) of M_ii (S_ii) over calibrations, power cycled between them, over their mean",
         "label": "the interval is that of a standard deviation of so few calibrations (chi-square)",
     }));
+    let clock_ppm = clock::drift_ppm();
+    findings.detail(
+        "sample_clock",
+        json!({
+            "drift_u_ppm": clock_ppm,
+            "label": "an error that all calibrations share cancels; what drifts between them is in the lower end of the gyroscopes' interval",
+        }),
+    );
     for series in &all {
         let responses = series.responses();
         let name = series.triad().name();
@@ -94,7 +103,12 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let found = stability::repeatability(&figures).map_err(FigureError::refused(name.clone()))?;
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             let ppm = 1e6 / found.mean;
-            let interval = Uncertainty::interval(low * ppm, high * ppm, probability);
+            let low_ppm = match series.triad() {
+                // What the clock drifts between the calibrations scatters with the scale factors.
+                Triad::Gyro => ((low * ppm).powi(2) - clock_ppm * clock_ppm).max(0.0).sqrt(),
+                Triad::Accel | Triad::Mag => low * ppm,
+            };
+            let interval = Uncertainty::interval(low_ppm, high * ppm, probability);
             findings.put(name, Value::estimate(found.sd * ppm, Unit::PartsPerMillion, interval));
         }
     }

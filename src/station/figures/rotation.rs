@@ -10,6 +10,7 @@ use super::axes::Frames;
 use super::budget::Budget;
 use super::calibration::{self, Calibration, GyroScale};
 use super::captures::{self, AXES, Triad};
+use super::clock;
 use super::json::{matrix, rows, vector};
 use super::place;
 use super::six_position::temperatures;
@@ -21,7 +22,7 @@ use crate::capture::{Along, Capture, Pose};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
     angle_rad: f64,
-    clock_ppm: f64,
+    clock: clock::Known,
     pose_rad: f64,
     band_percent: f64,
     latitude_deg: Option<f64>,
@@ -32,7 +33,7 @@ impl Known {
         let params = question.params;
         Ok(Self {
             angle_rad: params.quantity("angle_u", Unit::Radian)?,
-            clock_ppm: params.quantity("clock_u", Unit::PartsPerMillion)?,
+            clock: clock::Known::of(question)?,
             pose_rad: params.quantity("pose_u", Unit::Radian)?,
             band_percent: params.quantity("band", Unit::Percent)?,
             latitude_deg: question.site.and_then(|site| site.place).map(|place| place.latitude_deg),
@@ -92,7 +93,7 @@ pub(super) fn solve<'c>(captures: impl IntoIterator<Item = &'c Capture>, known: 
         })
         .collect();
     let options = rotation::Options {
-        rate_hz: f64::from(rate_hz),
+        rate_hz: known.clock.rate_hz(f64::from(rate_hz)),
         turns: angle_deg / 360.0,
         axis: match along {
             Along::Polar => rotation::Axis::Polar,
@@ -122,12 +123,8 @@ impl Solved {
         );
         if i == j {
             // What both senses share cannot be seen in the record.
-            budget.b("angle of the table", self.known.angle_rad, "rad", 1e6 / self.turned_rad).b(
-                "sample clock",
-                self.known.clock_ppm,
-                "ppm",
-                1.0,
-            )
+            let budget = budget.b("angle of the table", self.known.angle_rad, "rad", 1e6 / self.turned_rad);
+            self.known.clock.in_budget(budget)
         } else {
             budget.b("attitude of the axis", self.known.pose_rad, "rad", 1e6)
         }
@@ -214,6 +211,7 @@ fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
             Along::Polar => "polar axis",
             Along::North => "level axis: the rotation of the earth is not removed from the bias",
         },
+        "sample_clock": solved.known.clock.details(),
         "latitude_deg": solved.known.latitude_deg, "turned_rad": solved.turned_rad,
         "windows": windows, "mismatch": vector(&c.mismatch), "residual_rms_rad": c.residual_rms_rad,
         "dof": super::budget::finite(c.dof), "condition": c.condition,

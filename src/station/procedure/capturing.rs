@@ -6,14 +6,16 @@ mod receiver;
 
 use std::time::Duration;
 
+use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{ModulePower, StreamStart};
 use gnc_protocol::stream::{ImuSample, StreamFrame, StreamId};
 use gnc_protocol::wire::{Reader, Wire};
 
+use super::sampling::{ClockWatch, samples_per_frame};
 use super::{Bench, Report, Trouble};
 use crate::board::stream::{Closed, Losses, Stream};
-use crate::capture::{About, Capture, Pose, Receiver};
+use crate::capture::{About, Capture, Pose, Receiver, Timing};
 use crate::guidance::Course;
 use crate::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
 use crate::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
@@ -125,7 +127,11 @@ impl Captor<'_> {
         for piece in pieces(capture) {
             self.raw.write(piece).await?;
         }
-        self.captures.push(capture.clone());
+        let mut capture = capture.clone();
+        // The new file has them on their grid, where the old one had them to within a microsecond.
+        let samples = capture.samples.len().max(capture.compensated.len());
+        capture.timing.board = SampleClock::even(capture.about.rate_hz, capture.first_us, samples);
+        self.captures.push(capture);
         Ok(())
     }
 
@@ -134,7 +140,8 @@ impl Captor<'_> {
         let id = if uses == Uses::Compensated { StreamId::Compensated } else { StreamId::Imu };
         let mut stream = board.listen(id).await?;
         let count = if let Until::Count(count) = until { count } else { 0 };
-        let start = StreamStart { stream: id as u8, rate_hz: about.rate_hz, count, samples_per_frame: 0 };
+        let samples_per_frame = samples_per_frame(count);
+        let start = StreamStart { stream: id as u8, rate_hz: about.rate_hz, count, samples_per_frame };
         board.call(&start).await?;
         let still = matches!(about.pose, Pose::Still { .. });
         let room = if count > 0 { count as usize } else { TURN_ROOM };
@@ -144,6 +151,7 @@ impl Captor<'_> {
             samples: Vec::with_capacity(room),
             compensated: (id == StreamId::Compensated).then(Vec::new),
             first_us: None,
+            clock: ClockWatch::new(about.rate_hz, self.bench),
         };
         let taken = self.take(&mut taker, &mut stream, until).await;
         let end_us = stream.board_time_us();
@@ -155,14 +163,21 @@ impl Captor<'_> {
         };
         let span_s = taker.samples.len() as f64 / f64::from(about.rate_hz.max(1));
         board.spent(Duration::from_secs_f64(span_s));
-        let Taker { samples, compensated, first_us, .. } = taker;
+        let Taker { samples, compensated, first_us, clock, .. } = taker;
+        let (taken, timing) = match (taken, clock.end()) {
+            (Ok(()), Ok(timing)) => (Ok(()), timing),
+            // A rate that cannot be known is no evidence; it is told by its own words.
+            (Ok(()), Err(fault)) => (Err(clock_fault(about, fault)), Timing::new(about.rate_hz)),
+            (Err(trouble), _) => (Err(trouble), Timing::new(about.rate_hz)),
+        };
         // What came after the last sample is no part of the capture.
         let losses = if losses.any() { losses } else { Losses { received: samples.len() as u32, ..losses } };
         if first_us.is_none() {
             self.raw.write(Piece::Begin { about: about.clone(), board_time_us: end_us }).await?;
         }
         if taken.is_ok() || losses.any() {
-            self.raw.write(Piece::End { losses, board_time_us: end_us }).await?;
+            let host = timing.host.clone();
+            self.raw.write(Piece::End { losses, host, board_time_us: end_us }).await?;
         }
         taken?;
         closed?;
@@ -171,7 +186,8 @@ impl Captor<'_> {
             Some(compensated) => (Vec::new(), compensated),
             None => (samples, Vec::new()),
         };
-        self.captures.push(Capture { about, first_us, samples, compensated, losses, receiver: Receiver::default() });
+        let receiver = Receiver::default();
+        self.captures.push(Capture { about, first_us, samples, compensated, losses, receiver, timing });
         Ok(())
     }
 
@@ -254,6 +270,7 @@ impl Captor<'_> {
         if stream.losses().any() {
             return Err(losses::gap(about, taker.samples.len(), stream.losses()));
         }
+        taker.clock.frame(&frame.head, samples.len()).map_err(|fault| clock_fault(about, fault))?;
         let looked = taker.watch.look(&samples);
         let had = taker.samples.len();
         self.course.took(&samples);
@@ -274,6 +291,11 @@ fn turned(about: &About, samples: &[ImuSample], before: usize) -> Result<(), Tro
         return Ok(());
     }
     Err(Trouble::NotTurned { label: about.label.clone(), wanted_deg: angle_deg, seen_deg })
+}
+
+/// The board's clock spoils a capture.
+fn clock_fault(about: &About, fault: ClockFault) -> Trouble {
+    Trouble::Clock { what: format!("capture `{}`", about.label), fault }
 }
 
 /// Takes the module's power away for so long.
@@ -310,6 +332,7 @@ struct Taker<'a> {
     /// The compensated samples, where those are captured.
     compensated: Option<Vec<CompensatedSample>>,
     first_us: Option<u64>,
+    clock: ClockWatch,
 }
 
 /// The samples of a frame, as many as there is room for.

@@ -13,6 +13,8 @@ use tokio::time::Instant;
 
 use super::{Bench, Report, Trouble};
 use crate::board::stream::{Closed, Stream};
+use crate::figures::Findings;
+use crate::figures::clock::BoardClock;
 use crate::nmea::{Epoch, Sentences};
 use crate::statistics::mean;
 
@@ -208,7 +210,20 @@ async fn file(heard: &Heard, restarted: bool, site: Option<&Site>, report: &Repo
     } else {
         report.not_available("pps_period_error", "fewer than two pulses came").await?;
     }
-    Ok(())
+    // Of a receiver whose fix came and went the pulses are no reference.
+    let clock = if worst == 3 && heard.fixes_lost == 0 {
+        BoardClock::of_pulses(&heard.pulses_ns)
+    } else {
+        Err("the receiver kept no 3D fix".into())
+    };
+    match clock {
+        Ok(clock) => {
+            // Later items take it for their sample clock.
+            let measured = vec![("board_clock_error".to_owned(), clock.value(0.95))];
+            report.found(Findings { measured, details: clock.details() }).await
+        }
+        Err(why) => report.not_available("board_clock_error", &why).await,
+    }
 }
 
 /// By how many turns of the 10-bit GPS week a date is too early, at least: no module is tested before [`EARLIEST`].

@@ -8,8 +8,12 @@ use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION, StreamId};
 use gnc_protocol::wire::{Reader, Wire as _};
 
+use super::sampling::{ClockWatch, samples_per_frame};
 use super::{Bench, Report, Trouble};
 use crate::board::stream::Closed;
+use crate::capture::Timing;
+use crate::figures::SAMPLE_RATE_ERROR;
+use crate::figures::clock::sample_rate_error;
 use crate::statistics::{mean, standard_deviation};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -17,7 +21,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
     let wanted = u32::try_from(params.integer("samples")?).unwrap_or(u32::MAX);
     let rate_hz = params.quantity("rate", Unit::Hertz)?.round() as u16;
-    let samples = capture(bench, rate_hz, wanted).await?;
+    let (samples, timing) = capture(bench, rate_hz, wanted).await?;
 
     let gyro = AXES.map(|axis| format!("gyro_{axis}"));
     let accel = AXES.map(|axis| format!("accel_{axis}"));
@@ -46,15 +50,20 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     report.number("gyro_temperature", mean(&gyro_temperature) * 0.01, Unit::DegreeCelsius).await?;
     report.number("accel_temperature", mean(&accel_temperature) * 0.01, Unit::DegreeCelsius).await?;
     report.text("stuck_channels", &list(&faults.stuck)).await?;
-    report.text("saturated_channels", &list(&faults.saturated)).await
+    report.text("saturated_channels", &list(&faults.saturated)).await?;
+    let rate_error = sample_rate_error(&bench.earlier, std::iter::once(&timing.host), 0.95);
+    report.value(SAMPLE_RATE_ERROR, &rate_error).await
 }
 
-/// Captures so many samples without a gap.
-async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<Vec<ImuSample>, Trouble> {
+/// Captures so many samples without a gap, on the grid of the board's clock.
+async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<(Vec<ImuSample>, Timing), Trouble> {
     let mut stream = bench.board.listen(StreamId::Imu).await?;
-    let start = StreamStart { stream: StreamId::Imu as u8, rate_hz, count: wanted, samples_per_frame: 0 };
+    let samples_per_frame = samples_per_frame(wanted);
+    let start = StreamStart { stream: StreamId::Imu as u8, rate_hz, count: wanted, samples_per_frame };
     bench.board.call(&start).await?;
     let mut samples = Vec::with_capacity(wanted as usize);
+    let mut clock = ClockWatch::new(rate_hz, bench);
+    let mut fault = None;
     while let Some(frame) = stream.next().await? {
         let mut reader = Reader::new(&frame.samples);
         for _ in 0..frame.head.count {
@@ -62,6 +71,8 @@ async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<Vec<Imu
                 .map_err(|error| Trouble::Nonsense { what: "the IMU stream", why: error.to_string() })?;
             samples.push(sample);
         }
+        // What the line lost is told first.
+        fault = fault.or(clock.frame(&frame.head, frame.head.count.into()).err());
         bench.board.captured(samples.len() as u32, wanted, rate_hz);
         if frame.head.first.saturating_add(frame.head.count.into()) >= wanted {
             break;
@@ -69,10 +80,15 @@ async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<Vec<Imu
     }
     bench.board.spent(Duration::from_secs_f64(f64::from(wanted) / f64::from(rate_hz.max(1))));
     let Closed { losses, .. } = bench.board.stop_stream(stream).await?;
-    if samples.len() as u32 == wanted && !losses.any() {
-        return Ok(samples);
+    if samples.len() as u32 != wanted || losses.any() {
+        return Err(Trouble::SamplesLost { wanted, losses });
     }
-    Err(Trouble::SamplesLost { wanted, losses })
+    let timing = match fault {
+        Some(fault) => Err(fault),
+        None => clock.end(),
+    };
+    let timing = timing.map_err(|fault| Trouble::Clock { what: "the IMU stream".into(), fault })?;
+    Ok((samples, timing))
 }
 
 /// Channels that no longer measure.

@@ -2,15 +2,15 @@
 
 use super::proto::{Fields, next};
 use crate::board::stream::Losses;
-use crate::capture::{About, Along, Pose};
+use crate::capture::{About, Along, HostView, Pose};
 
 /// A mark.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Mark {
     /// What comes from here on is of this.
     Begin(About),
-    /// Here it ends, and so much is missing.
-    End(Losses),
+    /// Here it ends, so much is missing, and so the board's clock ran against the host's.
+    End(Losses, HostView),
 }
 
 const BEGIN: u64 = 1;
@@ -27,9 +27,13 @@ impl Mark {
                 fields.unsigned(3, (*series).into()).unsigned(4, (*rate_hz).into());
                 put_pose(&mut fields, pose);
             }
-            Self::End(Losses { received, on_board, on_line }) => {
+            Self::End(Losses { received, on_board, on_line }, host) => {
                 fields.unsigned(1, END).unsigned(15, (*received).into());
                 fields.unsigned(16, (*on_board).into()).unsigned(17, (*on_line).into());
+                match host {
+                    HostView::Compared { error_ppm, u_ppm } => fields.double(18, *error_ppm).double(19, *u_ppm),
+                    HostView::Nothing(why) => fields.bytes(20, why.as_bytes()),
+                };
             }
         }
     }
@@ -54,6 +58,9 @@ impl Mark {
                 15 => flat.losses.received = value.narrow()?,
                 16 => flat.losses.on_board = value.narrow()?,
                 17 => flat.losses.on_line = value.narrow()?,
+                18 => flat.host_error_ppm = value.double()?,
+                19 => flat.host_u_ppm = Some(value.double()?),
+                20 => flat.host_nothing = Some(value.text()?),
                 _ => {}
             }
         }
@@ -98,6 +105,9 @@ struct Flat {
     rate_dps: f64,
     along: String,
     losses: Losses,
+    host_error_ppm: f64,
+    host_u_ppm: Option<f64>,
+    host_nothing: Option<String>,
 }
 
 impl Flat {
@@ -107,7 +117,14 @@ impl Flat {
                 let pose = self.pose()?;
                 Some(Mark::Begin(About { label: self.label, series: self.series, pose, rate_hz: self.rate_hz }))
             }
-            END => Some(Mark::End(self.losses)),
+            END => {
+                let host = match (self.host_u_ppm, self.host_nothing) {
+                    (Some(u_ppm), _) => HostView::Compared { error_ppm: self.host_error_ppm, u_ppm },
+                    (None, Some(why)) => HostView::Nothing(why),
+                    (None, None) => HostView::default(),
+                };
+                Some(Mark::End(self.losses, host))
+            }
             _ => None,
         }
     }

@@ -11,7 +11,7 @@ use super::Topic;
 use super::mark::Mark;
 use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 use crate::board::stream::Losses;
-use crate::capture::{About, Capture, Receiver, Said};
+use crate::capture::{About, Capture, HostView, Receiver, Said, Timing};
 
 /// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
 const LONGEST_RECORD: usize = 64 << 20;
@@ -225,32 +225,32 @@ impl Found {
             }
             Record::Message { header, data } => {
                 let Some(topic) = self.channels.get(&header.channel_id) else { return Ok(()) };
-                self.message(*topic, header.log_time, &data)?;
+                self.message(*topic, (header.sequence, header.log_time), &data)?;
             }
             _ => {}
         }
         Ok(())
     }
 
-    fn message(&mut self, topic: Topic, time_ns: u64, data: &[u8]) -> Result<(), RawError> {
+    fn message(&mut self, topic: Topic, (number, time_ns): (u32, u64), data: &[u8]) -> Result<(), RawError> {
         let name = topic.message();
         match topic {
             Topic::Capture => match Mark::get(data) {
                 Some(Mark::Begin(about)) => self.begin(about, time_ns),
-                Some(Mark::End(losses)) => self.end(losses),
+                Some(Mark::End(losses, host)) => self.end(losses, host),
                 None => Err(self.foreign(format!("{name} cannot be read"))),
             },
             Topic::Imu => {
                 let Some(sample) = get_sample(data) else {
                     return Err(self.foreign(format!("{name} cannot be read")));
                 };
-                self.sample(name, |capture| capture.samples.push(sample))
+                self.sample(name, (number, time_ns), |capture| capture.samples.push(sample))
             }
             Topic::Compensated => {
                 let Some(sample) = get_compensated(data) else {
                     return Err(self.foreign(format!("{name} cannot be read")));
                 };
-                self.sample(name, |capture| capture.compensated.push(sample))
+                self.sample(name, (number, time_ns), |capture| capture.compensated.push(sample))
             }
             Topic::Gnss => {
                 let Some((board_time_us, bytes)) = get_bytes(data) else {
@@ -289,6 +289,7 @@ impl Found {
         if self.captures.len() >= MOST_CAPTURES {
             return Err(RawError::TooMuch { most: MOST_CAPTURES, what: "captures" });
         }
+        let timing = Timing::new(about.rate_hz);
         self.open = Some(Capture {
             about,
             first_us: time_ns / 1000,
@@ -296,27 +297,36 @@ impl Found {
             compensated: Vec::new(),
             losses: Losses::default(),
             receiver: Receiver::default(),
+            timing,
         });
         Ok(())
     }
 
-    fn end(&mut self, losses: Losses) -> Result<(), RawError> {
+    fn end(&mut self, losses: Losses, host: HostView) -> Result<(), RawError> {
         let Some(mut capture) = self.open.take() else {
             return Err(self.foreign("a capture ends that has not begun".into()));
         };
         capture.losses = losses;
+        capture.timing.host = host;
         capture.samples.shrink_to_fit();
         capture.compensated.shrink_to_fit();
         self.captures.push(capture);
         Ok(())
     }
 
-    fn sample(&mut self, name: &str, push: impl FnOnce(&mut Capture)) -> Result<(), RawError> {
+    fn sample(
+        &mut self,
+        name: &str,
+        (number, time_ns): (u32, u64),
+        push: impl FnOnce(&mut Capture),
+    ) -> Result<(), RawError> {
         self.samples += 1;
         if self.samples > MOST_SAMPLES {
             return Err(RawError::TooMuch { most: MOST_SAMPLES, what: "samples" });
         }
-        push(self.open(name)?);
+        let capture = self.open(name)?;
+        push(capture);
+        capture.timing.board.stamp(number, time_ns);
         Ok(())
     }
 

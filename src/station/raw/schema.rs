@@ -40,6 +40,9 @@ fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
             ("received", Uint32),
             ("lost_on_board", Uint32),
             ("lost_on_line", Uint32),
+            ("host_error_ppm", Double),
+            ("host_u_ppm", Double),
+            ("host_nothing", String),
         ],
         Topic::Imu => &[
             ("gyro_x", Sfixed32),

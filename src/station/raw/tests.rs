@@ -7,7 +7,7 @@ use gnc_protocol::stream::{ImuSample, SATURATION};
 
 use super::*;
 use crate::board::stream::Losses;
-use crate::capture::{About, Along, Capture, Pose, Receiver, Said};
+use crate::capture::{About, Along, Capture, HostView, Pose, Receiver, Said, Timing};
 
 /// Noise of a live sensor around its output, by a generator of its own (xorshift64*, Vigna 2016).
 fn samples(count: usize, seed: u64) -> Vec<ImuSample> {
@@ -42,6 +42,7 @@ fn captures() -> Vec<Capture> {
     let turn = Pose::Rotating { axis: 2, angle_deg: -1080.0, span_s: 5.0, along: Along::Polar };
     let spin = Pose::Spinning { axis: 1, rate_dps: 5400.0, along: Along::North };
     let no_receiver = Receiver::default();
+    let compared = HostView::Compared { error_ppm: -3.25, u_ppm: 29.5 };
     let received = |received, on_board, on_line| Losses { received, on_board, on_line };
     vec![
         Capture {
@@ -51,6 +52,7 @@ fn captures() -> Vec<Capture> {
             samples: samples(500, 7),
             losses: received(500, 0, 0),
             receiver: no_receiver.clone(),
+            timing: Timing { host: compared, ..Timing::even(200, 123_456_789, 500) },
         },
         Capture {
             about: About { label: "z- \u{3b1}".into(), series: 6, pose: turn, rate_hz: 1000 },
@@ -59,6 +61,7 @@ fn captures() -> Vec<Capture> {
             samples: rails,
             losses: received(3, 4, 5),
             receiver: no_receiver.clone(),
+            timing: Timing { host: HostView::Nothing("a reason \u{3b1}".into()), ..Timing::even(1000, 223_456_789, 3) },
         },
         Capture {
             about: still("z+ compensated", 0.0),
@@ -77,6 +80,7 @@ fn captures() -> Vec<Capture> {
             samples: Vec::new(),
             losses: received(2500, 0, 0),
             receiver: no_receiver.clone(),
+            timing: Timing::even(200, 323_456_789, 2500),
         },
         Capture {
             about: About { label: "spin".into(), series: 2, pose: spin, rate_hz: 1000 },
@@ -85,6 +89,7 @@ fn captures() -> Vec<Capture> {
             samples: Vec::new(),
             losses: Losses::default(),
             receiver: no_receiver,
+            timing: Timing::new(1000),
         },
         Capture {
             about: still("sky", -0.0),
@@ -99,6 +104,7 @@ fn captures() -> Vec<Capture> {
                 ],
                 pulses_ns: vec![1_000_000_010, 2_000_000_020],
             },
+            timing: Timing::new(200),
         },
     ]
 }
@@ -141,7 +147,7 @@ fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
             pieces.push(Piece::Gnss { board_time_us, bytes });
         }
         pieces.push(Piece::Pps(capture.receiver.pulses_ns.clone()));
-        pieces.push(Piece::End { losses: capture.losses, board_time_us });
+        pieces.push(Piece::End { losses: capture.losses, host: capture.timing.host.clone(), board_time_us });
         for piece in pieces {
             out.write(piece).unwrap();
         }

@@ -12,7 +12,7 @@ use super::mark::Mark;
 use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
 use super::schema::descriptor_set;
 use crate::board::stream::Losses;
-use crate::capture::{About, Capture, Said};
+use crate::capture::{About, Capture, HostView, Said};
 
 /// What comes of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,6 +59,8 @@ pub enum Piece {
     End {
         /// What is missing.
         losses: Losses,
+        /// The board's clock against the host's.
+        host: HostView,
         /// Board time of its end.
         board_time_us: u64,
     },
@@ -104,8 +106,8 @@ impl<W: Write + Seek> RawWriter<W> {
                 Mark::Begin(about).put(&mut self.message);
                 self.message(Topic::Capture, nanoseconds(board_time_us))
             }
-            Piece::End { losses, board_time_us } => {
-                Mark::End(losses).put(&mut self.message);
+            Piece::End { losses, host, board_time_us } => {
+                Mark::End(losses, host).put(&mut self.message);
                 self.message(Topic::Capture, nanoseconds(board_time_us))
             }
             Piece::Imu { first, board_time_us, rate_hz, samples } => {
@@ -188,7 +190,7 @@ const PIECE: usize = 1000;
 
 /// A whole capture, piece by piece.
 pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
-    let Capture { about, first_us, samples, compensated, losses, receiver } = capture;
+    let Capture { about, first_us, samples, compensated, losses, receiver, timing } = capture;
     let (rate_hz, first_us) = (about.rate_hz, *first_us);
     let first = |index: usize| u32::try_from(index * PIECE).unwrap_or(u32::MAX);
     let instants = Instants { board_time_us: first_us, rate_hz };
@@ -206,7 +208,7 @@ pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
         Piece::Gnss { board_time_us, bytes }
     });
     let pulses = Piece::Pps(receiver.pulses_ns.clone());
-    let end = Piece::End { losses: *losses, board_time_us: first_us };
+    let end = Piece::End { losses: *losses, host: timing.host.clone(), board_time_us: first_us };
     std::iter::once(begin).chain(parts).chain(compensated).chain(said).chain([pulses, end])
 }
 

@@ -101,6 +101,8 @@ struct Judge<'a> {
 #[derive(Default)]
 struct Recorded {
     attempt: u32,
+    /// Items that had ended when it began: what they found it could work with.
+    over: usize,
     measured: Vec<Measurement>,
     details: Vec<serde_json::Value>,
     now: Vec<Measurement>,
@@ -121,7 +123,7 @@ impl Judge<'_> {
                 self.emit(event, EventKind::RunStarted { header, items: items.clone() });
             }
             EventKind::ItemStarted { item, attempt } => {
-                let recorded = Recorded { attempt: *attempt, ..Recorded::default() };
+                let recorded = Recorded { attempt: *attempt, over: self.over.len(), ..Recorded::default() };
                 self.attempts.insert(self.position(item)?, recorded);
                 self.emit(event, event.kind.clone());
             }
@@ -265,7 +267,7 @@ impl Judge<'_> {
                 self.again.incomplete += 1;
                 return Ok(Figures::Recorded);
             };
-            let earlier = self.earlier();
+            let earlier = self.earlier(position);
             let question = Question {
                 params: &item.params,
                 site: self.run.header.site.as_ref(),
@@ -300,8 +302,10 @@ impl Judge<'_> {
         Ok(complete.then_some(record.captures))
     }
 
-    fn earlier(&self) -> Vec<(String, Findings)> {
-        let ended = self.findings.iter().filter(|(position, _)| self.over.contains(position));
+    fn earlier(&self, of: usize) -> Vec<(String, Findings)> {
+        let over = self.attempts.get(&of).map_or(0, |recorded| recorded.over);
+        let over = self.over.get(..over).unwrap_or_default();
+        let ended = self.findings.iter().filter(|(position, _)| over.contains(position));
         ended.map(|(position, found)| (self.plan.items()[*position].name.clone(), found.clone())).collect()
     }
 

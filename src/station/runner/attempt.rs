@@ -12,12 +12,20 @@ use super::{Doing, End, Landed, Run};
 use crate::board::{Advance, Board, Desk, Pulse};
 use crate::figures::Findings;
 use crate::guidance::Guide;
+use crate::host_clock::HostClock;
 use crate::latest::Follower;
 use crate::procedure::{self, Bench, Trouble};
 use crate::turntable;
 
 impl Run<'_> {
-    pub(super) async fn attempt(&self, board: &Board, position: usize, item: &PlanItem, attempt: u32) -> Landed {
+    pub(super) async fn attempt(
+        &self,
+        board: &Board,
+        position: usize,
+        item: &PlanItem,
+        attempt: u32,
+        earlier: Vec<(String, Findings)>,
+    ) -> Landed {
         let (sender, advance) = watch::channel(Advance::default());
         let (guide, guidance) = Guide::new(self.live.readings.receiver_count() > 0);
         let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance, guidance };
@@ -30,7 +38,7 @@ impl Run<'_> {
             biased;
             asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
             () = self.control.given_up(&item.name) => End::GivenUp,
-            done = self.procedure((&desk, &guide), board, item, attempt, &report) => End::Done(done),
+            done = self.procedure((&desk, &guide), board, item, attempt, &report, earlier) => End::Done(done),
         };
         let uses = |resource| item.id.spec().resources.contains(&resource);
         if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
@@ -69,15 +77,17 @@ impl Run<'_> {
         item: &PlanItem,
         attempt: u32,
         report: &Report<'_>,
+        earlier: Vec<(String, Findings)>,
     ) -> Result<(), Trouble> {
         let bench = Bench {
             board: desk,
             fixture: &self.order.fixture,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
-            earlier: self.earlier(),
+            earlier,
             resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
             guide,
+            host_clock: host_clock(&self.order.header.bench),
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
             bench.fixture.prompt(prompt, report).await?;
@@ -97,7 +107,7 @@ impl Run<'_> {
     }
 
     /// What the items that have ended found, in the order of the plan.
-    fn earlier(&self) -> Vec<(String, Findings)> {
+    pub(super) fn earlier(&self) -> Vec<(String, Findings)> {
         let findings = self.findings.borrow();
         let ended = self.journal.look(|state| {
             let rows = state.rows();
@@ -108,6 +118,15 @@ impl Run<'_> {
             Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
         });
         named.collect()
+    }
+}
+
+/// A simulated bench runs as the host's clock does only at true speed.
+fn host_clock(bench: &gnc_executive::event::Bench) -> HostClock {
+    match bench.speed.as_deref() {
+        None => Ok(()),
+        Some(speed) if speed.parse() == Ok(1.0) => Ok(()),
+        Some(speed) => Err(format!("simulated at speed {speed}: the host's clock says nothing of the board's")),
     }
 }
 

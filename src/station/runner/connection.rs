@@ -6,7 +6,7 @@ use chrono::Utc;
 use gnc_executive::event::{Board as BoardEvent, EventKind, Level, Power};
 use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
-use gnc_protocol::message::{MakeSafe, ModulePower};
+use gnc_protocol::message::{MakeSafe, ModulePower, capability};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
@@ -81,7 +81,13 @@ impl Run<'_> {
                 boot_id: format!("{:08x}", hello.boot_id),
                 link,
             }))
-            .await
+            .await?;
+        if hello.capabilities & capability::REPEATED_READINGS == 0 {
+            return Ok(());
+        }
+        let text = "the board says that its sensors have an oscillator of their own: readings come twice or are left out, and \
+                    figures of noise hold that (interface document, section 10)";
+        self.note(Level::Warning, text.into(), None).await
     }
 
     pub(super) async fn power_on(&self, board: &Board, item: Option<&str>) -> Result<bool, StoreError> {

@@ -78,6 +78,14 @@ impl<'a> Report<'a> {
         self.file(name, &Value::NotAvailable(why.to_owned())).await
     }
 
+    /// A value as it is.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn value(&self, name: &str, value: &Value) -> Result<(), Trouble> {
+        self.file(name, value).await
+    }
+
     /// A sentence for the log.
     ///
     /// # Errors

@@ -124,6 +124,41 @@ fn rotations_recover_scale_and_coupling() {
     assert!((rows[1]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[2]["u"] == 20.0, "{rows}");
 }
 
+/// A board clock that runs 30 ppm fast makes every angle look 30 ppm large. Unmeasured, that is within the interval of the
+/// scale error, which names the clock; measured by pulses, it is gone, and the interval holds what the clock may drift.
+#[test]
+fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
+    let text = "angle_u = \"0 deg\", pose_u = \"0 deg\"";
+    let truth = (World::new(4).gyro[(0, 0)] - 1.0) * 1e6;
+    // Samples of a clock that runs fast lie closer: there are more of them in a turn, 30 ppm.
+    let turns = World { angle_error: 30e-6, ..World::new(4) }.turns("", 1, 200);
+    let pulses: Vec<u64> = (0..4).map(|k| 5_000_000_000 + k * 1_000_030_000).collect();
+    let clock = super::clock::BoardClock::of_pulses(&pulses).unwrap();
+    assert!((clock.error_ppm - 30.0).abs() < 1e-6, "{clock:?}");
+    let row = |findings: &Findings| findings.details["budget"]["scale_error_x"]["contributions"][2].clone();
+
+    let unknown = ask(ItemId::Rotation, text, &turns, &[]).unwrap();
+    let (value, _, known) = figure(&unknown, "scale_error_x");
+    assert!((value - truth - 30.0).abs() < 5.0, "{value} for {truth}");
+    // A crystal of +-50 ppm: 29 ppm of standard uncertainty, twice that at 95 %.
+    assert!((known.expanded().unwrap() - 56.8).abs() < 2.0, "{known:?}");
+    assert_eq!((&row(&unknown)["name"], &row(&unknown)["u"]), (&"sample clock, not measured".into(), &29.0.into()));
+    assert!(matches!(unknown.value("sample_rate_error"), Some(Value::NotAvailable(_))));
+
+    let earlier = [("gnss".to_owned(), Findings::new(clock.details()))];
+    let measured = ask(ItemId::Rotation, text, &turns, &earlier).unwrap();
+    let (value, _, known) = figure(&measured, "scale_error_x");
+    assert!((value - truth).abs() < 5.0, "{value} for {truth}");
+    // +-5 ppm of drift, every value as likely, and 0.05 ppm of the pulses.
+    assert!((row(&measured)["u"].as_f64().unwrap() - 5.0 / 3.0_f64.sqrt()).abs() < 0.01, "{}", row(&measured));
+    // The noise of these turns is 4 ppm beside it.
+    assert!(known.expanded().unwrap() < 12.0, "{known:?}");
+    assert_eq!(row(&measured)["name"], "sample clock, by 1PPS");
+    close(&measured, "sample_rate_error", 30.0, 6.0);
+    // What is stored follows: its inverse gives the true rate.
+    assert_ne!(measured.details["calibration"]["gyro_scale"], unknown.details["calibration"]["gyro_scale"]);
+}
+
 /// The few points kept for the picture of a turn still add up to its angle, in its sense.
 #[test]
 fn the_thinned_records_show_the_turns() {

@@ -1,5 +1,7 @@
 //! What gives no figure, and says why.
 
+use gnc_metrology::sample_clock::{ClockFault, SampleClock};
+
 use super::calibrating::{SIX, calibrated};
 use super::world::World;
 use super::*;
@@ -146,4 +148,29 @@ fn an_hour_that_is_spoilt() {
     }
     let uneven = ask(ItemId::BiasStability, &format!("{text}, block = \"0.33 s\""), &good, &earlier);
     assert!(matches!(uneven, Err(FigureError::Unfit { .. })), "{uneven:?}");
+}
+
+/// Samples off the grid of the board's own time have no rate that anybody knows: no item makes a figure of them.
+#[test]
+fn samples_off_the_boards_own_time_are_refused_everywhere() {
+    for item in [ItemId::SixPosition, ItemId::GyroBias, ItemId::BiasStability, ItemId::Allan, ItemId::Rotation] {
+        let mut world = World::new(1);
+        let mut captures = if item == ItemId::Rotation { world.turns("", 1, 200) } else { world.six("", 1, 10.0, 20) };
+        let capture = &mut captures[1];
+        let (rate_hz, label) = (capture.about.rate_hz, capture.about.label.clone());
+        let mut clock = SampleClock::new(rate_hz);
+        for number in 0..capture.samples.len() as u32 {
+            // 30 ppm fast.
+            clock.stamp(number, (f64::from(number) / f64::from(rate_hz) * 1e9 / (1.0 + 30e-6)) as u64 / 1000 * 1000);
+        }
+        capture.timing.board = clock;
+        match ask(item, "", &captures, &[]) {
+            Err(error @ FigureError::Clock { fault: ClockFault::Rate { error_ppm, .. }, .. }) => {
+                assert!((error_ppm - 30.0).abs() < 0.2, "{error_ppm}");
+                assert!(error.to_string().starts_with(&format!("{label}: by the board's own time")), "{error}");
+                assert!(error.try_this().contains("section 10"), "{}", error.try_this());
+            }
+            other => panic!("{item}: {other:?}"),
+        }
+    }
 }

@@ -4,7 +4,7 @@ use gnc_protocol::stream::ImuSample;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::board::stream::Losses;
-use crate::capture::{About, Along, Capture, Pose, Receiver};
+use crate::capture::{About, Along, Capture, Pose, Receiver, Timing};
 
 pub(super) const LATITUDE_DEG: f64 = 34.2;
 pub(super) const GRAVITY: f64 = 9.7954;
@@ -268,5 +268,7 @@ impl World {
 pub(super) fn capture(label: &str, series: u32, pose: Pose, rate_hz: u16, samples: Vec<ImuSample>) -> Capture {
     let losses = Losses { received: samples.len() as u32, ..Losses::default() };
     let about = About { label: label.to_owned(), series, pose, rate_hz };
-    Capture { about, first_us: 1_000_000, samples, compensated: Vec::new(), losses, receiver: Receiver::default() }
+    let timing = Timing::even(rate_hz, 1_000_000, samples.len());
+    let receiver = Receiver::default();
+    Capture { about, first_us: 1_000_000, samples, compensated: Vec::new(), losses, receiver, timing }
 }

@@ -6,7 +6,7 @@ use gnc_protocol::wire::{Reader, Wire as _};
 
 use super::{Captor, Trouble};
 use crate::board::stream::{Losses, Stream};
-use crate::capture::{About, Capture, Receiver, Said};
+use crate::capture::{About, Capture, HostView, Receiver, Said, Timing};
 use crate::nmea::Sentences;
 use crate::raw::Piece;
 
@@ -32,13 +32,13 @@ pub(super) async fn capture(
     let losses = sum(bytes.losses(), pulses.losses());
     let end_us = bytes.board_time_us();
     tokio::try_join!(board.stop_stream(bytes), board.stop_stream(pulses))?;
-    captor.raw.write(Piece::End { losses, board_time_us: end_us }).await?;
+    captor.raw.write(Piece::End { losses, host: HostView::default(), board_time_us: end_us }).await?;
     board.spent(std::time::Duration::from_micros(end_us.saturating_sub(begin_us)));
     if losses.any() {
         let at_s = end_us.saturating_sub(begin_us) as f64 * 1e-6;
         return Err(Trouble::CaptureLost { label: about.label.clone(), after: losses.received, at_s, losses });
     }
-    let (about, receiver) = (about.clone(), ear.heard);
+    let (about, receiver, timing) = (about.clone(), ear.heard, Timing::new(about.rate_hz));
     captor.captures.push(Capture {
         about,
         first_us: begin_us,
@@ -46,6 +46,7 @@ pub(super) async fn capture(
         compensated: Vec::new(),
         losses,
         receiver,
+        timing,
     });
     Ok(())
 }

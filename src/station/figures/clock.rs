@@ -1,0 +1,172 @@
+//! The clock by which samples were taken: against the board's own time, and against true time.
+//!
+//! Against the board's time it is checked to a microsecond, or there is no figure. Against true time it is known from the
+//! receiver's 1PPS, where an item before this one had it; else it is a crystal of the tolerance that the plan states.
+
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
+use gnc_executive::uncertainty::Uncertainty;
+use gnc_metrology::stats;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::budget::Budget;
+use super::{FigureError, Findings, Question};
+use crate::capture::{Capture, HostView};
+
+/// What an item measures of it, and the key under which its details keep it.
+const BOARD_CLOCK: &str = "board_clock";
+/// Pulses farther apart than a second by this are others: one is missing, or one is a bounce.
+pub(super) const SECOND_NS: (f64, f64) = (0.99e9, 1.01e9);
+/// Scatter of a pulse that is assumed at least, whatever so few of them show: receivers state 20 to 100 ns.
+const PULSE_NS: f64 = 100.0;
+/// Pulses that scatter by more are no reference.
+const MOST_SCATTER_NS: f64 = 10_000.0;
+/// How far a crystal may have drifted since it was measured, or between two calibrations: some kelvins of temperature.
+const DRIFT_PPM: f64 = 5.0;
+
+/// The board's clock against true time, by the pulses of a receiver with a fix.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BoardClock {
+    /// How much faster it runs, parts per million.
+    pub error_ppm: f64,
+    /// Standard uncertainty of that at the time of the pulses.
+    pub u_ppm: f64,
+    /// Seconds between the pulses.
+    pub span_s: f64,
+}
+
+impl BoardClock {
+    /// From the board times of 1PPS edges, nanoseconds.
+    ///
+    /// # Errors
+    /// Why they tell nothing, in words.
+    pub fn of_pulses(pulses_ns: &[u64]) -> Result<Self, String> {
+        let intervals = pulses_ns.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64);
+        let whole: Vec<f64> = intervals.filter(|ns| (SECOND_NS.0..=SECOND_NS.1).contains(ns)).collect();
+        if whole.is_empty() {
+            return Err("no two pulses came a second apart".into());
+        }
+        let n = whole.len() as f64;
+        let mean_ns = stats::mean(&whole);
+        let farthest_ns = whole.iter().map(|ns| (ns - mean_ns).abs()).fold(0.0, f64::max);
+        if farthest_ns > MOST_SCATTER_NS {
+            return Err(format!("the pulses scatter by {:.1} us", farthest_ns * 1e-3));
+        }
+        // Neighbouring intervals share an edge, so that of all edges the outer two count: a difference of two scatters.
+        let edge_ns = if whole.len() > 2 { stats::mean_sd(&whole).1 / 2.0_f64.sqrt() } else { 0.0 };
+        let u_ppm = edge_ns.max(PULSE_NS) * 2.0_f64.sqrt() / n * 1e-3;
+        Ok(Self { error_ppm: (mean_ns * 1e-9 - 1.0) * 1e6, u_ppm, span_s: n })
+    }
+
+    /// As a measurement, at 95 %.
+    #[must_use]
+    pub fn value(&self, probability: f64) -> Value {
+        estimate(self.error_ppm, self.u_ppm, probability)
+    }
+
+    /// As the details of the item that measured it.
+    #[must_use]
+    pub fn details(&self) -> serde_json::Value {
+        json!({ BOARD_CLOCK: self })
+    }
+}
+
+fn estimate(error_ppm: f64, u_ppm: f64, probability: f64) -> Value {
+    let k = stats::coverage_factor(probability, f64::INFINITY);
+    Value::estimate(error_ppm, Unit::PartsPerMillion, Uncertainty::symmetric(error_ppm, u_ppm, k, probability))
+}
+
+/// The sample clock against true time, as a figure uses it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Known {
+    /// What it runs too fast, as far as that was measured: samples come at `1 + error` times their rate.
+    error: f64,
+    u_ppm: f64,
+    measured: bool,
+}
+
+impl Known {
+    /// By the newest pulses before this item; else as the plan states it.
+    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+        let stated_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
+        Ok(match measured(question.earlier) {
+            Some(clock) => Self { error: clock.error_ppm * 1e-6, u_ppm: with_drift(&clock), measured: true },
+            None => Self { error: 0.0, u_ppm: stated_ppm, measured: false },
+        })
+    }
+
+    /// Samples a second of true time.
+    pub(super) fn rate_hz(&self, asked_hz: f64) -> f64 {
+        asked_hz * (1.0 + self.error)
+    }
+
+    /// Its line in the budget of a scale factor, which it enters one to one.
+    pub(super) fn in_budget(&self, budget: Budget) -> Budget {
+        let name = if self.measured { "sample clock, by 1PPS" } else { "sample clock, not measured" };
+        budget.b(name, self.u_ppm, "ppm", 1.0)
+    }
+
+    /// What a reader of the figure needs to know of it.
+    pub(super) fn details(&self) -> serde_json::Value {
+        let basis = match self.measured {
+            true => "1PPS of the receiver, in an item before this one; its error is taken out",
+            false => "not measured against true time: the tolerance of its crystal counts",
+        };
+        json!({ "basis": basis, "error_ppm": self.error * 1e6, "u_ppm": self.u_ppm })
+    }
+}
+
+fn with_drift(clock: &BoardClock) -> f64 {
+    clock.u_ppm.hypot(drift_ppm())
+}
+
+/// Standard uncertainty of what a clock drifts between two measurements.
+pub(super) fn drift_ppm() -> f64 {
+    DRIFT_PPM / 3.0_f64.sqrt()
+}
+
+fn measured(earlier: &[(String, Findings)]) -> Option<BoardClock> {
+    let clocks = earlier.iter().rev().filter_map(|(_, findings)| findings.details.get(BOARD_CLOCK));
+    clocks.filter_map(|clock| BoardClock::deserialize(clock).ok()).next()
+}
+
+/// Every capture has its samples on the grid of the board's own time.
+pub(super) fn check(captures: &[Capture]) -> Result<(), FigureError> {
+    for capture in captures {
+        // What is missing is told as such.
+        if !capture.losses.any() {
+            let unfit = |fault| FigureError::Clock { label: capture.about.label.clone(), fault };
+            capture.check_clock().map_err(unfit)?;
+        }
+    }
+    Ok(())
+}
+
+/// The rate of the samples against true time, relative to the rate that was asked for: by 1PPS, else by the host's clock
+/// over the capture that tells it best.
+#[must_use]
+pub fn sample_rate_error<'h>(
+    earlier: &[(String, Findings)],
+    views: impl Iterator<Item = &'h HostView>,
+    probability: f64,
+) -> Value {
+    if let Some(clock) = measured(earlier) {
+        return estimate(clock.error_ppm, with_drift(&clock), probability);
+    }
+    let mut best: Option<(f64, f64)> = None;
+    let mut why = None;
+    for view in views {
+        match view {
+            HostView::Compared { error_ppm, u_ppm } if best.is_none_or(|(_, least)| *u_ppm < least) => {
+                best = Some((*error_ppm, *u_ppm));
+            }
+            HostView::Compared { .. } => {}
+            HostView::Nothing(text) => why = why.or(Some(text.clone())),
+        }
+    }
+    match best {
+        Some((error_ppm, u_ppm)) => estimate(error_ppm, u_ppm, probability),
+        None => Value::NotAvailable(why.unwrap_or_else(|| "no samples were captured".into())),
+    }
+}

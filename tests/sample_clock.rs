@@ -1,0 +1,217 @@
+//! The clock of the samples: a board whose samples leave the grid of its own time calibrates nothing, whatever the link;
+//! one whose clock is off true time does, and the record says by how much.
+
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
+use std::fs::{self, File};
+use std::path::Path;
+
+use gnc_station::capture::{Capture, HostView};
+use gnc_station::raw::{self, Piece, RawWriter};
+use gnc_tests::{Place, Run, read_json};
+use serde_json::Value;
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+
+/// Turns alone.
+const TURNS: &str = r#"
+name = "turns"
+version = "1"
+[[item]]
+id = "rotation"
+params = { settle = "1 s", rest = "2 s" }
+[item.limits]
+"scale_error_*" = "-5 % .. 5 %"
+"#;
+/// The receiver before them, whose pulses tell the board's clock.
+const WITH_PULSES: &str = r#"
+name = "turns"
+version = "1"
+[[item]]
+id = "gnss"
+params = { window = "4.5 s" }
+[item.limits]
+fix_type = "== 3D"
+board_clock_error = "-200 ppm .. 200 ppm"
+[[item]]
+id = "rotation"
+requires = ["gnss"]
+params = { settle = "1 s", rest = "2 s" }
+[item.limits]
+"scale_error_*" = "-5 % .. 5 %"
+"#;
+
+fn run(place: &Place, plan: &str, board: &str, more: &[&str]) -> Run {
+    place.write("plan.toml", plan);
+    let board = place.write("board.toml", &format!("description = \"a test's\"\n{board}"));
+    let sim = format!("--sim={}", board.display());
+    let fixed = ["--auto", "plan.toml", &sim, "--serial-number", "K-1"];
+    let speed: &[&str] = if more.contains(&"--sim-speed") { &[] } else { &["--sim-speed", "max"] };
+    place.run(fixed.into_iter().chain(speed.iter().copied()).chain(more.iter().copied()))
+}
+
+fn item(record: &Value, id: &str) -> Value {
+    record["items"].as_array().into_iter().flatten().find(|item| item["id"] == id).cloned().expect("an item")
+}
+
+fn measured(record: &Value, id: &str, name: &str) -> Value {
+    let attempt = item(record, id)["attempts"].as_array().and_then(|all| all.last().cloned()).expect("an attempt");
+    let found = attempt["measurements"].as_array().into_iter().flatten().find(|value| value["name"] == name).cloned();
+    found.expect("a measurement")
+}
+
+/// From 30 ppm to 5 %, either way, over either link: errored with both rates, nothing to compute with, and the same again
+/// when the run is judged anew.
+#[test]
+fn samples_off_the_boards_own_time_calibrate_nothing() {
+    for (error_ppm, link) in [(30.0, "rs422"), (-5000.0, "rs422"), (50_000.0, "can"), (-30.0, "can")] {
+        let place = Place::new(STATION);
+        let ended =
+            run(&place, TURNS, &format!("[sampling]\nrate_error_ppm = {error_ppm:.1}\n"), &["--sim-link", link]);
+        let context = format!("{error_ppm} ppm over {link}\n{}{}", ended.stdout, ended.stderr);
+        assert_eq!(ended.code, Some(3), "{context}");
+        let record = place.record();
+        let rotation = item(&record, "rotation");
+        assert_eq!(rotation["outcome"], "errored", "{context}");
+        let error = &rotation["attempts"][0]["error"];
+        let text = error["text"].as_str().expect("a reason");
+        let seen = format!("{:.4} Hz where 1000 Hz were asked for", 1000.0 * (1.0 + error_ppm * 1e-6));
+        // The resolution of a second and a half is a ppm: the last digit is not compared.
+        let beginning = &seen[..seen.find('.').expect("a point") + 3];
+        assert!(text.contains("capture `x+") && text.contains("Hz where 1000 Hz were asked for"), "{context}");
+        assert!(text.contains(beginning), "{beginning}: {context}");
+        assert!(error["hint"].as_str().is_some_and(|hint| hint.contains("section 10")), "{context}");
+        let folder = place.runs().remove(0);
+        let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
+        assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+    }
+}
+
+/// 60 ppm of difference between two boards is in their scale errors where nothing tells it, and in the interval; with the
+/// pulses of the receiver it is gone.
+#[test]
+fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
+    let scale = |plan: &str, clock_ppm: f64| {
+        let place = Place::new(STATION);
+        let ended = run(&place, plan, &format!("[board]\nclock_error_ppm = {clock_ppm:.1}\n"), &[]);
+        assert_eq!(ended.code, Some(0), "{clock_ppm}: {}{}", ended.stdout, ended.stderr);
+        let folder = place.runs().remove(0);
+        let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
+        assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+        let record = read_json(&folder.join("run.json"));
+        let value = measured(&record, "rotation", "scale_error_z");
+        let half = (value["uncertainty"]["high"].as_f64().expect("high")
+            - value["uncertainty"]["low"].as_f64().expect("low"))
+            / 2.0;
+        (value["value"].as_f64().expect("a number"), half, record)
+    };
+    let (slow, half, record) = scale(TURNS, -30.0);
+    let (fast, _, _) = scale(TURNS, 30.0);
+    assert!((fast - slow - 60.0).abs() < 5.0, "{slow} {fast}");
+    assert!(half > 50.0, "{half}");
+    let unknown = measured(&record, "rotation", "sample_rate_error");
+    assert!(
+        unknown["value"].is_null() && unknown["raw"].as_str().is_some_and(|why| why.contains("simulated at speed"))
+    );
+
+    let (slow, half, record) = scale(WITH_PULSES, -30.0);
+    let (fast, _, _) = scale(WITH_PULSES, 30.0);
+    assert!((fast - slow).abs() < 5.0, "{slow} {fast}");
+    assert!(half < 20.0, "{half}");
+    for (id, name) in [("gnss", "board_clock_error"), ("rotation", "sample_rate_error")] {
+        let clock = measured(&record, id, name)["value"].as_f64().expect("a number");
+        assert!((clock + 30.0).abs() < 0.2, "{id}: {clock}");
+    }
+}
+
+/// A board that counts its times from the rate asked for hides from its own time, and not from the host's clock: at true
+/// speed a plan can limit that.
+#[test]
+fn counted_times_do_not_hide_from_the_hosts_clock() {
+    let plan = r#"
+name = "rate"
+version = "1"
+[[item]]
+id = "imu"
+params = { samples = 1000, rate = "200 Hz" }
+[item.limits]
+sample_rate_error = "-1 % .. 1 %"
+"#;
+    let place = Place::new(STATION);
+    let lying =
+        run(&place, plan, "[sampling]\nrate_error_ppm = 50000.0\ncounted_times = true\n", &["--sim-speed", "1"]);
+    assert_eq!(lying.code, Some(1), "{}{}", lying.stdout, lying.stderr);
+    let seen = measured(&place.record(), "imu", "sample_rate_error");
+    let within = |bound: &str| seen["uncertainty"][bound].as_f64().expect("a bound");
+    assert!(within("low") > -1e9 && within("low") < within("high"), "{seen}");
+    // At full speed there is nothing to compare with, and a limit on nothing is errored.
+    let place = Place::new(STATION);
+    let at_max = run(&place, plan, "", &[]);
+    assert_eq!(at_max.code, Some(3), "{}{}", at_max.stdout, at_max.stderr);
+    assert!(
+        at_max.stdout.contains("simulated at speed max")
+            || place.record().to_string().contains("simulated at speed max")
+    );
+}
+
+/// The raw file of a good run once more, with the frame times that a board would have told whose samples came so many ppm
+/// too fast: what an older station filed without a look at them.
+fn with_other_times(from: &Path, to: &Path, error_ppm: f64) {
+    let record = raw::read(File::open(from).expect("a raw file")).expect("a whole raw file");
+    let mut out = RawWriter::new(File::create(to).expect("room")).expect("a head");
+    for Capture { about, first_us, samples, losses, .. } in record.captures {
+        let rate_hz = about.rate_hz;
+        out.write(Piece::Begin { about, board_time_us: first_us }).expect("room");
+        for (index, samples) in samples.chunks(10).enumerate() {
+            let first = u32::try_from(index * 10).expect("a short record");
+            let after_us = f64::from(first) * 1e6 / f64::from(rate_hz) / (1.0 + error_ppm * 1e-6);
+            let board_time_us = first_us + after_us as u64;
+            out.write(Piece::Imu { first, board_time_us, rate_hz, samples: samples.to_vec() }).expect("room");
+        }
+        out.write(Piece::End { losses, host: HostView::default(), board_time_us: first_us }).expect("room");
+    }
+    out.finish().expect("room");
+}
+
+/// Files of runs that were captured before anybody looked at the times: nothing is computed from them, and `recompute` says
+/// that the figures do not hold.
+#[test]
+fn older_records_are_looked_at_too() {
+    let place = Place::new(STATION);
+    let ended = run(&place, TURNS, "", &[]);
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let folder = place.runs().remove(0);
+    let (file, other) = (folder.join("01-rotation/attempt-1.mcap"), place.path().join("other.mcap"));
+    let compute = |path: &Path| {
+        let path = path.to_str().expect("UTF-8");
+        place.run([
+            "compute",
+            "rotation",
+            path,
+            "--rate",
+            "1000",
+            "--turns",
+            "3",
+            "--axis",
+            "vertical",
+            "--latitude",
+            "39.9",
+        ])
+    };
+    let good = compute(&file);
+    assert_eq!(good.code, Some(0), "{}{}", good.stdout, good.stderr);
+    for (error_ppm, seen) in [(30.0, "1000.03"), (-5000.0, "995.00")] {
+        with_other_times(&file, &other, error_ppm);
+        let refused = compute(&other);
+        assert_eq!(refused.code, Some(2), "{}{}", refused.stdout, refused.stderr);
+        assert!(
+            refused.stderr.contains(seen) && refused.stderr.contains("1000 Hz were asked for"),
+            "{}",
+            refused.stderr
+        );
+    }
+    fs::copy(&other, &file).expect("room");
+    let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
+    assert_eq!(again.code, Some(1), "{}{}", again.stdout, again.stderr);
+    assert!(again.stdout.contains("was passed, is errored") && again.stdout.contains("995.00"), "{}", again.stdout);
+}
