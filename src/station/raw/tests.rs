@@ -274,3 +274,20 @@ fn a_record_does_not_leave_its_chunk() {
         assert_eq!(broken, "it is damaged before the first capture: Chunk ended in the middle of a record", "{length}");
     }
 }
+
+/// Few samples of each.
+fn short_captures() -> Vec<Capture> {
+    let mut captures = captures();
+    for capture in &mut captures {
+        capture.samples.truncate(60);
+        capture.compensated.truncate(60);
+    }
+    captures
+}
+
+/// A file as it was written before fields had explicit presence; it is never written again.
+#[test]
+fn files_of_earlier_versions_are_read() {
+    let found = read(&include_bytes!("implicit-presence.mcap")[..]).unwrap();
+    assert!(found == RawRecord { captures: short_captures(), unfinished: None, cut_off: false }, "other samples");
+}
