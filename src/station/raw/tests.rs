@@ -105,7 +105,7 @@ fn captures() -> Vec<Capture> {
 
 /// A file that can be looked at while it is written.
 #[derive(Clone, Default)]
-struct Shared(Rc<RefCell<Vec<u8>>>);
+pub(super) struct Shared(pub(super) Rc<RefCell<Vec<u8>>>);
 
 impl Write for Shared {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -123,7 +123,7 @@ impl Seek for Shared {
     }
 }
 
-fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
+pub(super) fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
     for capture in captures {
         let (rate_hz, board_time_us) = (capture.about.rate_hz, capture.first_us);
         let mut pieces = vec![Piece::Begin { about: capture.about.clone(), board_time_us }];
@@ -148,7 +148,7 @@ fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
     }
 }
 
-fn file(captures: &[Capture]) -> Vec<u8> {
+pub(super) fn file(captures: &[Capture]) -> Vec<u8> {
     let mut out = RawWriter::new(Cursor::new(Vec::new())).unwrap();
     write(captures, &mut out);
     out.finish().unwrap().into_inner()
@@ -276,7 +276,7 @@ fn a_record_does_not_leave_its_chunk() {
 }
 
 /// Few samples of each.
-fn short_captures() -> Vec<Capture> {
+pub(super) fn short_captures() -> Vec<Capture> {
     let mut captures = captures();
     for capture in &mut captures {
         capture.samples.truncate(60);
