@@ -25,7 +25,7 @@ use crate::store::{StoreError, on};
 pub(crate) enum Format {
     /// Text with commas, a row for each sample.
     Csv,
-    /// Apache Parquet: the same columns with their types, a third of the size.
+    /// Apache Parquet: the same columns with their types, less than half the size.
     Parquet,
 }
 

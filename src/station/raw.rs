@@ -13,6 +13,7 @@
 //!
 //! Reading a file back gives the captures bit for bit.
 
+mod ending;
 mod mark;
 mod proto;
 mod reader;
@@ -20,6 +21,7 @@ mod sample;
 mod schema;
 mod writer;
 
+pub(crate) use ending::{CutOff, Survey};
 pub use reader::{RawError, RawRecord, Unfinished, read};
 pub use writer::{Piece, RawWriter, pieces};
 

@@ -7,6 +7,7 @@
 pub mod captures;
 pub mod chain;
 mod closing;
+mod cut_off;
 pub mod digest;
 pub mod folder;
 pub mod key;

@@ -3,29 +3,25 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
-use super::table::{Kind, Table};
+use super::table::{Kind, PLACE, TEMPERATURES, Table};
 
 pub(super) fn write<'a>(file: File, kind: Kind, tables: impl Iterator<Item = Table<'a>>) -> io::Result<()> {
     let mut out = BufWriter::new(file);
-    let saturated = if kind == Kind::Compensated { ",saturated" } else { "" };
-    let values = kind.values().join(",");
-    writeln!(
-        out,
-        "capture,series,position,run,number,t_s,{values}{saturated},gyro_temperature_degc,accel_temperature_degc"
-    )?;
+    let columns: [&[&str]; 5] = [&PLACE, kind.counts(), kind.values(), kind.masks(), &TEMPERATURES];
+    writeln!(out, "{}", columns.concat().join(","))?;
     for table in tables {
         let place = format!("{},{},{},{}", quoted(table.label()), table.series(), table.position, table.run);
         for row in 0..table.len() {
             let us = table.at_us(row);
             write!(out, "{place},{row},{}.{:06}", us / 1_000_000, us % 1_000_000)?;
-            for value in 0..kind.values().len() {
-                match kind {
-                    Kind::Raw => write!(out, ",{}", table.count(row, value))?,
-                    Kind::Compensated => write!(out, ",{}", table.value(row, value))?,
-                }
+            for count in 0..kind.counts().len() {
+                write!(out, ",{}", table.count(row, count))?;
             }
-            if kind == Kind::Compensated {
-                write!(out, ",{}", table.saturated(row))?;
+            for value in 0..kind.values().len() {
+                write!(out, ",{}", table.value(row, value))?;
+            }
+            for _ in kind.masks() {
+                write!(out, ",{}", table.mask(row))?;
             }
             let [gyro, accel] = table.temperatures(row);
             writeln!(out, ",{gyro},{accel}")?;

@@ -1,16 +1,17 @@
 //! Tables as Apache Parquet, column by column.
 
 use std::fs::File;
+use std::ops::Range;
 use std::sync::Arc;
 
 use ::parquet::basic::Compression;
-use ::parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int32Type, Int64Type};
+use ::parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use ::parquet::errors::{ParquetError, Result};
 use ::parquet::file::properties::WriterProperties;
 use ::parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use ::parquet::schema::parser::parse_message_type;
 
-use super::table::{Kind, Table};
+use super::table::{Kind, PLACE, TEMPERATURES, Table};
 
 /// Rows of a group, which is worked out in memory: some 50 MB.
 const GROUP: usize = 500_000;
@@ -30,49 +31,53 @@ pub(super) fn write<'a>(file: File, kind: Kind, tables: impl Iterator<Item = Tab
     Ok(())
 }
 
-/// The columns with their types, in the words of the format.
+/// The columns with their types, in the words of the format. Whole numbers have 64 bits: programs that square and sum
+/// in the type of the column would wrap without a word in 32.
 fn schema(kind: Kind) -> String {
-    let value = if kind == Kind::Raw { "int32" } else { "double" };
-    let values: String = kind.values().iter().map(|name| format!("required {value} {name}; ")).collect();
-    let saturated = if kind == Kind::Compensated { "required int32 saturated; " } else { "" };
-    format!(
-        "message samples {{ required binary capture (UTF8); required int64 series; required binary position (UTF8); \
-         required binary run (UTF8); required int64 number; required double t_s; {values}{saturated}\
-         required double gyro_temperature_degc; required double accel_temperature_degc; }}"
-    )
+    let columns = |kind: &str, names: &[&str]| -> String {
+        names.iter().map(|name| format!("required {kind} {name}; ")).collect()
+    };
+    let [capture, series, position, run, number, t_s] = PLACE;
+    let place = format!(
+        "required binary {capture} (UTF8); required int64 {series}; required binary {position} (UTF8); \
+         required binary {run} (UTF8); required int64 {number}; required double {t_s}; "
+    );
+    let samples = [
+        columns("int64", kind.counts()),
+        columns("double", kind.values()),
+        columns("int64", kind.masks()),
+        columns("double", &TEMPERATURES),
+    ];
+    format!("message samples {{ {place}{} }}", samples.concat())
 }
 
 fn rows(
     group: &mut SerializedRowGroupWriter<'_, File>,
     kind: Kind,
     table: &Table<'_>,
-    rows: std::ops::Range<usize>,
+    rows: Range<usize>,
 ) -> Result<()> {
     let count = rows.len();
     let text = |text: &str| vec![ByteArray::from(text); count];
+    let whole = |of: &dyn Fn(usize) -> i64| rows.clone().map(of).collect::<Vec<i64>>();
+    let real = |of: &dyn Fn(usize) -> f64| rows.clone().map(of).collect::<Vec<f64>>();
     put::<ByteArrayType>(group, &text(table.label()))?;
     put::<Int64Type>(group, &vec![i64::from(table.series()); count])?;
     put::<ByteArrayType>(group, &text(&table.position))?;
     put::<ByteArrayType>(group, &text(&table.run))?;
-    put::<Int64Type>(group, &rows.clone().map(|row| row as i64).collect::<Vec<i64>>())?;
-    put::<DoubleType>(group, &rows.clone().map(|row| table.at_us(row) as f64 * 1e-6).collect::<Vec<f64>>())?;
+    put::<Int64Type>(group, &whole(&|row| row as i64))?;
+    put::<DoubleType>(group, &real(&|row| table.at_us(row) as f64 / 1e6))?;
+    for count in 0..kind.counts().len() {
+        put::<Int64Type>(group, &whole(&|row| table.count(row, count).into()))?;
+    }
     for value in 0..kind.values().len() {
-        match kind {
-            Kind::Raw => {
-                put::<Int32Type>(group, &rows.clone().map(|row| table.count(row, value)).collect::<Vec<i32>>())?;
-            }
-            Kind::Compensated => {
-                put::<DoubleType>(group, &rows.clone().map(|row| table.value(row, value)).collect::<Vec<f64>>())?;
-            }
-        }
+        put::<DoubleType>(group, &real(&|row| table.value(row, value)))?;
     }
-    if kind == Kind::Compensated {
-        let bits: Vec<i32> = rows.clone().map(|row| i32::from(table.saturated(row))).collect();
-        put::<Int32Type>(group, &bits)?;
+    for _ in kind.masks() {
+        put::<Int64Type>(group, &whole(&|row| table.mask(row).into()))?;
     }
-    for sensor in 0..2 {
-        let degc: Vec<f64> = rows.clone().map(|row| table.temperatures(row)[sensor]).collect();
-        put::<DoubleType>(group, &degc)?;
+    for sensor in 0..TEMPERATURES.len() {
+        put::<DoubleType>(group, &real(&|row| table.temperatures(row)[sensor]))?;
     }
     Ok(())
 }

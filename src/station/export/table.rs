@@ -1,6 +1,7 @@
 //! The columns of an export, whatever form it takes.
 
 use gnc_protocol::calibration::{FIELD_PER_GAUSS, FORCE_PER_MPS2, RATE_PER_RPS, ROLL_PER_RAD};
+use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, MAG_LSB_PER_GAUSS};
 
 use crate::capture::{Capture, Pose};
 
@@ -14,10 +15,28 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Names of the values of a sample.
-    pub(super) fn values(self) -> &'static [&'static str] {
+    /// Names of the counts of a sample: whole numbers as they came.
+    pub(super) fn counts(self) -> &'static [&'static str] {
         match self {
             Self::Raw => &["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z"],
+            Self::Compensated => &[],
+        }
+    }
+
+    /// Names of the values of a sample that have units: counts at the nominal scale, or what the board compensated.
+    pub(super) fn values(self) -> &'static [&'static str] {
+        match self {
+            Self::Raw => &[
+                "gyro_x_dps",
+                "gyro_y_dps",
+                "gyro_z_dps",
+                "accel_x_g",
+                "accel_y_g",
+                "accel_z_g",
+                "mag_x_gauss",
+                "mag_y_gauss",
+                "mag_z_gauss",
+            ],
             Self::Compensated => &[
                 "rate_x_rps",
                 "rate_y_rps",
@@ -30,6 +49,14 @@ impl Kind {
                 "field_z_gauss",
                 "roll_rad",
             ],
+        }
+    }
+
+    /// Names of the masks of a sample: whole numbers, a bit for each of something.
+    pub(super) fn masks(self) -> &'static [&'static str] {
+        match self {
+            Self::Raw => &[],
+            Self::Compensated => &["saturated"],
         }
     }
 
@@ -49,8 +76,12 @@ impl Kind {
     }
 }
 
-/// The samples of a capture as rows. The columns: `capture, series, position, run, number, t_s`, the values of the kind,
-/// `saturated` (compensated samples), `gyro_temperature_degc, accel_temperature_degc`.
+/// Names of the columns that say which sample a row is.
+pub(super) const PLACE: [&str; 6] = ["capture", "series", "position", "run", "number", "t_s"];
+/// Names of the last columns: temperatures of gyroscopes and accelerometers.
+pub(super) const TEMPERATURES: [&str; 2] = ["gyro_temperature_degc", "accel_temperature_degc"];
+
+/// The samples of a capture as rows. The columns: [`PLACE`], counts, values and masks of the kind, [`TEMPERATURES`].
 pub(super) struct Table<'a> {
     capture: &'a Capture,
     kind: Kind,
@@ -83,24 +114,28 @@ impl<'a> Table<'a> {
         row as u64 * 1_000_000 / u64::from(self.capture.about.rate_hz.max(1))
     }
 
-    /// A value of a sample; both in the order of [`Kind::values`]. Raw ones are whole numbers.
+    /// A value of a sample, in the order of [`Kind::values`]. Scales are whole numbers, so that the quotient is the number
+    /// next to the decimal fraction that it stands for.
     pub(super) fn value(&self, row: usize, value: usize) -> f64 {
-        match self.kind {
-            Kind::Raw => f64::from(self.count(row, value)),
+        let (count, scale) = match self.kind {
+            Kind::Raw => {
+                let scale = [GYRO_LSB_PER_DPS, ACCEL_LSB_PER_G, MAG_LSB_PER_GAUSS][value / 3 % 3];
+                (self.count(row, value), scale)
+            }
             Kind::Compensated => {
                 let sample = &self.capture.compensated[row];
-                let (count, scale) = match value {
+                match value {
                     0..3 => (sample.rate[value], RATE_PER_RPS),
                     3..6 => (sample.force[value - 3], FORCE_PER_MPS2),
                     6..9 => (sample.field[value - 6], FIELD_PER_GAUSS),
                     _ => (sample.roll, ROLL_PER_RAD),
-                };
-                f64::from(count) / scale
+                }
             }
-        }
+        };
+        f64::from(count) / scale
     }
 
-    /// A raw value.
+    /// A count of a raw sample, in the order of [`Kind::counts`].
     pub(super) fn count(&self, row: usize, value: usize) -> i32 {
         let sample = &self.capture.samples[row];
         match value {
@@ -110,8 +145,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Raw channels that were saturated, for a compensated sample.
-    pub(super) fn saturated(&self, row: usize) -> u16 {
+    /// The mask of a compensated sample: its raw channels that were saturated.
+    pub(super) fn mask(&self, row: usize) -> u16 {
         self.capture.compensated[row].saturated
     }
 

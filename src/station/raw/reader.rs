@@ -8,6 +8,7 @@ use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::Topic;
+use super::ending::CutOff;
 use super::mark::Mark;
 use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 use crate::board::stream::Losses;
@@ -29,7 +30,8 @@ pub struct RawRecord {
     pub captures: Vec<Capture>,
     /// The one without an end: the station was killed, the capture given up, or the module moved.
     pub unfinished: Option<Unfinished>,
-    /// The file has no end: the station was killed or lost its power. What stands before is good.
+    /// The file has no end, or one that was written later: the station was killed or lost its power. What stands before
+    /// is good.
     pub cut_off: bool,
 }
 
@@ -111,7 +113,7 @@ pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
 }
 
 /// Why records were not read to their end.
-enum Unread {
+pub(super) enum Unread {
     /// One of them was refused, or the file cannot be read.
     Refused(RawError),
     /// They are no MCAP.
@@ -119,7 +121,7 @@ enum Unread {
 }
 
 /// Gives every record to `take`: what it is, and what it holds. `bytes` counts those that were read.
-fn each_record(
+pub(super) fn each_record(
     mut source: impl Read,
     options: LinearReaderOptions,
     bytes: &mut usize,
@@ -137,6 +139,25 @@ fn each_record(
         }
     }
     Ok(())
+}
+
+/// Gives every record of a chunk to `take`, after a look at its checksum.
+pub(super) fn each_in_chunk(chunk: &[u8], take: impl FnMut(u8, &[u8]) -> Result<(), RawError>) -> Result<(), Unread> {
+    let opened = mcap::parse_record(op::CHUNK, chunk).map_err(Unread::File)?;
+    // The reader of MCAP would go on beyond the end of one that is not packed, and take what comes there for its own.
+    if let Record::Chunk { header, data } = opened
+        && header.compression.is_empty()
+        && !are_records(&data)
+    {
+        return Err(Unread::File(McapError::UnexpectedEoc));
+    }
+    let mut head = vec![op::CHUNK];
+    head.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true);
+    each_record(head.chain(chunk), options, &mut 0, take)
 }
 
 /// Whether records fill these bytes to the last one.
@@ -173,6 +194,8 @@ struct Found {
     bytes: usize,
     /// What follows repeats what stands before.
     past_data: bool,
+    /// Its end was written later.
+    cut_off: bool,
 }
 
 impl Found {
@@ -181,23 +204,8 @@ impl Found {
         self.take(record)
     }
 
-    /// Takes the records of a chunk.
     fn chunk(&mut self, chunk: &[u8]) -> Result<(), RawError> {
-        let opened = mcap::parse_record(op::CHUNK, chunk).map_err(|source| self.damaged(source))?;
-        // The reader of MCAP would go on beyond the end of one that is not packed, and take what comes there for its own.
-        if let Record::Chunk { header, data } = opened
-            && header.compression.is_empty()
-            && !are_records(&data)
-        {
-            return Err(self.damaged(McapError::UnexpectedEoc));
-        }
-        let mut head = vec![op::CHUNK];
-        head.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true);
-        let end = each_record(head.chain(chunk), options, &mut 0, |opcode, data| self.record(opcode, data));
+        let end = each_in_chunk(chunk, |opcode, data| self.record(opcode, data));
         end.map_err(|why| self.unread(why))
     }
 
@@ -212,6 +220,7 @@ impl Found {
         match record {
             Record::DataEnd(_) => self.past_data = true,
             _ if self.past_data => {}
+            Record::Metadata(metadata) if metadata.name == CutOff::NAME => self.cut_off = true,
             Record::Channel(channel) => {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 match topic {
@@ -347,7 +356,7 @@ impl Found {
         let unfinished = self
             .open
             .map(|open| Unfinished { samples: open.samples.len().max(open.compensated.len()), about: open.about });
-        Ok(RawRecord { captures: self.captures, unfinished, cut_off })
+        Ok(RawRecord { captures: self.captures, unfinished, cut_off: cut_off || self.cut_off })
     }
 
     fn foreign(&self, what: String) -> RawError {

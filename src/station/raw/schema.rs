@@ -18,6 +18,20 @@ enum Type {
 /// `LABEL_OPTIONAL`, which every field of proto3 has.
 const OPTIONAL: u64 = 1;
 
+/// Numbers of the fields of `FieldDescriptorProto` (and `DescriptorProto`, where it says so).
+mod number {
+    pub(super) const NAME: u32 = 1;
+    pub(super) const NUMBER: u32 = 3;
+    pub(super) const LABEL: u32 = 4;
+    pub(super) const TYPE: u32 = 5;
+    pub(super) const ONEOF_INDEX: u32 = 9;
+    pub(super) const PROTO3_OPTIONAL: u32 = 17;
+    /// Of `DescriptorProto`.
+    pub(super) const FIELD: u32 = 2;
+    /// Of `DescriptorProto`.
+    pub(super) const ONEOF_DECL: u32 = 8;
+}
+
 /// Fields in the order of their numbers, from 1, as `docs/raw.proto` has them.
 fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
     use Type::{Bytes, Double, Sfixed32, Sint32, String, Uint32, Uint64};
@@ -78,15 +92,26 @@ fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
 }
 
 /// A `FileDescriptorSet` with the one file that declares the topic's message.
+///
+/// Every field is `optional`: with implicit presence, decoders of others leave out a count of exactly 0. Such a field has
+/// a oneof of its own, which no source declares ("synthetic": protobuf, `docs/implementing_proto3_presence.md`).
 pub(super) fn descriptor_set(topic: Topic) -> Vec<u8> {
     let name = topic.message().trim_start_matches("gnc.");
     let message = build(|message| {
-        message.bytes(1, name.as_bytes());
-        for (number, (field, kind)) in (1..).zip(fields(topic)) {
+        message.bytes(number::NAME, name.as_bytes());
+        for (index, (field, kind)) in (0..).zip(fields(topic)) {
             let field = build(|out| {
-                out.bytes(1, field.as_bytes()).unsigned(3, number).unsigned(4, OPTIONAL).unsigned(5, *kind as u64);
+                out.bytes(number::NAME, field.as_bytes()).unsigned(number::NUMBER, index + 1);
+                out.unsigned(number::LABEL, OPTIONAL).unsigned(number::TYPE, *kind as u64);
+                out.unsigned(number::ONEOF_INDEX, index).unsigned(number::PROTO3_OPTIONAL, 1);
             });
-            message.bytes(2, &field);
+            message.bytes(number::FIELD, &field);
+        }
+        for (field, _) in fields(topic) {
+            let oneof = build(|out| {
+                out.bytes(number::NAME, format!("_{field}").as_bytes());
+            });
+            message.bytes(number::ONEOF_DECL, &oneof);
         }
     });
     let file = build(|file| {
@@ -102,4 +127,44 @@ fn build(put: impl FnOnce(&mut Fields<'_>)) -> Vec<u8> {
     let mut bytes = Vec::new();
     put(&mut Fields(&mut bytes));
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What people read says what files say: names, types and numbers, all with explicit presence.
+    #[test]
+    fn the_document_has_the_same_fields() {
+        let mut documented = Vec::new();
+        let mut message = "";
+        for line in include_str!("../../../docs/raw.proto").lines() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            match words.as_slice() {
+                ["message", name, "{"] => message = name,
+                ["optional", kind, name, "=", number, ..] => {
+                    documented.push(format!("{message}.{name} {kind} {}", number.trim_end_matches(';')));
+                }
+                _ => assert!(!line.contains(" = ") || line.starts_with("syntax"), "no explicit presence: {line}"),
+            }
+        }
+        let kind = |kind: Type| match kind {
+            Type::Double => "double",
+            Type::Uint64 => "uint64",
+            Type::String => "string",
+            Type::Bytes => "bytes",
+            Type::Uint32 => "uint32",
+            Type::Sfixed32 => "sfixed32",
+            Type::Sint32 => "sint32",
+        };
+        let mut told: Vec<String> = Vec::new();
+        for topic in Topic::ALL {
+            let message = topic.message().trim_start_matches("gnc.");
+            let fields = (1..).zip(fields(topic));
+            told.extend(fields.map(|(number, (name, of))| format!("{message}.{name} {} {number}", kind(*of))));
+        }
+        documented.sort();
+        told.sort();
+        assert_eq!(documented, told);
+    }
 }

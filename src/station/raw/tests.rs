@@ -111,7 +111,7 @@ fn captures() -> Vec<Capture> {
 
 /// A file that can be looked at while it is written.
 #[derive(Clone, Default)]
-struct Shared(Rc<RefCell<Vec<u8>>>);
+pub(super) struct Shared(pub(super) Rc<RefCell<Vec<u8>>>);
 
 impl Write for Shared {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -129,7 +129,7 @@ impl Seek for Shared {
     }
 }
 
-fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
+pub(super) fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
     for capture in captures {
         let (rate_hz, board_time_us) = (capture.about.rate_hz, capture.first_us);
         let mut pieces = vec![Piece::Begin { about: capture.about.clone(), board_time_us }];
@@ -154,7 +154,7 @@ fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W>) {
     }
 }
 
-fn file(captures: &[Capture]) -> Vec<u8> {
+pub(super) fn file(captures: &[Capture]) -> Vec<u8> {
     let mut out = RawWriter::new(Cursor::new(Vec::new())).unwrap();
     write(captures, &mut out);
     out.finish().unwrap().into_inner()
@@ -279,4 +279,21 @@ fn a_record_does_not_leave_its_chunk() {
         let broken = error(chunk(&record(0x80, length, &[0; 3])));
         assert_eq!(broken, "it is damaged before the first capture: Chunk ended in the middle of a record", "{length}");
     }
+}
+
+/// Few samples of each.
+pub(super) fn short_captures() -> Vec<Capture> {
+    let mut captures = captures();
+    for capture in &mut captures {
+        capture.samples.truncate(60);
+        capture.compensated.truncate(60);
+    }
+    captures
+}
+
+/// A file as it was written before fields had explicit presence; it is never written again.
+#[test]
+fn files_of_earlier_versions_are_read() {
+    let found = read(&include_bytes!("implicit-presence.mcap")[..]).unwrap();
+    assert!(found == RawRecord { captures: short_captures(), unfinished: None, cut_off: false }, "other samples");
 }

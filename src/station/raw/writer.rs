@@ -1,6 +1,6 @@
 //! Writes captures, piece by piece as they come.
 
-use std::io::{Seek, Write};
+use std::io::{Cursor, Seek, Write};
 
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::ImuSample;
@@ -76,6 +76,18 @@ pub struct RawWriter<W: Write + Seek> {
 impl<W: Write + Seek> std::fmt::Debug for RawWriter<W> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("RawWriter").field("sequence", &self.sequence).finish_non_exhaustive()
+    }
+}
+
+impl RawWriter<Cursor<Vec<u8>>> {
+    /// What stands in every file before the first capture.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn head() -> McapResult<Vec<u8>> {
+        let mut file = Self::new(Cursor::new(Vec::new()))?;
+        file.flush()?;
+        Ok(file.out.into_inner().into_inner())
     }
 }
 

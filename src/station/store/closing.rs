@@ -10,8 +10,9 @@ use gnc_executive::state::RunState;
 use gnc_executive::text;
 use nix::fcntl::{Flock, FlockArg};
 
+use super::cut_off::CutOffFile;
 use super::digest::Sums;
-use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, on, reader};
+use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, cut_off, on, reader};
 use crate::passport::{self, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
 
@@ -25,14 +26,14 @@ pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError
     on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
 }
 
-/// Closes the folder of a run with what its journal says.
-pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<(), StoreError> {
+/// Closes the folder of a run with what its journal says. `cut_off` are the raw files that had no end.
+pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[CutOffFile]) -> Result<(), StoreError> {
     let mut sums = Sums::default();
     if let Some(record) = record {
-        folder.put(LOG, |out| out.write_all(text::log_txt(record).as_bytes()))?;
+        folder.put(LOG, |out| out.write_all(log(record, cut_off).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;
         sums.add_new(folder.path())?;
-        file_papers(folder, record, &mut sums)?;
+        file_papers(folder, record, cut_off, &mut sums)?;
     }
     // One wait for all files of the run, then the digests that vouch for them.
     folder.sync()?;
@@ -47,8 +48,23 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>) -> Result<()
     chain::append(folder.path())
 }
 
+/// The run as lines for people, and what the journal cannot say: which raw files were ended later.
+fn log(record: &RunRecord, cut_off: &[CutOffFile]) -> String {
+    let mut log = text::log_txt(record);
+    if !cut_off.is_empty() {
+        log.push_str("\nRaw samples that had no end\n");
+        log.extend(cut_off.iter().map(|file| format!("  {}\n", file.in_words())));
+    }
+    log
+}
+
 /// Passport and report name the digest of all that was there before them.
-fn file_papers(folder: &RunFolder, record: &RunRecord, sums: &mut Sums) -> Result<(), StoreError> {
+fn file_papers(
+    folder: &RunFolder,
+    record: &RunRecord,
+    cut_off: &[CutOffFile],
+    sums: &mut Sums,
+) -> Result<(), StoreError> {
     let record_sha256 = sums.of_record();
     let passport = passport::of_run(record, &record_sha256);
     if let Ok(passport) = &passport {
@@ -60,7 +76,11 @@ fn file_papers(folder: &RunFolder, record: &RunRecord, sums: &mut Sums) -> Resul
     let digest = |name: &str| sums.get(name).map(|digest| (name.to_owned(), digest.to_owned()));
     let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
     let all = ("the whole record, as the passport names it".to_owned(), record_sha256);
-    let digests: Vec<_> = files.chain([all]).collect();
+    let originals = cut_off.iter().map(|file| {
+        let name = format!("{} as the station left it, {} bytes without an end", file.file, file.original_bytes);
+        (name, file.original_sha256.clone())
+    });
+    let digests: Vec<_> = files.chain([all]).chain(originals).collect();
     folder.put(REPORT, |out| report::html(out, record, &passport, &digests))
 }
 
@@ -91,17 +111,20 @@ fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreErr
     // Another station may have sealed it meanwhile.
     let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(None) };
     let Some(record) = RunRecord::from_state(&state).filter(|record| record.interrupted) else { return Ok(None) };
-    close(&RunFolder::existing(run).signed_with(key.cloned()), Some(&record))?;
-    Ok(Some(in_words(&state, &record)))
+    let folder = RunFolder::existing(run).signed_with(key.cloned());
+    let cut_off = cut_off::complete(&folder)?.files;
+    close(&folder, Some(&record), &cut_off)?;
+    Ok(Some(in_words(&state, &record, &cut_off)))
 }
 
-fn in_words(state: &RunState, record: &RunRecord) -> String {
+fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {
     let running = state.rows().iter().filter(|row| row.running().is_some());
     let running: Vec<&str> = running.map(|row| row.planned.name.as_str()).collect();
     let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
     let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
     let serial_number = &record.serial_number;
-    format!("was interrupted{during}{last}; it is sealed as that, and {serial_number} has to be tested again")
+    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_words())).collect();
+    format!("was interrupted{during}{last}; {ended}it is sealed as that, and {serial_number} has to be tested again")
 }
 
 /// JSON as the record's files hold it.

@@ -137,7 +137,7 @@ impl RunFolder {
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<(), StoreError> {
         self.place(name, write, true)?;
-        sync_dir(&self.path)
+        sync_dir(self.path.join(name).parent().unwrap_or(&self.path))
     }
 
     /// Waits until everything that was written is on disk.
@@ -158,10 +158,15 @@ impl RunFolder {
         hidden.push(".part");
         let part = parent.join(hidden);
         let mut file = io::BufWriter::new(on(File::create(&part), "create", &part)?);
-        on(write(&mut file).and_then(|()| file.flush()), "write", &part)?;
+        let mut written = write(&mut file).and_then(|()| file.flush());
         if sync {
-            on(file.get_ref().sync_all(), "write", &part)?;
+            written = written.and_then(|()| file.get_ref().sync_all());
         }
+        if written.is_err() {
+            // On a full disk it would be in the way. What is said is why it could not be written.
+            let _ = fs::remove_file(&part);
+        }
+        on(written, "write", &part)?;
         on(fs::rename(&part, &path), "write", &path)
     }
 }

@@ -305,6 +305,6 @@ impl Writer {
 
     fn close_folder(&self) -> Result<(), StoreError> {
         let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
-        closing::close(&self.folder, record.as_ref())
+        closing::close(&self.folder, record.as_ref(), &[])
     }
 }
