@@ -46,7 +46,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let mut findings = Findings::new(json!({
         "equation": "root mean square about the surveyed antenna: of east and north together, and of height",
         "mean_error_m": { "east": stats::mean(&east), "north": stats::mean(&north), "up": stats::mean(&up) },
-        "epochs": epochs.len(), "with_fix": fixes.len(), "sentence_errors": sentences.errors(),
+        "epochs": epochs.len(), "with_fix": fixes.len(), "sentence_errors": sentences.counts().errors,
         "survey_u_m": survey_u, "effective": { "horizontal": worth, "height": dof_of_rms(&up) },
         "label": "neighbouring epochs are correlated and counted as what they are worth",
     }));
