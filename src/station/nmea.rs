@@ -105,6 +105,12 @@ impl Epoch {
 #[derive(Debug, Default)]
 pub struct Sentences {
     framer: Framer,
+    heard: Heard,
+}
+
+/// What came of the pieces so far.
+#[derive(Debug, Default)]
+struct Heard {
     epochs: Epochs,
     counts: Counts,
     fault: Option<Fault>,
@@ -129,59 +135,75 @@ pub struct Counts {
 impl Sentences {
     /// Takes bytes as they come; gives the epochs that ended in them.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
-        let Self { framer, epochs, counts, fault, foreign } = self;
+        self.hear(|framer, found| framer.push(bytes, found))
+    }
+
+    /// No more bytes come: gives the epochs that ended in those that seemed to be under way. The last epoch did not end.
+    pub fn finish(&mut self) -> Vec<Epoch> {
+        self.hear(|framer, found| framer.finish(found))
+    }
+
+    fn hear(&mut self, listen: impl FnOnce(&mut Framer, &mut dyn FnMut(Piece<'_>))) -> Vec<Epoch> {
+        let Self { framer, heard } = self;
         let mut ended = Vec::new();
-        let mut wrong = |counts: &mut Counts, what: Fault| {
-            counts.errors = counts.errors.saturating_add(1);
-            counts.faults = counts.faults.saturating_add(1);
-            fault.get_or_insert(what);
-        };
-        framer.push(bytes, |piece| match piece {
-            Piece::Sentence(body) => match sentence::read(body) {
-                Ok(None) => {}
-                Ok(Some(sentence)) => match epochs.add(sentence) {
-                    None => {}
-                    Some(Ok(epoch)) => ended.push(epoch),
-                    Some(Err(what)) => {
-                        wrong(counts, what);
-                        ended.push(Epoch::default());
-                    }
-                },
-                Err(what) => {
-                    epochs.faulty(body);
-                    wrong(counts, what);
-                }
-            },
-            Piece::Foreign(protocol) => {
-                counts.foreign = counts.foreign.saturating_add(1);
-                foreign[protocol as usize] = foreign[protocol as usize].saturating_add(1);
-            }
-            Piece::Broken => {
-                counts.errors = counts.errors.saturating_add(1);
-                epochs.broken();
-            }
-        });
-        self.counts.repeated = self.epochs.repeated();
-        self.counts.unchecked = self.framer.unchecked();
+        listen(framer, &mut |piece| ended.extend(heard.piece(&piece)));
         ended
     }
 
     /// What was heard beside the epochs.
     #[must_use]
     pub fn counts(&self) -> Counts {
-        self.counts
+        let (repeated, unchecked) = (self.heard.epochs.repeated(), self.framer.unchecked());
+        Counts { repeated, unchecked, ..self.heard.counts }
     }
 
     /// The first error of the receiver itself.
     #[must_use]
     pub fn fault(&self) -> Option<&Fault> {
-        self.fault.as_ref()
+        self.heard.fault.as_ref()
     }
 
     /// The other protocols with the number of their frames, as `12 UBX, 3 RTCM 3`; empty for none.
     #[must_use]
     pub fn foreign(&self) -> String {
-        let heard = Protocol::ALL.iter().zip(self.foreign).filter(|(_, frames)| *frames > 0);
+        let heard = Protocol::ALL.iter().zip(self.heard.foreign).filter(|(_, frames)| *frames > 0);
         heard.map(|(protocol, frames)| format!("{frames} {}", protocol.name())).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl Heard {
+    /// Takes a piece; gives the epoch that ended with it.
+    fn piece(&mut self, piece: &Piece<'_>) -> Option<Epoch> {
+        match piece {
+            Piece::Sentence(body) => match sentence::read(body) {
+                Ok(sentence) => match self.epochs.add(sentence?)? {
+                    Ok(epoch) => return Some(epoch),
+                    Err(fault) => {
+                        self.faulty(fault);
+                        return Some(Epoch::default());
+                    }
+                },
+                Err(fault) => {
+                    self.epochs.faulty(body);
+                    self.faulty(fault);
+                }
+            },
+            Piece::Foreign(protocol) => {
+                self.counts.foreign = self.counts.foreign.saturating_add(1);
+                let frames = &mut self.foreign[*protocol as usize];
+                *frames = frames.saturating_add(1);
+            }
+            Piece::Broken => {
+                self.counts.errors = self.counts.errors.saturating_add(1);
+                self.epochs.broken();
+            }
+        }
+        None
+    }
+
+    fn faulty(&mut self, fault: Fault) {
+        self.counts.errors = self.counts.errors.saturating_add(1);
+        self.counts.faults = self.counts.faults.saturating_add(1);
+        self.fault.get_or_insert(fault);
     }
 }

@@ -56,10 +56,10 @@ pub(super) static IMU: ItemSpec = ItemSpec {
 
 const PLACE: &str = "Check that the antenna sees the sky, and that its place in the bench file is right.";
 
-/// Satellite receiver, judged against the surveyed place of the antenna.
-/// What a receiver says under a good checksum and cannot be.
+/// What a receiver says under a good checksum that cannot be.
 const RECEIVER: &str = "The line is good, but what the receiver says cannot be: suspect the receiver or its firmware.";
 
+/// Satellite receiver, judged against the surveyed place of the antenna.
 pub(super) static GNSS: ItemSpec = ItemSpec {
     title: "GNSS receiver",
     params: &[
@@ -111,7 +111,10 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
             Dimension::Time,
             "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
         ),
-        count("sentence_errors", "Sentences arrive broken: check the line between receiver and DSP."),
+        count(
+            "sentence_errors",
+            "Sentences arrive broken: check the line between receiver and DSP; receiver_faults are of the receiver itself.",
+        ),
         count("sentences_unchecked", "The receiver says no checksums: switch them on, so that the line is checked."),
         count("receiver_faults", RECEIVER),
         text("receiver_fault", RECEIVER),

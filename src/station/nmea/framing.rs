@@ -61,13 +61,28 @@ impl Framer {
     }
 
     /// Takes bytes as they come.
-    pub(super) fn push(&mut self, bytes: &[u8], mut found: impl FnMut(Piece<'_>)) {
+    pub(super) fn push(&mut self, bytes: &[u8], found: impl FnMut(Piece<'_>)) {
+        self.buffer.extend_from_slice(bytes);
+        self.take(false, found);
+    }
+
+    /// No more bytes come: what looks like the beginning of a long frame may have whole sentences in it. Nothing is an
+    /// error that the end cut off.
+    pub(super) fn finish(&mut self, mut found: impl FnMut(Piece<'_>)) {
+        self.take(true, |piece| {
+            if piece != Piece::Broken {
+                found(piece);
+            }
+        });
+        self.buffer.clear();
+    }
+
+    fn take(&mut self, last: bool, mut found: impl FnMut(Piece<'_>)) {
         let mut buffer = std::mem::take(&mut self.buffer);
-        buffer.extend_from_slice(bytes);
         let mut at = 0;
         while at < buffer.len() {
             let rest = &buffer[at..];
-            let taken = match step(rest) {
+            let taken = match step(rest, last) {
                 Step::Wait => break,
                 Step::Skip(length) => length,
                 Step::EndOfLine => {
@@ -148,11 +163,12 @@ impl Framer {
     }
 }
 
-fn step(bytes: &[u8]) -> Step {
+/// What stands at the front; `last` where no more bytes come.
+fn step(bytes: &[u8], last: bool) -> Step {
     match protocols::front(bytes) {
         Front::Frame(protocol, length) => return Step::Foreign(protocol, length),
-        Front::More => return Step::Wait,
-        Front::No => {}
+        Front::More if !last => return Step::Wait,
+        Front::More | Front::No => {}
     }
     match bytes[0] {
         b'\r' | b'\n' => Step::EndOfLine,

@@ -21,7 +21,8 @@ fn text(bodies: &[&str]) -> String {
 fn heard(bytes: &[u8]) -> (Vec<Epoch>, Sentences) {
     let listen = |piece: usize| {
         let mut sentences = Sentences::default();
-        let epochs: Vec<Epoch> = bytes.chunks(piece).flat_map(|piece| sentences.push(piece)).collect();
+        let mut epochs: Vec<Epoch> = bytes.chunks(piece).flat_map(|piece| sentences.push(piece)).collect();
+        epochs.extend(sentences.finish());
         (epochs, sentences)
     };
     let (epochs, sentences) = listen(bytes.len().max(1));

@@ -60,6 +60,8 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
 struct Heard {
     /// From the first sentence to the first fix.
     time_to_fix_s: Option<f64>,
+    /// Board time of the first fix.
+    fixed_us: Option<u64>,
     /// Epochs since the fix.
     fixes: Vec<Epoch>,
     /// The last epoch without one.
@@ -76,6 +78,18 @@ struct Heard {
 }
 
 impl Heard {
+    fn add(&mut self, epochs: Vec<Epoch>, now_us: u64) {
+        for epoch in epochs {
+            if epoch.has_fix() {
+                self.fixed_us.get_or_insert(now_us);
+                self.fixes.push(epoch);
+            } else {
+                self.fixes_lost += u32::from(self.fixed_us.is_some());
+                self.without_fix = Some(epoch);
+            }
+        }
+    }
+
     /// Whether the number of dimensions is not known yet, and may be told still.
     fn may_tell_dimensions(&self) -> bool {
         self.fixes.len() <= DIMENSIONS_AFTER && self.fixes.iter().all(|epoch| epoch.fix == Fix::DimensionsUnknown)
@@ -95,7 +109,6 @@ impl Heard {
 async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_s: f64) -> Result<Heard, Trouble> {
     let mut heard = Heard::default();
     let mut began_us = None;
-    let mut fixed_us = None;
     let mut now_us = 0;
     loop {
         tokio::select! {
@@ -115,15 +128,8 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
                     now_us = frame.head.board_time_us;
                     began_us.get_or_insert(now_us);
                     heard.first.get_or_insert_with(Instant::now);
-                    for epoch in heard.sentences.push(&frame.samples) {
-                        if epoch.has_fix() {
-                            fixed_us.get_or_insert(now_us);
-                            heard.fixes.push(epoch);
-                        } else {
-                            heard.fixes_lost += u32::from(fixed_us.is_some());
-                            heard.without_fix = Some(epoch);
-                        }
-                    }
+                    let ended = heard.sentences.push(&frame.samples);
+                    heard.add(ended, now_us);
                 }
                 // The receiver is mute, while the board's clock goes on.
                 None => {
@@ -134,10 +140,12 @@ async fn listen(bytes: &mut Stream, pulses: &mut Stream, window_s: f64, timeout_
         }
         let Some(began_us) = began_us else { continue };
         let waited_s = |since: u64| now_us.saturating_sub(since) as f64 * 1e-6;
-        heard.time_to_fix_s = fixed_us.map(|fixed: u64| fixed.saturating_sub(began_us) as f64 * 1e-6);
         let over =
             |fixed| waited_s(fixed) > window_s + if heard.may_tell_dimensions() { DIMENSIONS_WITHIN_S } else { 0.0 };
-        if fixed_us.map_or(waited_s(began_us) > timeout_s, over) {
+        if heard.fixed_us.map_or(waited_s(began_us) > timeout_s, over) {
+            let ended = heard.sentences.finish();
+            heard.add(ended, now_us);
+            heard.time_to_fix_s = heard.fixed_us.map(|fixed| fixed.saturating_sub(began_us) as f64 * 1e-6);
             heard.listened = Duration::from_secs_f64(waited_s(began_us));
             return Ok(heard);
         }
