@@ -53,8 +53,81 @@ fn check(receiver: &Path) {
 #[test]
 fn every_receiver_is_judged_by_its_reason() {
     let receivers = receivers();
-    assert!(receivers.len() > 10, "{receivers:?}");
+    assert!(receivers.len() > 30, "{receivers:?}");
     receivers.iter().for_each(|receiver| check(receiver));
+}
+
+/// What the item `gnss` measures of a receiver under some limits, each with its name, and the code of the run.
+fn measured(receiver: &str, limits: &str) -> (Option<i32>, Vec<Value>) {
+    let place = Place::new(STATION);
+    let plan = format!(
+        "name = \"receiver\"\nversion = \"1\"\n\n[[item]]\nid = \"gnss\"\n\
+         params = {{ start = \"hot\", window = \"2 s\", timeout = \"60 s\" }}\n[item.limits]\n{limits}\n"
+    );
+    let plan = place.write("receiver.toml", &plan).display().to_string();
+    let receiver = repository().join("hw-mocks/receivers").join(receiver);
+    let sim = format!("--sim={}", receiver.display());
+    let run = place.run(["--auto", &plan, &sim, "--sim-speed", "max", "--serial-number", "T-1"]);
+    let measurements = place.record()["items"][0]["attempts"][0]["measurements"].clone();
+    (run.code, measurements.as_array().cloned().unwrap_or_default())
+}
+
+fn named<'a>(measurements: &'a [Value], name: &str) -> &'a Value {
+    measurements.iter().find(|measurement| measurement["name"] == name).expect(name)
+}
+
+/// RTK boxes say no GSA: whether a fix of unknown dimensions suffices is the plan's word.
+#[test]
+fn the_plan_says_whether_unknown_dimensions_suffice() {
+    let (code, _) = measured("no-gsa.toml", "fix_type = \"== dimensions unknown\"");
+    assert_eq!(code, Some(0));
+    let (code, measurements) = measured("no-gsa.toml", "fix_type = \"== 3D\"");
+    assert_eq!((code, named(&measurements, "fix_type")["value"].as_str()), (Some(1), Some("dimensions unknown")));
+    assert_eq!(named(&measurements, "vdop")["raw"], "no GSA says it");
+}
+
+/// GSA comes with every fifth second, and the window of 2 s need not have one: it is waited for.
+#[test]
+fn dimensions_are_waited_for() {
+    let (code, measurements) = measured("gsa-every-5th-epoch.toml", "fix_type = \"== 3D\"");
+    assert_eq!(code, Some(0), "{measurements:?}");
+}
+
+#[test]
+fn a_figure_that_does_not_exist_has_its_reason() {
+    let (_, measurements) = measured("no-geoid.toml", "height_error = \"<= 45 m\"");
+    for name in ["height", "height_error"] {
+        let figure = named(&measurements, name);
+        let why = figure["raw"].as_str().unwrap_or_default();
+        assert!(figure["value"].is_null() && why.contains("no geoid separation"), "{figure}");
+    }
+    let (_, measurements) = measured("gll-alone.toml", "fix_type = \"== dimensions unknown\"");
+    for name in ["height", "height_error", "ground_speed", "satellites_used", "hdop", "vdop"] {
+        let figure = named(&measurements, name);
+        assert!(figure["value"].is_null() && figure["raw"].as_str().is_some_and(|why| why.len() > 10), "{figure}");
+    }
+}
+
+/// Errors of the receiver have their name in the record, and other protocols their number.
+#[test]
+fn faults_and_frames_are_named() {
+    let fault = |receiver| {
+        let (code, measurements) = measured(receiver, "receiver_faults = \"<= 0\"");
+        assert_eq!(code, Some(1), "{measurements:?}");
+        named(&measurements, "receiver_fault")["value"].as_str().unwrap_or_default().to_owned()
+    };
+    assert_eq!(fault("minutes-of-73.toml"), "GGA: latitude `3473.92600` has minutes of 60 or more");
+    assert_eq!(
+        fault("longitude-of-4-digits.toml"),
+        "GGA: longitude `0854.92400` has 4 digits before the point, and should have 5"
+    );
+    assert_eq!(fault("rmc-void.toml"), "RMC is void where GGA of the same time says a fix");
+    let (code, measurements) =
+        measured("mixed-protocols.toml", "sentence_errors = \"<= 0\"\nforeign_frames = \">= 6\"");
+    assert_eq!(code, Some(0), "{measurements:?}");
+    let (_, measurements) = measured("only-ubx.toml", "fix_type = \"== 3D\"");
+    let fix = named(&measurements, "fix_type")["value"].as_str().unwrap_or_default();
+    assert!(fix.starts_with("none (no sentence heard, but frames: ") && fix.ends_with(" UBX)"), "{fix}");
 }
 
 /// A receiver that calls it a 3D fix is believed so far: the functional test allows 30 m. Its accuracy is measured.

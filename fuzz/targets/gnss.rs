@@ -12,7 +12,7 @@ use gnc_executive::plan::{Params, Plan};
 use gnc_station::board::stream::Losses;
 use gnc_station::capture::{About, Capture, Pose, Receiver, Said};
 use gnc_station::figures::{Question, analyse};
-use gnc_station::nmea::{Epoch, Sentences};
+use gnc_station::nmea::{Counts, Epoch, Sentences};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: (u16, &[u8])| {
@@ -31,14 +31,15 @@ fn heard(cut: u16, bytes: &[u8]) {
     assert_eq!((whole, counts), epochs(&[head, tail]));
 }
 
-fn epochs(pieces: &[&[u8]]) -> (Vec<Epoch>, (u32, u32)) {
+fn epochs(pieces: &[&[u8]]) -> (Vec<Epoch>, (Counts, String)) {
     let mut sentences = Sentences::default();
     let epochs = pieces.iter().flat_map(|piece| sentences.push(piece)).collect();
-    (epochs, (sentences.errors(), sentences.repeated()))
+    (epochs, (sentences.counts(), sentences.foreign()))
 }
 
 fn plausible(epoch: &Epoch) {
-    assert!(epoch.dimensions <= 3);
+    assert!(!epoch.has_fix() || epoch.fix.is_fix(), "{epoch:?}");
+    assert!(epoch.height_m.is_none() || epoch.altitude_m.is_some(), "{epoch:?}");
     assert!(epoch.latitude_deg.is_none_or(|deg| deg.abs() <= 90.0), "{epoch:?}");
     assert!(epoch.longitude_deg.is_none_or(|deg| deg.abs() <= 180.0), "{epoch:?}");
     assert!(epoch.height_m.is_none_or(f64::is_finite), "{epoch:?}");

@@ -1,8 +1,8 @@
 //! A receiver's log, played back: bytes that some receiver said, in the order in which it said them.
 //!
 //! A log holds no times. What repeats is the kind of message that stands first in it (an NMEA sentence, a UBX message): with
-//! each of its kind a new epoch begins, and epochs are said at a steady pace. What is neither stays where it stands, so
-//! that garbage is played too. Lines that begin with `#` before the first message are the remarks of whoever recorded it.
+//! each of its kind a new epoch begins, and epochs are said at a steady pace. GSV, GSA and TXT begin none, since an epoch
+//! has several. What is neither stays where it stands, so that garbage is played too. Lines that begin with `#` before the first message are the remarks of whoever recorded it.
 
 /// Longest log: an hour of a receiver that says 1 kB a second.
 pub const LONGEST: usize = 4 << 20;
@@ -29,7 +29,7 @@ impl Recording {
             let (bytes, after) = rest.split_at(length.clamp(1, rest.len()));
             rest = after;
             if first.is_none() {
-                first = kind;
+                first = kind.filter(|kind| !matches!(&kind[3..], b"GSV" | b"GSA" | b"TXT"));
             }
             let begins = kind.is_some() && kind == first;
             match epochs.last_mut() {
@@ -64,14 +64,19 @@ fn without_remarks(mut log: &[u8]) -> &[u8] {
 /// The kind of the message at the front and its length; what is none has no kind and goes up to the next one.
 fn message(bytes: &[u8]) -> (Option<[u8; 6]>, usize) {
     if let Some(kind) = nmea(bytes) {
-        let length = bytes.iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |end| end + 1);
-        return (Some(kind), length);
+        return (Some(kind), line(bytes));
     }
     if let Some((kind, length)) = ubx(bytes) {
         return (Some(kind), length);
     }
     let next = (1..bytes.len()).find(|at| nmea(&bytes[*at..]).is_some() || ubx(&bytes[*at..]).is_some());
     (None, next.unwrap_or(bytes.len()).min(PIECE))
+}
+
+/// Up to the end of the line, which is CR, LF or both, or up to the next sentence.
+fn line(bytes: &[u8]) -> usize {
+    let end = (1..bytes.len()).find(|at| matches!(bytes[*at], b'\r' | b'\n' | b'$'));
+    end.map_or(bytes.len(), |end| end + bytes[end..].iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count())
 }
 
 /// `$GPGGA`: five capitals or digits.
@@ -106,6 +111,16 @@ mod tests {
         check(
             &[0xb5, 0x62, 1, 7, 1, 0, 9, 0, 0, 0xb5, 0x62, 1, 3, 0, 0, 0, 0, 0xb5, 0x62, 1, 7, 0, 0, 0, 0],
             &[&[0xb5, 0x62, 1, 7, 1, 0, 9, 0, 0, 0xb5, 0x62, 1, 3, 0, 0, 0, 0], &[0xb5, 0x62, 1, 7, 0, 0, 0, 0]],
+        );
+    }
+
+    #[test]
+    fn lines_end_in_many_ways() {
+        check(b"$GPRMC,1\r$GPGGA,1\r$GPRMC,2\r", &[b"$GPRMC,1\r$GPGGA,1\r", b"$GPRMC,2\r"]);
+        check(b"$GPRMC,1$GPGGA,1\n\n$GPRMC,2", &[b"$GPRMC,1$GPGGA,1\n\n", b"$GPRMC,2"]);
+        check(
+            b"$GPGSV,1\n$GPGSV,2\n$GPGGA,1\n$GPGSV,1\n$GPGGA,2\n",
+            &[b"$GPGSV,1\n$GPGSV,2\n$GPGGA,1\n$GPGSV,1\n", b"$GPGGA,2\n"],
         );
     }
 

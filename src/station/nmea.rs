@@ -1,228 +1,209 @@
 //! Epochs of a receiver from whatever bytes it sends.
 //!
-//! Each sentence is parsed by itself: nothing of an older one is carried over, and an implausible one counts as an
-//! error. An epoch is what GGA, GSA and RMC of the same time say together.
+//! Bytes become sentences and frames of other protocols ([`framing`]), sentences become solutions ([`sentence`]), and all
+//! that is said of one time of day becomes an epoch ([`epochs`]). Where a receiver says GGA or GNS, that is its solution;
+//! RMC alone, or GLL alone, is one of a receiver that says no more. The number of dimensions is what GSA says, carried over
+//! for as many epochs as it usually takes to the next one; a receiver without GSA has a fix of unknown dimensions. What
+//! cannot be is an error and never a number.
 
-use chrono::{NaiveDate, NaiveTime};
-use nmea::ParseResult;
-use nmea::sentences::gsa::GsaMode2;
-use nmea::sentences::{FixType, GgaData, GsaData, RmcData};
+mod active;
+mod epochs;
+mod fault;
+mod fields;
+mod framing;
+mod protocols;
+mod sentence;
+#[cfg(test)]
+mod tests;
 
-/// Longest sentence: 82 characters by NMEA 0183, and room for receivers that exceed it.
-const MAX_SENTENCE: usize = 128;
-const KNOT_MPS: f64 = 1852.0 / 3600.0;
+use chrono::NaiveDate;
+
+use epochs::Epochs;
+pub use fault::Fault;
+use framing::{Framer, Piece};
+pub use protocols::Protocol;
+
+/// Epochs with a fix after which a receiver that said no GSA says none.
+pub const DIMENSIONS_AFTER: usize = active::CARRIED_EPOCHS as usize;
+
+/// What a position is made of.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Fix {
+    /// Nothing.
+    #[default]
+    None,
+    /// Dead reckoning, which is no fix.
+    Estimated,
+    /// A position that was typed in, which is no fix.
+    Manual,
+    /// A simulator within the receiver, which is no fix.
+    Simulated,
+    /// Satellites; no GSA tells with how many dimensions.
+    DimensionsUnknown,
+    /// Satellites, without height.
+    TwoD,
+    /// Satellites, with height.
+    ThreeD,
+}
+
+impl Fix {
+    /// As plans and screens call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Estimated => "none (estimated)",
+            Self::Manual => "none (entered by hand)",
+            Self::Simulated => "none (simulated)",
+            Self::DimensionsUnknown => "dimensions unknown",
+            Self::TwoD => "2D",
+            Self::ThreeD => "3D",
+        }
+    }
+
+    /// Whether satellites give the position.
+    #[must_use]
+    pub fn is_fix(self) -> bool {
+        matches!(self, Self::DimensionsUnknown | Self::TwoD | Self::ThreeD)
+    }
+}
 
 /// One solution of the receiver.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Epoch {
-    /// 0 none, 2 or 3.
-    pub dimensions: u8,
+    /// What it is made of.
+    pub fix: Fix,
     /// North positive.
     pub latitude_deg: Option<f64>,
     /// East positive.
     pub longitude_deg: Option<f64>,
-    /// Above the WGS-84 ellipsoid.
+    /// Above mean sea level.
+    pub altitude_m: Option<f64>,
+    /// Above the WGS-84 ellipsoid: that above the sea and the geoid's, where the receiver says both.
     pub height_m: Option<f64>,
     /// Over ground.
     pub ground_speed_mps: Option<f64>,
     /// In the solution.
     pub satellites_used: Option<u32>,
     /// Horizontal dilution of precision.
-    pub hdop: Option<f32>,
+    pub hdop: Option<f64>,
     /// Vertical dilution of precision.
-    pub vdop: Option<f32>,
+    pub vdop: Option<f64>,
     /// Day by the receiver's calendar.
     pub date: Option<NaiveDate>,
 }
 
 impl Epoch {
-    /// Whether there is a position.
+    /// Whether there is a position from satellites.
     #[must_use]
     pub fn has_fix(&self) -> bool {
-        self.dimensions > 0 && self.latitude_deg.is_some() && self.longitude_deg.is_some()
+        self.fix.is_fix() && self.latitude_deg.is_some() && self.longitude_deg.is_some()
     }
 }
 
 /// Finds sentences in bytes and epochs in sentences.
 #[derive(Debug, Default)]
 pub struct Sentences {
-    line: Vec<u8>,
-    synchronised: bool,
-    errors: u32,
-    repeated: u32,
-    time: Option<NaiveTime>,
-    /// Of the last epoch that ended.
-    last_time: Option<NaiveTime>,
-    gga: Option<GgaData>,
-    gsa: Option<GsaData>,
-    rmc: Option<RmcData>,
+    framer: Framer,
+    heard: Heard,
+}
+
+/// What came of the pieces so far.
+#[derive(Debug, Default)]
+struct Heard {
+    epochs: Epochs,
+    counts: Counts,
+    fault: Option<Fault>,
+    foreign: [u32; Protocol::ALL.len()],
+}
+
+/// What was heard beside the epochs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Sentences with a wrong checksum, spoilt, or of which a field cannot be; and bytes that are nothing.
+    pub errors: u32,
+    /// Those of them with a right checksum: errors of the receiver.
+    pub faults: u32,
+    /// Epochs of the time of the one before: said again, or a clock that stands. They are none of their own.
+    pub repeated: u32,
+    /// Frames of other protocols.
+    pub foreign: u32,
+    /// Sentences of a receiver that says no checksums.
+    pub unchecked: u32,
 }
 
 impl Sentences {
     /// Takes bytes as they come; gives the epochs that ended in them.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
-        let mut epochs = Vec::new();
-        for &byte in bytes {
-            if byte == b'\n' {
-                let line = std::mem::take(&mut self.line);
-                // What was under way when listening began is no error.
-                if std::mem::replace(&mut self.synchronised, true) {
-                    self.sentence(&line, &mut epochs);
+        self.hear(|framer, found| framer.push(bytes, found))
+    }
+
+    /// No more bytes come: gives the epochs that ended in those that seemed to be under way. The last epoch did not end.
+    pub fn finish(&mut self) -> Vec<Epoch> {
+        self.hear(|framer, found| framer.finish(found))
+    }
+
+    fn hear(&mut self, listen: impl FnOnce(&mut Framer, &mut dyn FnMut(Piece<'_>))) -> Vec<Epoch> {
+        let Self { framer, heard } = self;
+        let mut ended = Vec::new();
+        listen(framer, &mut |piece| ended.extend(heard.piece(&piece)));
+        ended
+    }
+
+    /// What was heard beside the epochs.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let (repeated, unchecked) = (self.heard.epochs.repeated(), self.framer.unchecked());
+        Counts { repeated, unchecked, ..self.heard.counts }
+    }
+
+    /// The first error of the receiver itself.
+    #[must_use]
+    pub fn fault(&self) -> Option<&Fault> {
+        self.heard.fault.as_ref()
+    }
+
+    /// The other protocols with the number of their frames, as `12 UBX, 3 RTCM 3`; empty for none.
+    #[must_use]
+    pub fn foreign(&self) -> String {
+        let heard = Protocol::ALL.iter().zip(self.heard.foreign).filter(|(_, frames)| *frames > 0);
+        heard.map(|(protocol, frames)| format!("{frames} {}", protocol.name())).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl Heard {
+    /// Takes a piece; gives the epoch that ended with it.
+    fn piece(&mut self, piece: &Piece<'_>) -> Option<Epoch> {
+        match piece {
+            Piece::Sentence(body) => match sentence::read(body) {
+                Ok(sentence) => match self.epochs.add(sentence?)? {
+                    Ok(epoch) => return Some(epoch),
+                    Err(fault) => {
+                        self.faulty(fault);
+                        return Some(Epoch::default());
+                    }
+                },
+                Err(fault) => {
+                    self.epochs.faulty(body);
+                    self.faulty(fault);
                 }
-            } else if self.line.len() < MAX_SENTENCE {
-                self.line.push(byte);
-            } else if self.synchronised {
-                self.errors += 1;
-                self.synchronised = false;
+            },
+            Piece::Foreign(protocol) => {
+                self.counts.foreign = self.counts.foreign.saturating_add(1);
+                let frames = &mut self.foreign[*protocol as usize];
+                *frames = frames.saturating_add(1);
+            }
+            Piece::Broken => {
+                self.counts.errors = self.counts.errors.saturating_add(1);
+                self.epochs.broken();
             }
         }
-        epochs
+        None
     }
 
-    /// Sentences with a wrong checksum, broken or implausible.
-    #[must_use]
-    pub fn errors(&self) -> u32 {
-        self.errors
-    }
-
-    /// Epochs of the time of the one before: said again, or a clock that stands. They are none of their own.
-    #[must_use]
-    pub fn repeated(&self) -> u32 {
-        self.repeated
-    }
-
-    fn sentence(&mut self, line: &[u8], epochs: &mut Vec<Epoch>) {
-        let line = line.strip_suffix(b"\r").unwrap_or(line);
-        if line.is_empty() {
-            return;
-        }
-        let Ok(text) = std::str::from_utf8(line) else {
-            self.errors += 1;
-            return;
-        };
-        match nmea::parse_str(text) {
-            Ok(sentence) if !plausible(&sentence) => self.errors += 1,
-            Ok(ParseResult::GGA(gga)) => {
-                let again = self.gga.is_some();
-                epochs.extend(self.close_unless(gga.fix_time, again));
-                self.gga = Some(gga);
-            }
-            Ok(ParseResult::RMC(rmc)) => {
-                let again = self.rmc.is_some();
-                epochs.extend(self.close_unless(rmc.fix_time, again));
-                self.rmc = Some(rmc);
-            }
-            // Without a time of its own it belongs to the epoch that is open.
-            Ok(ParseResult::GSA(gsa)) => self.gsa = Some(gsa),
-            Ok(_) | Err(nmea::Error::DisabledSentence | nmea::Error::Unsupported(_)) => {}
-            // The parser refuses some sentences that receivers do send (GSV without satellites); those of which
-            // nothing is used must only have a good checksum.
-            Err(nmea::Error::ParsingError(_)) if !used(text) => {}
-            Err(_) => self.errors += 1,
-        }
-    }
-
-    /// A sentence of another time, or of a kind that is there already, begins the next epoch. Receivers differ in
-    /// which one they send first.
-    fn close_unless(&mut self, time: Option<NaiveTime>, again: bool) -> Option<Epoch> {
-        let same = self.time == time && !again;
-        self.time = time;
-        if same { None } else { self.close() }
-    }
-
-    fn close(&mut self) -> Option<Epoch> {
-        let (gsa, rmc) = (self.gsa.take(), self.rmc.take());
-        let gga = self.gga.take()?;
-        let last = std::mem::replace(&mut self.last_time, gga.fix_time);
-        if gga.fix_time.is_some() && last == gga.fix_time {
-            self.repeated += 1;
-            return None;
-        }
-        let fixed = !matches!(gga.fix_type, None | Some(FixType::Invalid | FixType::Estimated | FixType::Simulation));
-        let dimensions = match gsa.as_ref().map(|gsa| &gsa.mode2) {
-            Some(GsaMode2::Fix3D) if fixed => 3,
-            Some(GsaMode2::Fix2D) if fixed => 2,
-            _ => 0,
-        };
-        let height_m = gga.altitude.map(f64::from).zip(gga.geoid_separation.map(f64::from));
-        Some(Epoch {
-            dimensions,
-            latitude_deg: gga.latitude,
-            longitude_deg: gga.longitude,
-            height_m: height_m.map(|(above_sea, geoid)| above_sea + geoid),
-            date: rmc.as_ref().and_then(|rmc| rmc.fix_date),
-            ground_speed_mps: rmc.and_then(|rmc| rmc.speed_over_ground).map(|knots| f64::from(knots) * KNOT_MPS),
-            satellites_used: gga.fix_satellites,
-            hdop: gga.hdop,
-            vdop: gsa.and_then(|gsa| gsa.vdop),
-        })
-    }
-}
-
-/// Whether anything of a sentence of this kind is used.
-fn used(sentence: &str) -> bool {
-    sentence.get(3..6).is_some_and(|kind| matches!(kind, "GGA" | "GSA" | "RMC"))
-}
-
-/// The parser takes any number for a latitude, and for any other number also what is none.
-fn plausible(sentence: &ParseResult) -> bool {
-    // Dilutions and speeds have no sign.
-    let amount = |number: Option<f32>| number.is_none_or(|number| number.is_finite() && number >= 0.0);
-    match sentence {
-        ParseResult::GGA(gga) => {
-            let finite = |number: Option<f32>| number.is_none_or(f32::is_finite);
-            gga.latitude.is_none_or(|latitude| latitude.abs() <= 90.0)
-                && gga.longitude.is_none_or(|longitude| longitude.abs() <= 180.0)
-                && finite(gga.altitude)
-                && finite(gga.geoid_separation)
-                && amount(gga.hdop)
-        }
-        ParseResult::GSA(gsa) => amount(gsa.vdop),
-        ParseResult::RMC(rmc) => amount(rmc.speed_over_ground),
-        _ => true,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A sentence with its checksum.
-    fn sentence(body: &str) -> String {
-        let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
-        format!("${body}*{sum:02X}\r\n")
-    }
-
-    fn heard(bodies: &[&str]) -> (Vec<Epoch>, u32) {
-        let mut sentences = Sentences::default();
-        let text: String = bodies.iter().map(|body| sentence(body)).collect();
-        let epochs = sentences.push(format!("\n{text}").as_bytes());
-        (epochs, sentences.errors())
-    }
-
-    /// The parser takes `nan` for a height and `-inf` for a speed, and so did the epoch.
-    #[test]
-    fn a_number_that_is_none_is_an_error() {
-        let gga = |hdop: &str, altitude: &str, geoid: &str| {
-            format!("GPGGA,120000.00,3413.92,N,10854.92,E,1,08,{hdop},{altitude},M,{geoid},M,,")
-        };
-        let next = "GPGGA,120001.00,3413.92,N,10854.92,E,1,08,1.0,400.0,M,12.0,M,,";
-        let good = gga("1.0", "400.0", "12.0");
-        assert_eq!(heard(&[&good, next]).0[0].height_m, Some(412.0));
-        for bad in [
-            gga("nan", "400.0", "12.0"),
-            gga("-1.0", "400.0", "12.0"),
-            gga("1.0", "nan", "12.0"),
-            gga("1.0", "400.0", "-inf"),
-            gga("1.0", "1e39", "12.0"),
-        ] {
-            assert_eq!(heard(&[&bad, next]), (Vec::new(), 1), "{bad}");
-        }
-        for bad in ["GPRMC,120000.00,A,3413.92,N,10854.92,E,-inf,,010124,,,A", "GPGSA,A,3,1,2,3,4,,,,,,,,,1.8,1.1,nan"]
-        {
-            let (epochs, errors) = heard(&[&good, bad, next]);
-            assert_eq!((epochs.len(), errors), (1, 1), "{bad}");
-            assert_eq!((epochs[0].ground_speed_mps, epochs[0].vdop), (None, None), "{bad}");
-        }
+    fn faulty(&mut self, fault: Fault) {
+        self.counts.errors = self.counts.errors.saturating_add(1);
+        self.counts.faults = self.counts.faults.saturating_add(1);
+        self.fault.get_or_insert(fault);
     }
 }

@@ -58,6 +58,9 @@ pub(super) static IMU: ItemSpec = ItemSpec {
 const BOARD_CLOCK: &str = "The oscillator of the slave board is off: have it looked at.";
 const PLACE: &str = "Check that the antenna sees the sky, and that its place in the bench file is right.";
 
+/// What a receiver says under a good checksum that cannot be.
+const RECEIVER: &str = "The line is good, but what the receiver says cannot be: suspect the receiver or its firmware.";
+
 /// Satellite receiver, judged against the surveyed place of the antenna.
 pub(super) static GNSS: ItemSpec = ItemSpec {
     title: "GNSS receiver",
@@ -79,7 +82,10 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
         },
     ],
     measurements: &[
-        text("fix_type", "No fix: check antenna, cable and sky; 2D: too few satellites."),
+        text(
+            "fix_type",
+            "No fix: check antenna, cable and sky; 2D: too few satellites; dimensions unknown: the receiver says no GSA.",
+        ),
         number("latitude", Unit::Degree, Dimension::Angle, PLACE),
         number("longitude", Unit::Degree, Dimension::Angle, PLACE),
         number("height", Unit::Metre, Dimension::Length, PLACE),
@@ -108,7 +114,14 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
             "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
         ),
         ppm("board_clock_error", BOARD_CLOCK),
-        count("sentence_errors", "Sentences arrive broken: check the line between receiver and DSP."),
+        count(
+            "sentence_errors",
+            "Sentences arrive broken: check the line between receiver and DSP; receiver_faults are of the receiver itself.",
+        ),
+        count("sentences_unchecked", "The receiver says no checksums: switch them on, so that the line is checked."),
+        count("receiver_faults", RECEIVER),
+        text("receiver_fault", RECEIVER),
+        count("foreign_frames", "The receiver says another protocol beside NMEA: check how its port is set."),
         count(
             "epochs_repeated",
             "The receiver says the same moment again: its clock stands, or it plays something back.",

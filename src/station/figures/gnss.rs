@@ -34,18 +34,22 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         for said in &capture.receiver.said {
             epochs.extend(sentences.push(&said.bytes));
         }
+        epochs.extend(sentences.finish());
     }
     let fixes: Vec<&Epoch> = epochs.iter().filter(|epoch| epoch.has_fix()).collect();
     if fixes.len() < LEAST {
         return Err(FigureError::FewEpochs { got: fixes.len(), needed: LEAST });
     }
     let errors: Vec<[f64; 3]> = fixes.iter().map(|epoch| east_north_up(epoch, &place)).collect();
-    let [east, north, up] = [0, 1, 2].map(|k| errors.iter().map(|error| error[k]).collect::<Vec<f64>>());
+    let [east, north, up] =
+        [0, 1, 2].map(|k| errors.iter().map(|error| error[k]).filter(|error| error.is_finite()).collect::<Vec<f64>>());
     let worth = (dof_of_rms(&east) + dof_of_rms(&north)) / 2.0;
     let mut findings = Findings::new(json!({
         "equation": "root mean square about the surveyed antenna: of east and north together, and of height",
         "mean_error_m": { "east": stats::mean(&east), "north": stats::mean(&north), "up": stats::mean(&up) },
-        "epochs": epochs.len(), "with_fix": fixes.len(), "sentence_errors": sentences.errors(),
+        "epochs": epochs.len(), "with_fix": fixes.len(), "with_height": up.len(),
+        "sentence_errors": sentences.counts().errors, "receiver_faults": sentences.counts().faults,
+        "receiver_fault": sentences.fault().map(ToString::to_string), "foreign_frames": sentences.foreign(),
         "survey_u_m": survey_u, "effective": { "horizontal": worth, "height": dof_of_rms(&up) },
         "label": "neighbouring epochs are correlated and counted as what they are worth",
     }));
@@ -53,20 +57,15 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let horizontal = (rms(&east).powi(2) + rms(&north).powi(2)).sqrt();
     let position = |rms: f64, dof: f64| spread(rms, dof, survey_u, Unit::Metre, probability);
     findings.put("position_horizontal", position(horizontal, 2.0 * worth));
-    let heights = up.iter().filter(|error| error.is_finite()).count();
     findings.put(
         "position_height",
-        if heights == up.len() {
-            position(rms(&up), dof_of_rms(&up))
-        } else {
-            Value::NotAvailable("the receiver gives no height".into())
-        },
+        if up.len() >= LEAST { position(rms(&up), dof_of_rms(&up)) } else { Value::NotAvailable(no_height(&fixes)) },
     );
     let speeds: Vec<f64> = fixes.iter().filter_map(|epoch| epoch.ground_speed_mps).collect();
     findings.put(
         "velocity_horizontal",
         if speeds.len() < LEAST {
-            Value::NotAvailable("the receiver gives no speed".into())
+            Value::NotAvailable(format!("{} epochs with a speed, needs at least {LEAST}", speeds.len()))
         } else {
             spread(rms(&speeds), 2.0 * dof_of_rms(&speeds), 0.0, Unit::MetrePerSecond, probability)
         },
@@ -78,6 +77,17 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     findings.put("epochs", Value::count(fixes.len() as u64));
     findings.number("effective_epochs", worth.floor(), Unit::Count);
     Ok(findings)
+}
+
+/// Why there is no height above the ellipsoid.
+fn no_height(fixes: &[&Epoch]) -> String {
+    let [above_sea, heights] = [|epoch: &Epoch| epoch.altitude_m, |epoch: &Epoch| epoch.height_m]
+        .map(|pick| fixes.iter().filter(|epoch| pick(epoch).is_some()).count());
+    match (above_sea, heights) {
+        (0, _) => "the receiver gives no height".to_owned(),
+        (_, 0) => "the receiver gives no geoid separation, and so no height above the ellipsoid".to_owned(),
+        _ => format!("{heights} epochs with a height, needs at least {LEAST}"),
+    }
 }
 
 /// Errors over the epochs, thinned evenly, with the epoch farthest off in any case.

@@ -24,7 +24,7 @@ use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progre
 use super::update::{Command, Msg, update};
 use super::view;
 use crate::board::{Readings, StreamReading};
-use crate::nmea::Epoch;
+use crate::nmea::{Epoch, Fix};
 
 /// A screen in memory.
 #[derive(Debug)]
@@ -337,7 +337,7 @@ fn readings(phase: f64) -> Readings {
         accel_temperature: 2344,
     };
     let gnss = Epoch {
-        dimensions: 3,
+        fix: Fix::ThreeD,
         latitude_deg: Some(34.2321),
         longitude_deg: Some(108.9154),
         height_m: Some(412.3),

@@ -88,3 +88,21 @@ fn losses_and_silence_are_refused() {
     let few = listened(5, [1.0; 3], 0.0, 44);
     assert!(matches!(ask(ItemId::GnssAccuracy, "", &[few], &[]), Err(FigureError::FewEpochs { .. })));
 }
+
+/// A height above the ellipsoid needs the geoid's; of one above the sea alone there is no figure but a reason.
+#[test]
+fn without_geoid_separation_there_is_no_height() {
+    let mut sky = listened(60, [1.0; 3], 0.0, 45);
+    for said in &mut sky.receiver.said {
+        let text = String::from_utf8(said.bytes.clone()).unwrap();
+        let bodies = text.lines().map(|line| line[1..line.len() - 3].replace("M,-30.0,M", "M,,M"));
+        said.bytes = bodies.map(|body| sentence(&body)).collect::<String>().into_bytes();
+    }
+    let found = ask(ItemId::GnssAccuracy, "", &[sky], &[]).unwrap();
+    let why = match found.value("position_height") {
+        Some(Value::NotAvailable(why)) => why.clone(),
+        other => panic!("{other:?}"),
+    };
+    assert!(why.contains("no geoid separation"), "{why}");
+    assert!(matches!(found.value("position_horizontal"), Some(Value::Estimate(..))));
+}

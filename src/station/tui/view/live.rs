@@ -13,6 +13,7 @@ use super::panels::block;
 use super::{WIDE, style, text};
 use crate::board::StreamReading;
 use crate::guidance::field::roll_deg;
+use crate::nmea::Fix;
 use crate::tui::lang::fill;
 use crate::tui::live::{Imu, Point};
 use crate::tui::model::{Glyphs, Model};
@@ -141,7 +142,11 @@ fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
     let Some(gnss) = &newest.gnss else {
         return vec![head("-".to_owned()), Line::raw("")];
     };
-    let fix = if gnss.dimensions >= 2 { format!("{}D", gnss.dimensions) } else { texts.no_fix.to_owned() };
+    let fix = match gnss.fix {
+        Fix::ThreeD | Fix::TwoD => gnss.fix.name(),
+        Fix::DimensionsUnknown => "?D",
+        Fix::None | Fix::Estimated | Fix::Manual | Fix::Simulated => texts.no_fix,
+    };
     let satellites = gnss.satellites_used.map_or("-".to_owned(), |count| count.to_string());
     let hdop = gnss.hdop.map_or("-".to_owned(), |hdop| format!("{hdop:.1}"));
     let pulses = format!(" HDOP {hdop}  1PPS {} {}", newest.pulses, texts.pulses);

@@ -1,0 +1,252 @@
+//! The sentences of which something is used: GGA, GNS, RMC, GLL, GSA, VTG, ZDA of any talker.
+
+use chrono::NaiveDate;
+
+use super::fault::Fault;
+use super::fields::{Fields, Time};
+
+const KNOT_MPS: f64 = 1852.0 / 3600.0;
+/// Satellites of GSA before version 2.3 of NMEA 0183, and of nearly all receivers since.
+const GSA_SLOTS: usize = 12;
+
+/// Where a solution stands, the fullest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Source {
+    Gga,
+    Gns,
+    Rmc,
+    Gll,
+}
+
+impl Source {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Gga => "GGA",
+            Self::Gns => "GNS",
+            Self::Rmc => "RMC",
+            Self::Gll => "GLL",
+        }
+    }
+}
+
+/// What a solution is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Quality {
+    /// There is none, or it is void.
+    None,
+    /// Satellites, with corrections or without.
+    Satellites,
+    /// Dead reckoning.
+    Estimated,
+    /// Typed in.
+    Manual,
+    /// A simulator within the receiver.
+    Simulated,
+}
+
+/// One solution as a sentence tells it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Solution {
+    pub(super) source: Source,
+    pub(super) talker: [u8; 2],
+    pub(super) time: Option<Time>,
+    pub(super) quality: Quality,
+    /// Latitude and longitude, degrees.
+    pub(super) place: Option<(f64, f64)>,
+    pub(super) satellites: Option<u32>,
+    pub(super) hdop: Option<f64>,
+    /// Above mean sea level.
+    pub(super) altitude_m: Option<f64>,
+    /// Of the geoid above the ellipsoid.
+    pub(super) geoid_m: Option<f64>,
+    pub(super) speed_mps: Option<f64>,
+    pub(super) date: Option<NaiveDate>,
+}
+
+/// The satellites in use, of one system or of all.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Active {
+    /// Talker, and system where the sentence tells it (version 4.11).
+    pub(super) system: ([u8; 2], Option<u32>),
+    /// 1 none, 2 or 3.
+    pub(super) dimensions: u32,
+    pub(super) satellites: Vec<u32>,
+    pub(super) hdop: Option<f64>,
+    pub(super) vdop: Option<f64>,
+}
+
+/// A sentence of which something is used.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Sentence {
+    Solution(Solution),
+    Active(Active),
+    /// Over ground, m/s; it belongs to the epoch under way.
+    Speed(f64),
+    /// Day with all digits of its year; it belongs to the epoch under way.
+    Date(NaiveDate),
+}
+
+/// Reads what stands between `$` and `*`. `None` for all of which nothing is used.
+pub(super) fn read(body: &str) -> Result<Option<Sentence>, Fault> {
+    let (address, text) = body.split_once(',').unwrap_or((body, ""));
+    let Ok([talker @ .., _, _, _]) = <&[u8; 5]>::try_from(address.as_bytes()) else { return Ok(None) };
+    match &address[2..] {
+        "GGA" => gga(*talker, text).map(Some),
+        "GNS" => gns(*talker, text).map(Some),
+        "RMC" => rmc(*talker, text).map(Some),
+        "GLL" => gll(*talker, text).map(Some),
+        "GSA" => gsa(*talker, text).map(Some),
+        "VTG" => vtg(text),
+        "ZDA" => zda(text),
+        _ => Ok(None),
+    }
+}
+
+/// Time, place, quality, satellites, dilution, altitude M, geoid M.
+fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+    let fields = Fields::new("GGA", text, 6)?;
+    Ok(Sentence::Solution(Solution {
+        quality: match fields.whole(5, "quality")? {
+            // 9 is a fix with corrections from satellites (NovAtel).
+            Some(1..=5 | 9) => Quality::Satellites,
+            Some(6) => Quality::Estimated,
+            Some(7) => Quality::Manual,
+            Some(8) => Quality::Simulated,
+            _ => Quality::None,
+        },
+        place: fields.place(1)?,
+        satellites: fields.whole(6, "satellites")?,
+        hdop: fields.amount(7, "HDOP")?,
+        altitude_m: fields.metres(8, "altitude")?,
+        geoid_m: fields.metres(10, "geoid separation")?,
+        ..empty(Source::Gga, talker, fields.time(0)?)
+    }))
+}
+
+/// Time, place, a letter for each system, satellites, dilution, altitude, geoid.
+fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+    let fields = Fields::new("GNS", text, 6)?;
+    Ok(Sentence::Solution(Solution {
+        quality: modes(fields.get(5)),
+        place: fields.place(1)?,
+        satellites: fields.whole(6, "satellites")?,
+        hdop: fields.amount(7, "HDOP")?,
+        altitude_m: fields.number(8, "altitude")?,
+        geoid_m: fields.number(9, "geoid separation")?,
+        ..empty(Source::Gns, talker, fields.time(0)?)
+    }))
+}
+
+/// Time, status, place, knots, course, date, variation, mode.
+fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+    let fields = Fields::new("RMC", text, 9)?;
+    let quality = status(fields.letter(1), fields.get(11));
+    Ok(Sentence::Solution(Solution {
+        quality,
+        place: fields.place(2)?,
+        speed_mps: fields.amount(6, "speed")?.map(|knots| knots * KNOT_MPS),
+        // Before its first fix a receiver has any date.
+        date: if quality == Quality::None { fields.date(8).ok().flatten() } else { fields.date(8)? },
+        ..empty(Source::Rmc, talker, fields.time(0)?)
+    }))
+}
+
+/// Place, time, status, mode.
+fn gll(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+    let fields = Fields::new("GLL", text, 4)?;
+    Ok(Sentence::Solution(Solution {
+        quality: status(fields.letter(5), fields.get(6)),
+        place: fields.place(0)?,
+        ..empty(Source::Gll, talker, fields.time(4)?)
+    }))
+}
+
+fn empty(source: Source, talker: [u8; 2], time: Option<Time>) -> Solution {
+    Solution {
+        source,
+        talker,
+        time,
+        quality: Quality::None,
+        place: None,
+        satellites: None,
+        hdop: None,
+        altitude_m: None,
+        geoid_m: None,
+        speed_mps: None,
+        date: None,
+    }
+}
+
+/// Selection, dimensions, satellites, three dilutions, and since version 4.11 the system.
+fn gsa(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+    let fields = Fields::new("GSA", text, 2)?;
+    let dimensions = match fields.whole(1, "dimensions")? {
+        Some(dimensions @ 1..=3) => dimensions,
+        None => 1,
+        Some(_) => {
+            let text = fields.get(1).to_owned();
+            return Err(Fault::Number { sentence: fields.sentence, what: "dimensions", text });
+        }
+    };
+    // Some list more satellites than twelve, and have no field for the system.
+    let slots = fields.len().saturating_sub(5).max(GSA_SLOTS);
+    let slots = if slots == GSA_SLOTS + 1 { GSA_SLOTS } else { slots };
+    let satellites = (2..2 + slots).map(|at| fields.whole(at, "satellite"));
+    let satellites = satellites.filter_map(Result::transpose).collect::<Result<Vec<u32>, Fault>>()?;
+    let dilution = |index: usize, what| fields.amount(2 + slots + index, what);
+    dilution(0, "PDOP")?;
+    Ok(Sentence::Active(Active {
+        // The number is one digit, in hexadecimal where there are more systems than ten.
+        system: (talker, fields.letter(5 + slots).and_then(|digit| digit.to_digit(16))),
+        dimensions,
+        satellites: satellites.into_iter().filter(|number| *number > 0).collect(),
+        hdop: dilution(1, "HDOP")?,
+        vdop: dilution(2, "VDOP")?,
+    }))
+}
+
+/// Course T, course M, knots N, km/h K.
+fn vtg(text: &str) -> Result<Option<Sentence>, Fault> {
+    let fields = Fields::new("VTG", text, 1)?;
+    if fields.letter(5) != Some('N') {
+        return Ok(None);
+    }
+    Ok(fields.amount(4, "speed")?.map(|knots| Sentence::Speed(knots * KNOT_MPS)))
+}
+
+/// Time, day, month, year.
+fn zda(text: &str) -> Result<Option<Sentence>, Fault> {
+    let fields = Fields::new("ZDA", text, 1)?;
+    let [day, month, year] = [(1, "day"), (2, "month"), (3, "year")].map(|(at, what)| fields.whole(at, what));
+    let (Some(day), Some(month), Some(year)) = (day?, month?, year?) else { return Ok(None) };
+    // A receiver that does not know it yet says zeros.
+    let date = i32::try_from(year).ok().and_then(|year| NaiveDate::from_ymd_opt(year, month, day));
+    Ok(date.map(Sentence::Date))
+}
+
+fn status(status: Option<char>, mode: &str) -> Quality {
+    match status {
+        // Valid stays valid under a mode that no standard knows.
+        Some('A' | 'D') => match modes(mode) {
+            Quality::None if !mode.contains(['N', 'U']) => Quality::Satellites,
+            quality => quality,
+        },
+        _ => Quality::None,
+    }
+}
+
+/// One letter, or one for each system: autonomous, differential, precise, RTK and its float, estimated, manual, simulator.
+fn modes(letters: &str) -> Quality {
+    let any = |of: &[char]| letters.contains(of);
+    if any(&['A', 'D', 'P', 'R', 'F']) {
+        Quality::Satellites
+    } else if any(&['E']) {
+        Quality::Estimated
+    } else if any(&['M']) {
+        Quality::Manual
+    } else if any(&['S']) {
+        Quality::Simulated
+    } else {
+        Quality::None
+    }
+}
