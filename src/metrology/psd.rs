@@ -33,8 +33,7 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusa
     if values.iter().all(|v| *v == values[0]) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: values[0] });
     }
-    let window: Vec<f64> =
-        (0..segment).map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / segment as f64).cos()).collect();
+    let window = hann(segment);
     let power: f64 = window.iter().map(|w| w * w).sum();
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
     let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());
@@ -65,6 +64,146 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusa
     }
     let frequency_hz = (0..=last).map(|k| k as f64 * rate_hz / segment as f64).collect();
     Ok(Psd { frequency_hz, density, segments: segments as usize })
+}
+
+/// Spectrum that single events do not raise: at each frequency the median over segments apart from each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spectrum {
+    /// Distance of the frequencies, Hz; the first is 0.
+    pub step_hz: f64,
+    /// One-sided density, unit squared per Hz.
+    pub density: Vec<f64>,
+    /// Relative standard deviation of one of them.
+    pub relative_sd: f64,
+}
+
+/// Level part of a spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plateau {
+    /// Density, unit squared per Hz: `2 N^2`.
+    pub density: f64,
+    /// Its relative standard deviation.
+    pub relative_sd: f64,
+    /// Where the level part begins, Hz.
+    pub from_hz: f64,
+    /// Where it ends, Hz.
+    pub to_hz: f64,
+}
+
+/// Segments of a spectrum at most, spread over the record: more would cost more time than the deviations.
+const SEGMENTS: usize = 64;
+const SHORTEST: usize = 32;
+const LONGEST: usize = 2048;
+
+impl Spectrum {
+    /// Of a record; `None` below 16 segments of 32 samples.
+    #[must_use]
+    pub fn of(values: &[f64], rate_hz: f64) -> Option<Self> {
+        let segment = (values.len() / 16).checked_ilog2().map(|bits| 1_usize << bits)?.min(LONGEST);
+        if segment < SHORTEST {
+            return None;
+        }
+        let window = hann(segment);
+        let power: f64 = window.iter().map(|w| w * w).sum();
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
+        let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());
+        let mut scratch = transform.make_scratch_vec();
+        let count = (values.len() / segment).min(SEGMENTS);
+        let mut ordinates = vec![Vec::with_capacity(count); output.len()];
+        for index in 0..count {
+            let start = index * (values.len() / count);
+            let part = values.get(start..start + segment)?;
+            let mean = stats::mean(part);
+            input.iter_mut().zip(part).zip(&window).for_each(|((x, v), w)| *x = (v - mean) * w);
+            transform.process_with_scratch(&mut input, &mut output, &mut scratch).ok()?;
+            ordinates.iter_mut().zip(&output).for_each(|(o, c)| o.push(c.norm_sqr()));
+        }
+        // An ordinate is exponentially distributed; this is the mean of its median over so many segments.
+        let order = |r: usize| (count - r + 1..=count).map(|j| 1.0 / j as f64).sum::<f64>();
+        let median = f64::midpoint(order(count / 2 + count % 2), order(count / 2 + 1));
+        let scale = 2.0 / (rate_hz * power * median);
+        let density = ordinates.iter_mut().map(|o| stats::median(o) * scale).collect();
+        let relative_sd = 1.0 / (std::f64::consts::LN_2 * (count as f64).sqrt());
+        Some(Self { step_hz: rate_hz / segment as f64, density, relative_sd })
+    }
+
+    /// The widest part, by the ratio of its ends, over which the density is level within its scatter (chi-square with
+    /// p >= 0.05); `None` where none spans 1.5 octaves.
+    #[must_use]
+    pub fn plateau(&self) -> Option<Plateau> {
+        let groups = self.groups();
+        let mut best: Option<(f64, usize, usize)> = None;
+        for from in 0..groups.len() {
+            for to in from + 2..groups.len() {
+                let (low, high) = (groups[from].0, groups[to].0 + groups[to].1);
+                let ratio = high as f64 / low as f64;
+                if ratio < NARROWEST || best.is_some_and(|(widest, ..)| ratio <= widest) {
+                    continue;
+                }
+                let part = &groups[from..=to];
+                let mean = mean_of(part);
+                let chi_square: f64 =
+                    part.iter().map(|(_, n, d)| ((d / mean - 1.0) / self.sd_of(*n)).powi(2)).sum();
+                if stats::chi_square_probability(chi_square, (to - from) as f64) <= 0.95 {
+                    best = Some((ratio, from, to));
+                }
+            }
+        }
+        let (_, from, to) = best?;
+        let part = &groups[from..=to];
+        let bins = part.iter().map(|(_, n, _)| n).sum();
+        Some(Plateau {
+            density: mean_of(part),
+            relative_sd: self.sd_of(bins),
+            from_hz: groups[from].0 as f64 * self.step_hz,
+            to_hz: (groups[to].0 + groups[to].1 - 1) as f64 * self.step_hz,
+        })
+    }
+
+    /// First bin, number of bins and mean density of each quarter of an octave. The two lowest bins hold what is left of
+    /// the mean, the last one has no mirror image.
+    fn groups(&self) -> Vec<(usize, usize, f64)> {
+        let end = self.density.len() - 1;
+        let mut groups = Vec::new();
+        let mut first = 2;
+        while first < end {
+            let bins = ((first as f64 * (2.0_f64.powf(0.25) - 1.0)).round() as usize).clamp(1, end - first);
+            groups.push((first, bins, stats::mean(&self.density[first..first + bins])));
+            first += bins;
+        }
+        groups
+    }
+
+    /// Relative standard deviation of the mean of neighbouring bins, which a Hann window makes depend on each other
+    /// (4/9 with the next one, 1/36 with the one after).
+    fn sd_of(&self, bins: usize) -> f64 {
+        let n = bins as f64;
+        let common = 1.0 + 2.0 * ((n - 1.0) * 4.0 / 9.0 + (n - 2.0).max(0.0) / 36.0) / n;
+        self.relative_sd * (common / n).sqrt()
+    }
+}
+
+/// Ratio of the ends of the narrowest plateau: 1.5 octaves.
+const NARROWEST: f64 = 2.83;
+
+fn mean_of(groups: &[(usize, usize, f64)]) -> f64 {
+    let bins: usize = groups.iter().map(|(_, n, _)| n).sum();
+    groups.iter().map(|(_, n, d)| *n as f64 * d).sum::<f64>() / bins as f64
+}
+
+impl Plateau {
+    /// Coefficient N of white noise of this density, with its 68.3 % interval.
+    #[must_use]
+    pub fn n(&self) -> crate::allan::Coefficient {
+        let value = (self.density / 2.0).sqrt();
+        let (low, high) = stats::sd_interval(value, 2.0 / self.relative_sd.powi(2), stats::ONE_SIGMA);
+        crate::allan::Coefficient { value, low, high }
+    }
+}
+
+/// Periodic Hann window.
+fn hann(segment: usize) -> Vec<f64> {
+    (0..segment).map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / segment as f64).cos()).collect()
 }
 
 #[cfg(test)]

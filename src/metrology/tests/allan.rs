@@ -260,10 +260,10 @@ fn coefficients_are_given_where_they_are_seen() {
                 .collect();
             let c = analyse(&values, Input::Rate, rate, Kind::Oadev, &Taus::Octave, 1).unwrap().coefficients;
             for (seen, c) in seen.iter_mut().zip([c.q, c.n, c.b, c.k, c.r]) {
-                *seen += usize::from(c.is_some());
+                *seen += usize::from(c.is_ok());
             }
-            covered[0] += usize::from(c.n.is_some_and(|n| (n.low..=n.high).contains(&n_true)));
-            covered[1] += usize::from(c.k.is_some_and(|k| (k.low..=k.high).contains(&k_true)));
+            covered[0] += usize::from(c.n.is_ok_and(|n| (n.low..=n.high).contains(&n_true)));
+            covered[1] += usize::from(c.k.is_ok_and(|k| (k.low..=k.high).contains(&k_true)));
         }
         println!("walks {walks}: Q N B K R seen {seen:?}, N and K covered {covered:?} of {RECORDS}");
         let [q, n, b, k, r] = seen;
@@ -295,7 +295,7 @@ fn coefficients_of_a_simulated_gyroscope() {
         let (n, k) = (c.n.unwrap(), c.k.unwrap());
         assert!((n.value / n_true - 1.0).abs() < 0.02, "seed {seed}: N {}", n.value);
         assert!((k.value / k_true - 1.0).abs() < 0.6, "seed {seed}: K {}", k.value);
-        assert_eq!((c.b, c.q), (None, None), "seed {seed}: a minimum between N and K is no flat part");
+        assert!(c.b.is_err() && c.q.is_err(), "seed {seed}: a minimum between N and K is no flat part");
         hits[0] += usize::from((n.low..=n.high).contains(&n_true));
         hits[1] += usize::from((k.low..=k.high).contains(&k_true));
     }
