@@ -95,6 +95,13 @@ const SEGMENTS: usize = 64;
 const SHORTEST: usize = 32;
 const LONGEST: usize = 2048;
 
+/// Lines below this bin of a spectrum cannot be told from a wandering bias.
+const LOWEST_LINE: usize = 8;
+/// A line stands out this many times over its neighbours ...
+const STANDS_OUT: f64 = 3.0;
+/// ... and so many standard deviations.
+const OVER_SCATTER: f64 = 8.0;
+
 impl Spectrum {
     /// Of a record; `None` below 16 segments of 32 samples.
     #[must_use]
@@ -127,48 +134,115 @@ impl Spectrum {
         Some(Self { step_hz: rate_hz / segment as f64, density, relative_sd })
     }
 
-    /// The widest part, by the ratio of its ends, over which the density is level within its scatter (chi-square with
-    /// p >= 0.05); `None` where none spans 1.5 octaves.
+    /// Of a Welch spectrum, nine of ten of whose segments count (overlap of 50 % under a Hann window).
+    #[must_use]
+    pub fn of_welch(psd: &Psd) -> Self {
+        let step_hz = psd.frequency_hz.get(1).copied().unwrap_or(f64::NAN);
+        Self { step_hz, density: psd.density.clone(), relative_sd: (0.9 * psd.segments as f64).powf(-0.5) }
+    }
+
+    /// Bin of the strongest line: what stands out over the median of its neighbours.
+    pub(crate) fn line(&self) -> Option<usize> {
+        let lines = (0..self.density.len()).filter(|k| self.beside(*k).is_some());
+        lines.max_by(|a, b| self.density[*a].total_cmp(&self.density[*b]))
+    }
+
+    /// The same with the median of the neighbours in place of each line.
+    #[must_use]
+    pub fn without_lines(&self) -> Self {
+        let mut density = self.density.clone();
+        for (k, level) in (0..density.len()).filter_map(|k| Some((k, self.beside(k)?))) {
+            // A Hann window spreads a line over two bins on each side.
+            let to = (k + 2).min(density.len() - 1);
+            density[k - 2..=to].fill(level);
+        }
+        Self { density, ..self.clone() }
+    }
+
+    /// Median of the neighbours of a bin that stands out.
+    fn beside(&self, k: usize) -> Option<f64> {
+        let end = self.density.len().checked_sub(1)?;
+        if k < LOWEST_LINE || k >= end {
+            return None;
+        }
+        let reach = (k / 4).min(16);
+        let level = stats::median(&mut self.density[k - reach..(k + reach + 1).min(end)].to_vec());
+        (self.density[k] > level * STANDS_OUT.max(1.0 + OVER_SCATTER * self.relative_sd)).then_some(level)
+    }
+
+    /// The level part: the widest part, by the ratio of its ends, that follows `level + bend f^2` within its scatter
+    /// (chi-square with p >= 0.05), without its upper octave. A low-pass of any order begins with `f^2`; what comes
+    /// after it is sixteen times smaller an octave below, where the scatter just hides it. `None` where no part spans two
+    /// octaves.
     #[must_use]
     pub fn plateau(&self) -> Option<Plateau> {
         let groups = self.groups();
         let mut best: Option<(f64, usize, usize)> = None;
         for from in 0..groups.len() {
-            for to in from + 2..groups.len() {
-                let (low, high) = (groups[from].0, groups[to].0 + groups[to].1);
-                let ratio = high as f64 / low as f64;
+            for to in from + 3..groups.len() {
+                let ratio = groups[to].end() as f64 / groups[from].first as f64;
                 if ratio < NARROWEST || best.is_some_and(|(widest, ..)| ratio <= widest) {
                     continue;
                 }
-                let part = &groups[from..=to];
-                let mean = mean_of(part);
-                let chi_square: f64 =
-                    part.iter().map(|(_, n, d)| ((d / mean - 1.0) / self.sd_of(*n)).powi(2)).sum();
-                if stats::chi_square_probability(chi_square, (to - from) as f64) <= 0.95 {
+                if let Some(level) = self.level(&groups[from..=to])
+                    && stats::chi_square_probability(level.chi_square, (to - from - 1) as f64) <= 0.95
+                {
                     best = Some((ratio, from, to));
                 }
             }
         }
         let (_, from, to) = best?;
-        let part = &groups[from..=to];
-        let bins = part.iter().map(|(_, n, _)| n).sum();
+        let highest = groups[to].end() / 2;
+        let part: Vec<Group> =
+            groups[from..=to].iter().copied().take_while(|g| to - from < 4 || g.end() <= highest).collect();
+        let level = self.level(&part)?;
+        let (first, last) = (part.first()?, part.last()?);
         Some(Plateau {
-            density: mean_of(part),
-            relative_sd: self.sd_of(bins),
-            from_hz: groups[from].0 as f64 * self.step_hz,
-            to_hz: (groups[to].0 + groups[to].1 - 1) as f64 * self.step_hz,
+            density: level.density,
+            relative_sd: level.sd / level.density,
+            from_hz: first.first as f64 * self.step_hz,
+            to_hz: (last.end() - 1) as f64 * self.step_hz,
         })
     }
 
-    /// First bin, number of bins and mean density of each quarter of an octave. The two lowest bins hold what is left of
-    /// the mean, the last one has no mirror image.
-    fn groups(&self) -> Vec<(usize, usize, f64)> {
-        let end = self.density.len() - 1;
+    /// Weighted fit of `level + bend f^2`.
+    fn level(&self, groups: &[Group]) -> Option<Level> {
+        let mut bent = (stats::mean(&groups.iter().map(|g| g.density).collect::<Vec<_>>()), 0.0);
+        let mut level = None;
+        // The scatter is that of the fitted curve.
+        for _ in 0..4 {
+            let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            let sd = |g: &Group| self.sd_of(g.bins) * (bent.0 + bent.1 * g.square);
+            for g in groups {
+                let w = sd(g).powi(-2);
+                s += w;
+                sx += w * g.square;
+                sxx += w * g.square * g.square;
+                sy += w * g.density;
+                sxy += w * g.square * g.density;
+            }
+            let determinant = s * sxx - sx * sx;
+            let fit = ((sxx * sy - sx * sxy) / determinant, (s * sxy - sx * sy) / determinant);
+            let chi_square =
+                groups.iter().map(|g| ((g.density - fit.0 - fit.1 * g.square) / sd(g)).powi(2)).sum::<f64>();
+            if !chi_square.is_finite() || groups.iter().any(|g| fit.0 + fit.1 * g.square <= 0.0) || fit.0 <= 0.0 {
+                return None;
+            }
+            level = Some(Level { density: fit.0, sd: (sxx / determinant).sqrt(), chi_square });
+            bent = fit;
+        }
+        level
+    }
+
+    /// Quarters of an octave. The two lowest bins hold what is left of the mean, the last one has no mirror image.
+    fn groups(&self) -> Vec<Group> {
+        let last = self.density.len() - 1;
         let mut groups = Vec::new();
         let mut first = 2;
-        while first < end {
-            let bins = ((first as f64 * (2.0_f64.powf(0.25) - 1.0)).round() as usize).clamp(1, end - first);
-            groups.push((first, bins, stats::mean(&self.density[first..first + bins])));
+        while first < last {
+            let bins = ((first as f64 * (2.0_f64.powf(0.25) - 1.0)).round() as usize).clamp(1, last - first);
+            let square = (first..first + bins).map(|k| (k as f64).powi(2)).sum::<f64>() / bins as f64;
+            groups.push(Group { first, bins, square, density: stats::mean(&self.density[first..first + bins]) });
             first += bins;
         }
         groups
@@ -183,12 +257,31 @@ impl Spectrum {
     }
 }
 
-/// Ratio of the ends of the narrowest plateau: 1.5 octaves.
-const NARROWEST: f64 = 2.83;
+/// Ratio of the ends of the narrowest part that counts as level.
+const NARROWEST: f64 = 4.0;
 
-fn mean_of(groups: &[(usize, usize, f64)]) -> f64 {
-    let bins: usize = groups.iter().map(|(_, n, _)| n).sum();
-    groups.iter().map(|(_, n, d)| *n as f64 * d).sum::<f64>() / bins as f64
+/// Neighbouring bins.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    first: usize,
+    bins: usize,
+    /// Mean square of the bins' numbers.
+    square: f64,
+    /// Mean density.
+    density: f64,
+}
+
+impl Group {
+    fn end(&self) -> usize {
+        self.first + self.bins
+    }
+}
+
+/// Density at low frequencies.
+struct Level {
+    density: f64,
+    sd: f64,
+    chi_square: f64,
 }
 
 impl Plateau {

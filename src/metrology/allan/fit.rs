@@ -26,9 +26,11 @@ pub(super) const R: usize = 4;
 pub(super) const FLAT: f64 = 0.664_282;
 
 /// A fit holds from this probability of chi-square on.
-pub(super) const HOLDS: f64 = 0.05;
-/// One octave further it has already held; this excludes another cause.
-const STILL_HOLDS: f64 = 0.001;
+pub(super) const HOLDS: f64 = 0.001;
+/// A point belongs to the curve behind it unless it raises chi-square by more than chance does with this probability.
+const BELONGS: f64 = 0.02;
+/// Points that are asked whether they belong, one after the other.
+const ASKED: usize = 3;
 /// Below this probability the points lie closer to a curve than noise can: one event makes all of them.
 const TOO_GOOD: f64 = 1e-6;
 /// Where no fit holds by chance alone, the model itself is given this relative standard deviation at each point.
@@ -37,8 +39,9 @@ const MODEL_ERROR: f64 = 0.03;
 const BAND_LIMIT: f64 = 1.5;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
-/// What a term must improve chi-square by to be fitted (Akaike).
-const TERM_COST: f64 = 2.0;
+/// What a term must improve chi-square by to be fitted.
+const TERM_COST: f64 = 1.0;
+/// Too few degrees of freedom to be believed.
 const FEWEST_DOF: usize = 3;
 
 /// Coefficients of the terms.
@@ -86,48 +89,50 @@ pub(super) enum Search {
     TooFew,
 }
 
-/// The simplest fit that holds: from the first point on; with quantisation; with a band limit, from the first point on
-/// from where it holds, and one octave more; the same again with an error of the model.
+/// The simplest fit that holds: from the first point on; with quantisation; with a band limit, from the first point that
+/// belongs to the curve behind it and one octave more; the same again with an error of the model.
 pub(super) fn search(curve: &Curve) -> Search {
     let mut nearest: Option<Solved> = None;
-    let near = |nearest: &mut Option<Solved>, solved: &Solved| {
-        if nearest.as_ref().is_none_or(|n| n.p < solved.p) {
-            *nearest = Some(solved.clone());
-        }
-    };
     for model_error in [0.0, MODEL_ERROR] {
-        let plain = curve.solve(0, false, model_error);
-        let banded = curve.solve(0, true, model_error);
-        let odds = banded.as_ref().and_then(|b| b.odds(Q));
-        if let Some(plain) = plain {
-            if model_error == 0.0 && plain.dof > FEWEST_DOF && 1.0 - plain.p < TOO_GOOD {
-                return Search::TooGood(plain);
+        let fits = |banded: bool, starts: usize| -> Vec<Solved> {
+            (0..starts).map_while(|start| curve.solve(start, banded, model_error)).collect()
+        };
+        let plain = fits(false, 1 + ASKED);
+        let odds = curve.solve(0, true, model_error).and_then(|banded| banded.odds(Q)).unwrap_or(0.0);
+        if let Some(first) = plain.first() {
+            if model_error == 0.0 && first.dof > FEWEST_DOF && 1.0 - first.p < TOO_GOOD {
+                return Search::TooGood(first.clone());
             }
-            if plain.holds() && odds.is_none_or(|odds| (-BAND_LIMIT..QUANTISATION).contains(&odds)) {
-                return Search::Holds(plain);
+            if belongs(&plain) && (-BAND_LIMIT..QUANTISATION).contains(&odds) {
+                return Search::Holds(first.clone());
             }
-            near(&mut nearest, &plain);
         }
-        if let Some(banded) = banded
-            && banded.holds()
-            && odds.is_some_and(|odds| odds >= QUANTISATION)
-        {
-            return Search::Holds(banded);
+        let banded = fits(true, curve.tau_s.len());
+        if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
+            return Search::Holds(first.clone());
         }
-        for start in 0..curve.tau_s.len() {
-            let Some(first) = curve.solve(start, true, model_error) else { break };
-            near(&mut nearest, &first);
-            if !first.holds() {
-                continue;
-            }
-            if let Some(further) = curve.solve(start + 1, true, model_error)
-                && further.p >= STILL_HOLDS
+        for start in 0..banded.len() {
+            if belongs(&banded[start..])
+                && let Some(further) = banded.get(start + 1)
+                && further.p >= HOLDS
             {
-                return Search::Holds(further);
+                return Search::Holds(further.clone());
             }
         }
+        let all = plain.into_iter().chain(banded).filter(|fit| fit.dof >= FEWEST_DOF);
+        nearest = all.chain(nearest).max_by(|a, b| a.p.total_cmp(&b.p));
     }
     nearest.map_or(Search::TooFew, Search::Rejected)
+}
+
+/// Whether the first of these fits holds, and the points that only the first ones use belong to the curve behind them.
+fn belongs(fits: &[Solved]) -> bool {
+    let Some((first, behind)) = fits.split_first() else { return false };
+    let added = |(index, fit): (usize, &Solved)| {
+        let added = (first.chi_square - fit.chi_square).max(0.0);
+        1.0 - stats::chi_square_probability(added, (index + 1) as f64) >= BELONGS
+    };
+    first.dof >= FEWEST_DOF && first.p >= HOLDS && behind.iter().take(ASKED).enumerate().all(added)
 }
 
 impl Curve {
@@ -185,10 +190,6 @@ const ROUNDS: usize = 9;
 const CHOICE: usize = 3;
 
 impl Solved {
-    fn holds(&self) -> bool {
-        self.dof >= FEWEST_DOF && self.p >= HOLDS
-    }
-
     fn row(&self, term: usize) -> Option<usize> {
         self.fitted.iter().position(|f| *f == term)
     }

@@ -42,7 +42,7 @@ impl Known<'_> {
             .map(|(noise, part)| part / total * (2.0 / of(*noise)).sqrt())
             .sum();
         let mut variance = sd * sd;
-        if parts[0] <= 0.0 {
+        if parts[0] <= 0.0 && self.kind == Kind::Oadev {
             variance = variance.max(2.0 / of(Noise::WhiteRate));
         }
         if self.kind == Kind::Oadev

@@ -15,40 +15,19 @@ pub struct Line {
     pub amplitude: f64,
 }
 
-/// Lines below this bin of the spectrum cannot be told from a wandering bias.
-const LOWEST_BIN: usize = 8;
-/// A line stands out this many times over its neighbours ...
-const STANDS_OUT: f64 = 3.0;
-/// ... and so many standard deviations.
-const OVER_SCATTER: f64 = 8.0;
 /// Lines taken off at most.
 const MOST: usize = 8;
 /// Rounds of the fit of one line: its frequency settles quadratically.
 const ROUNDS: usize = 6;
-
-/// Frequency of the strongest line of a spectrum, in cycles a sample.
-pub(super) fn strongest(spectrum: &Spectrum) -> Option<f64> {
-    let d = &spectrum.density;
-    let threshold = STANDS_OUT.max(1.0 + OVER_SCATTER * spectrum.relative_sd);
-    let mut best = (0.0, 0);
-    for k in LOWEST_BIN..d.len().saturating_sub(1) {
-        let reach = (k / 4).min(16);
-        let mut near = d[k - reach..(k + reach + 1).min(d.len() - 1)].to_vec();
-        let ratio = d[k] / stats::median(&mut near);
-        if ratio > threshold && d[k] > best.0 {
-            best = (d[k], k);
-        }
-    }
-    (best.1 > 0).then(|| best.1 as f64 / (2 * (d.len() - 1)) as f64)
-}
 
 /// Takes the lines off the record, the strongest first, and gives them.
 pub(super) fn take_off(values: &mut [f64], rate_hz: f64) -> Vec<Line> {
     let mut lines = Vec::new();
     while lines.len() < MOST
         && let Some(spectrum) = Spectrum::of(values, rate_hz)
-        && let Some(near) = strongest(&spectrum)
-        && let Some((frequency, amplitude)) = take_one(values, near, 1.5 / (2 * (spectrum.density.len() - 1)) as f64)
+        && let Some(bin) = spectrum.line()
+        && let step = spectrum.step_hz / rate_hz
+        && let Some((frequency, amplitude)) = take_one(values, bin as f64 * step, 1.5 * step)
     {
         lines.push(Line { frequency_hz: frequency * rate_hz, amplitude });
     }
@@ -70,7 +49,7 @@ fn take_one(values: &mut [f64], near: f64, width: f64) -> Option<(f64, f64)> {
         });
         solution = normal.cholesky()?.solve(&data);
         let (a, b, c, d) = (solution[0], solution[1], solution[2], solution[3]);
-        let off = (a * d - b * c) / (a * a + b * b);
+        let off = (b * c - a * d) / (a * a + b * b);
         if round + 1 < ROUNDS {
             frequency += off * 2.0 / n / std::f64::consts::TAU;
         }

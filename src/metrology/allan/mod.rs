@@ -181,12 +181,17 @@ pub fn analyse(
     let Some(fitted) = &fitted else {
         return Ok(Analysis { points, coefficients: Coefficients::default(), fit: None, plateau: None });
     };
-    let bounds = points.iter().filter(|p| p.edf.is_finite() && p.dev > 0.0);
+    // Within the sensor's memory the deviation falls below any flat part.
+    let shortest_s = fitted.used_from_s().max(MEMORY_SAMPLES / rate_hz);
+    let bounds = points.iter().filter(|p| p.edf.is_finite() && p.dev > 0.0 && p.tau_s >= shortest_s);
     let b_upper_bound = bounds.map(|p| coefficients::bound(p.dev, p.edf)).reduce(f64::min);
     let coefficients = coefficients::of(&fitted.search, &fitted.tau_s, fitted.plateau.as_ref(), b_upper_bound);
     let fit = coefficients::fit(&fitted.search, &fitted.tau_s, &coefficients, &fitted.lines);
     Ok(Analysis { points, coefficients, fit, plateau: fitted.plateau })
 }
+
+/// Averaging times of fewer samples say nothing about how small the flat part is.
+const MEMORY_SAMPLES: f64 = 8.0;
 
 /// The fit of a record, and what it rests on.
 struct Fitted {
@@ -213,7 +218,7 @@ impl Fitted {
         let mut spectrum = Spectrum::of(&rates, rate_hz);
         let mut lines = Vec::new();
         let mut cleaned = None;
-        if spectrum.as_ref().is_some_and(|s| lines::strongest(s).is_some()) {
+        if spectrum.as_ref().is_some_and(|s| s.line().is_some()) {
             lines = lines::take_off(rates.to_mut(), rate_hz);
             spectrum = Spectrum::of(&rates, rate_hz);
             let mean = deviation::mean(&rates, threads);
@@ -226,15 +231,20 @@ impl Fitted {
         let square = sums.iter().zip(&tau_s).map(|((square, _), tau_s)| square / (tau_s * tau_s)).collect();
         let curve = fit::Curve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square };
         let search = fit::search(&curve);
-        let plateau = spectrum.as_ref().and_then(Spectrum::plateau);
+        let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
         Self { tau_s: curve.tau_s, search, lines, spectrum, plateau }
+    }
+
+    /// First averaging time of the fit, s.
+    fn used_from_s(&self) -> f64 {
+        if let Search::Holds(fit) = &self.search { self.tau_s[fit.start] } else { 0.0 }
     }
 
     fn known(&self, rate_hz: f64, kind: Kind, phases: usize) -> Option<freedom::Known<'_>> {
         let Search::Holds(fit) = &self.search else { return None };
         Some(freedom::Known {
             fit,
-            used_from_s: self.tau_s[fit.start],
+            used_from_s: self.used_from_s(),
             lines: &self.lines,
             spectrum: self.spectrum.as_ref(),
             rate_hz,

@@ -117,3 +117,22 @@ impl Scatter {
 fn pairs() -> impl Iterator<Item = (usize, usize)> {
     (0..BASIS.len()).flat_map(|k| (k..BASIS.len()).map(move |l| (k, l)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// White noise: the squared deviations at 1 and 2 samples are sums over products of differences with the weights
+    /// (-1, 1) and (-1, -1, 1, 1) / 2. Their covariances at all lags, squared and added up, are 6, 1.75 and 1.5 for the
+    /// pairs (1, 1), (2, 2), (1, 2), of which variance and covariance of the squares are half over n.
+    #[test]
+    fn covariance_of_white_noise_is_that_of_its_differences() {
+        let n = 100_000;
+        let scatter = Scatter::new(&[1, 2], n + 1);
+        let found = scatter.covariance(0, &[[0.0, 1.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0]]);
+        for (at, expected) in [((0, 0), 6.0), ((1, 1), 1.75), ((0, 1), 1.5)] {
+            let expected = expected / (2.0 * n as f64);
+            assert!((found[at] / expected - 1.0).abs() < 0.02, "{at:?}: {} {expected}", found[at]);
+        }
+    }
+}
