@@ -366,6 +366,47 @@ mod tests {
         }
     }
 
+    /// White noise behind a first-order low-pass at a tenth of the rate, with a spike of 3000 standard deviations and a line:
+    /// the level at low frequencies comes back with an interval that holds it.
+    #[test]
+    fn the_plateau_lies_below_the_low_pass() {
+        let (rate_hz, a) = (100.0, (-std::f64::consts::TAU * 0.1_f64).exp());
+        let (mut covered, records) = (0, 200);
+        for seed in 0..records {
+            let mut state = 0.0;
+            let mut values: Vec<f64> = white(20_000, 1000 + seed)
+                .iter()
+                .enumerate()
+                .map(|(i, v)| {
+                    state = a * state + (1.0 - a) * v;
+                    state + 0.2 * (std::f64::consts::TAU * 0.31 * i as f64).sin()
+                })
+                .collect();
+            values[7000] += 3000.0;
+            let plateau = Spectrum::of(&values, rate_hz).unwrap().without_lines().plateau().unwrap();
+            let n = plateau.n();
+            // Samples of unit deviation, and a low-pass that has a gain of 1 at low frequencies.
+            covered += usize::from((n.low..=n.high).contains(&0.1));
+            assert!((n.value / 0.1 - 1.0).abs() < 0.15 && plateau.to_hz < 10.0, "{seed}: {plateau:?}");
+        }
+        println!("covered {covered} of {records}");
+        // 68.3 % of 200 are 137, 3.9 standard errors 26.
+        assert!((111..=163).contains(&covered), "{covered}");
+    }
+
+    #[test]
+    fn a_slope_has_no_plateau() {
+        let walk: Vec<f64> = white(20_000, 3)
+            .iter()
+            .scan(0.0, |sum, v| {
+                *sum += v;
+                Some(*sum)
+            })
+            .collect();
+        assert_eq!(Spectrum::of(&walk, 100.0).unwrap().plateau(), None);
+        assert_eq!(Spectrum::of(&walk[..500], 100.0), None);
+    }
+
     #[test]
     fn refusals() {
         let check = |values: &[f64], rate_hz, segment, expected: &str| {

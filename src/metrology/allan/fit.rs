@@ -26,7 +26,7 @@ pub(super) const R: usize = 4;
 pub(super) const FLAT: f64 = 0.664_282;
 
 /// A fit holds from this probability of chi-square on.
-pub(super) const HOLDS: f64 = 0.001;
+const HOLDS: f64 = 0.001;
 /// A point belongs to the curve behind it unless it raises chi-square by more than chance does with this probability.
 const BELONGS: f64 = 0.02;
 /// Points that are asked whether they belong, one after the other.
@@ -40,7 +40,7 @@ const BAND_LIMIT: f64 = 1.5;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
 /// What a term must improve chi-square by to be fitted.
-const TERM_COST: f64 = 1.0;
+const TERM_COST: f64 = 1.5;
 /// Too few degrees of freedom to be believed.
 const FEWEST_DOF: usize = 3;
 
@@ -275,7 +275,8 @@ impl Constrained {
     ) -> Option<Self> {
         let lower = covariance.clone().cholesky()?.l();
         let white = |m: &DMatrix<f64>| lower.solve_lower_triangular(m);
-        let (whitened, data) = (white(design)?, white(&DMatrix::from_column_slice(square.len(), 1, square.as_slice()))?);
+        let (whitened, data) =
+            (white(design)?, white(&DMatrix::from_column_slice(square.len(), 1, square.as_slice()))?);
         let mut best: Option<(f64, Self)> = None;
         for subset in 1_u32..1 << allowed.len() {
             let columns: Vec<usize> =

@@ -16,7 +16,7 @@ mod scatter;
 
 use std::borrow::Cow;
 
-pub use coefficients::{Absence, Coefficient, Coefficients, Fit, HOLDS};
+pub use coefficients::{Absence, Coefficient, Coefficients, Fit};
 use fit::Search;
 pub use lines::Line;
 pub use noise::Noise;
@@ -213,7 +213,8 @@ impl Fitted {
         threads: usize,
     ) -> Self {
         let samples = rates.len();
-        let grid: Vec<usize> = (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
+        let grid: Vec<usize> =
+            (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
         let tau_s: Vec<f64> = grid.iter().map(|m| *m as f64 / rate_hz).collect();
         let mut spectrum = Spectrum::of(&rates, rate_hz);
         let mut lines = Vec::new();
