@@ -215,7 +215,7 @@ pub(super) fn of(
 }
 
 fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Absence> {
-    let (Some(sd), Some(odds)) = (solved.sd(term), solved.over_chance(term, tau_s)) else {
+    let (Some((square, sd)), Some(odds)) = (solved.given(term), solved.over_chance(term, tau_s)) else {
         return Err(Absence::NotNeeded);
     };
     let share = solved.share(term, tau_s);
@@ -226,7 +226,6 @@ fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Abse
         return Err(Absence::Chance { odds });
     }
     // A square of so many degrees of freedom has this scatter.
-    let square = solved.squares[term];
     let value = square.sqrt();
     let (low, high) = stats::sd_interval(value, 2.0 * (square / sd).powi(2), stats::ONE_SIGMA);
     Ok(Coefficient { value, low, high })
