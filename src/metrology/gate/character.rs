@@ -162,5 +162,10 @@ fn step(values: &[f64]) -> f64 {
     let largest = sorted.first().map_or(0.0, |low| low.abs()).max(sorted.last().map_or(0.0, |high| high.abs()));
     // Below this a distance is rounding.
     let rounding = 1e-13 * largest;
-    sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > rounding).fold(f64::INFINITY, f64::min).min(largest)
+    sorted
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .filter(|gap| *gap > rounding)
+        .fold(f64::INFINITY, f64::min)
+        .min(largest)
 }

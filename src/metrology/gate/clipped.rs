@@ -47,7 +47,8 @@ pub(super) fn search(
                 for row in block.clone().filter(|row| values[*row] == extreme) {
                     found.mark(row, Fault::Clipped);
                 }
-                let channel = if blocks.len() > 1 { format!("{name} of stretch {}", number + 1) } else { name.to_owned() };
+                let channel =
+                    if blocks.len() > 1 { format!("{name} of stretch {}", number + 1) } else { name.to_owned() };
                 found.clipped_at.get_or_insert((channel, extreme));
             }
         }

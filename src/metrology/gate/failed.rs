@@ -29,8 +29,10 @@ pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[
 fn rows_of(channels: &[&[f64]], word: f64, rows: usize) -> Vec<usize> {
     let Some((first, others)) = channels.split_first() else { return Vec::new() };
     // A plain count is at memory speed; most records have none.
-    let count: usize =
-        first[..rows].chunks(1024).map(|part| part.iter().map(|value| u32::from(*value == word)).sum::<u32>() as usize).sum();
+    let count: usize = first[..rows]
+        .chunks(1024)
+        .map(|part| part.iter().map(|value| u32::from(*value == word)).sum::<u32>() as usize)
+        .sum();
     if count == 0 {
         return Vec::new();
     }

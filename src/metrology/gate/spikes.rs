@@ -78,7 +78,10 @@ fn closest(spikes: usize, rows: usize) -> f64 {
 
 /// The end of a range of 8, 12, 16, 20, 24 or 32 bits.
 fn is_code_end(value: f64) -> bool {
-    [7, 11, 15, 19, 23, 31].into_iter().map(|bits| f64::from(bits).exp2()).any(|end| value == end - 1.0 || value == -end)
+    [7, 11, 15, 19, 23, 31]
+        .into_iter()
+        .map(|bits| f64::from(bits).exp2())
+        .any(|end| value == end - 1.0 || value == -end)
 }
 
 fn look(

@@ -24,8 +24,7 @@ fn screen(channels: &[&[f64]], blocks: &[Range<usize>], still: bool) -> Screenin
 
 /// What is left out of a single stretch: failed reads, spikes, stale, clipped.
 fn counts(channels: &[&[f64]], still: bool) -> [usize; 4] {
-    let LeftOut { failed_reads, spikes, stale, clipped } =
-        *screen(channels, &[0..channels[0].len()], still).left_out();
+    let LeftOut { failed_reads, spikes, stale, clipped } = *screen(channels, &[0..channels[0].len()], still).left_out();
     [failed_reads, spikes, stale, clipped]
 }
 
@@ -43,10 +42,15 @@ fn honest_records_pass_whole() {
     check("a long one", (0..1_000_000).map(|_| 0.1 * normal()).collect());
     let step: Vec<f64> = (0..4000).map(|i| if i < 1777 { 0.0 } else { 50.0 } + normal()).collect();
     check("a step", step);
-    let turn = |i: usize| (((i as f64 - 1000.0) / 500.0).clamp(0.0, 1.0) - ((i as f64 - 3000.0) / 500.0).clamp(0.0, 1.0)) * 4e6;
+    let turn = |i: usize| {
+        (((i as f64 - 1000.0) / 500.0).clamp(0.0, 1.0) - ((i as f64 - 3000.0) / 500.0).clamp(0.0, 1.0)) * 4e6
+    };
     assert_eq!(counts(&[&(0..5000).map(|i| (turn(i) + 1600.0 * normal()).round()).collect::<Vec<_>>()], false), [0; 4]);
     assert_eq!(counts(&[&(0..5000).map(turn).collect::<Vec<_>>()], false), [0; 4], "a turn without noise");
-    assert_eq!(counts(&[&(0..5000).map(|i| (turn(i) / 1e4 + 0.2 * normal()).round()).collect::<Vec<_>>()], false), [0; 4]);
+    assert_eq!(
+        counts(&[&(0..5000).map(|i| (turn(i) / 1e4 + 0.2 * normal()).round()).collect::<Vec<_>>()], false),
+        [0; 4]
+    );
     for per_turn in [20.0, 67.0, 400.0, 20_000.0] {
         for sd in [0.0, 0.4, 5.0] {
             let angle = |i: usize| std::f64::consts::TAU * i as f64 / per_turn;
