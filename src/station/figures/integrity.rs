@@ -165,7 +165,7 @@ pub fn sound_at_rest(samples: &[ImuSample]) -> (Vec<ImuSample>, [f64; 3]) {
     let [gyro, accel] = [Triad::Gyro, Triad::Accel].map(|triad| screen(samples, triad, true));
     let whole = gyro.and(accel);
     let sound = samples.iter().enumerate().filter(|(row, _)| !left_out(whole.fault(*row)));
-    (sound.map(|(_, sample)| *sample).collect(), shares(whole.left_out(), samples.len()))
+    (sound.map(|(_, sample)| sample.clone()).collect(), shares(whole.left_out(), samples.len()))
 }
 
 /// A clipped sample stays: what is cut is told by the channel's saturation and noise.

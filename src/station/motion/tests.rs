@@ -175,16 +175,16 @@ fn a_module_that_is_moved_is_noticed_within_a_second() {
 #[test]
 fn only_what_is_used_may_not_saturate() {
     // Six in a row are saturation; five may be reads that failed.
-    let look = |uses, sample: ImuSample, rows: usize| Watch::new(uses, false, 1000).look(&vec![sample; rows]);
-    let mut sample = still(1)[0];
+    let look = |uses, sample: &ImuSample, rows: usize| Watch::new(uses, false, 1000).look(&vec![sample.clone(); rows]);
+    let mut sample = still(1).remove(0);
     sample.gyro[2] = -SATURATION - 1;
-    assert_eq!(look(Uses::Magnetometer, sample, 9), Ok(()));
-    assert_eq!(look(Uses::Gyro, sample, 5), Ok(()));
-    assert_eq!(look(Uses::Gyro, sample, 9), Err((5, Spoilt::Saturated { channel: "gyro_z".into() })));
+    assert_eq!(look(Uses::Magnetometer, &sample, 9), Ok(()));
+    assert_eq!(look(Uses::Gyro, &sample, 5), Ok(()));
+    assert_eq!(look(Uses::Gyro, &sample, 9), Err((5, Spoilt::Saturated { channel: "gyro_z".into() })));
     sample.gyro[2] = 0;
     sample.mag[0] = SATURATION;
-    assert_eq!(look(Uses::Inertial, sample, 9), Ok(()));
-    assert_eq!(look(Uses::Magnetometer, sample, 9), Err((5, Spoilt::Saturated { channel: "mag_x".into() })));
+    assert_eq!(look(Uses::Inertial, &sample, 9), Ok(()));
+    assert_eq!(look(Uses::Magnetometer, &sample, 9), Err((5, Spoilt::Saturated { channel: "mag_x".into() })));
 }
 
 /// One read in 50 gives 0 where 1 g lies: a finding of the data gate, and no motion.
