@@ -43,7 +43,7 @@ pub fn integrity(item: ItemId, question: &Question<'_>) -> Vec<(String, Value)> 
 }
 
 /// Shares of bad samples, percent, in the order of [`NAMES`].
-pub fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
+fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
     [left_out.failed_reads, left_out.stale, left_out.spikes].map(|count| count as f64 * 100.0 / samples.max(1) as f64)
 }
 
