@@ -86,27 +86,25 @@ fn chance(characters: &[Character], at: usize) -> f64 {
     before.into_iter().chain(after).map(of_piece).reduce(f64::max).unwrap_or(1.0)
 }
 
-/// Rows for each update, where nearly all updates last as long as each other.
+/// Rows for each update, where nearly all rows lie in updates of one length.
 fn polled(found: &Screening, stale: usize, blocks: &[Range<usize>]) -> Option<f64> {
     let rows: usize = blocks.iter().map(Range::len).sum();
     let ratio = rows as f64 / (rows - stale.min(rows)).max(1) as f64;
     if ratio < 1.2 {
         return None;
     }
-    let (mut updates, mut even) = (0, 0);
+    let even = |length: usize| if (length as f64 - ratio).abs() <= 1.0 { length } else { 0 };
+    let mut evenly = 0;
     for block in blocks {
         let mut length = 0;
         for row in block.clone() {
-            if found.fault(row) == Some(Fault::Stale) {
-                length += 1;
-                continue;
+            if found.fault(row) != Some(Fault::Stale) {
+                evenly += even(length);
+                length = 0;
             }
-            if length > 0 {
-                updates += 1;
-                even += usize::from((f64::from(length) - ratio).abs() <= 1.0);
-            }
-            length = 1;
+            length += 1;
         }
+        evenly += even(length);
     }
-    (even as f64 > 0.95 * updates as f64).then_some(ratio)
+    (evenly as f64 > 0.95 * rows as f64).then_some(ratio)
 }
