@@ -145,7 +145,8 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
         let layout = Layout { blocks: &blocks, still: false, range_end: None };
         let found = Screening::of(&AXES, &slices(&channels), &layout);
         found.admit(Rows::ClockedSteps).ok()?;
-        data.push(channels.map(|values| found.bridged(&values, &blocks)));
+        let [x, y, z] = channels.map(|values| found.bridged("", &values, &blocks).ok());
+        data.push([x?, y?, z?]);
     }
     let runs: Vec<rotation::Run<'_>> = LABELS
         .iter()
