@@ -19,6 +19,7 @@ mod error;
 mod gnss;
 mod gyro_bias;
 mod gyro_still;
+mod integrity;
 mod json;
 mod mean;
 mod place;
@@ -43,6 +44,7 @@ use crate::capture::Capture;
 use budget::Budget;
 pub use calibration::Calibration;
 pub use error::FigureError;
+pub use integrity::{KEY as GATE, NAMES as INTEGRITY, integrity, sound_at_rest};
 
 /// How far the samples' rate is off true time.
 pub(crate) const SAMPLE_RATE_ERROR: &str = "sample_rate_error";
@@ -76,17 +78,28 @@ pub struct Findings {
 /// refuses the record.
 pub fn analyse(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
     clock::check(question.captures)?;
-    let mut findings = figures(item, question)?;
+    // Losses come before all else: what is not there cannot be screened.
+    let integrity = integrity::Integrity::of(item, question);
+    if let Some(refused) = integrity.refused.clone().filter(|_| !lossy(question.captures)) {
+        return Err(refused);
+    }
+    let question = Question { captures: &integrity.captures, ..*question };
+    let mut findings = of_sound_samples(item, &question)?;
     if item.spec().measurement(SAMPLE_RATE_ERROR).is_some() {
         // Items without a probability of their own state a standard one.
         let probability = question.probability().unwrap_or(0.95);
         let views = question.captures.iter().map(|capture| &capture.timing.host);
         findings.put(SAMPLE_RATE_ERROR, clock::sample_rate_error(question.earlier, views, probability));
     }
+    integrity.file(&mut findings);
     Ok(findings)
 }
 
-fn figures(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+fn lossy(captures: &[Capture]) -> bool {
+    captures.iter().any(|capture| capture.losses.any())
+}
+
+fn of_sound_samples(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
     match item {
         ItemId::SixPosition => six_position::analyse(question),
         ItemId::GyroStill => gyro_still::analyse(question),

@@ -1,8 +1,8 @@
 //! Calibration of accelerometers and gyroscopes, and its way into the module.
 
 use super::shared::{
-    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U, POSITIONS, RAMP,
-    RATE, REST, SAMPLE_RATE, SETTLE, SPAN, TURN_RATE, WARM, degc, dph, mg, ppm,
+    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U,
+    POSITIONS, RAMP, RATE, REST, SAMPLE_RATE, SETTLE, SPAN, SPIKES, STALE_SAMPLES, TURN_RATE, WARM, degc, dph, mg, ppm,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -39,6 +39,9 @@ pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -90,6 +93,9 @@ pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -126,6 +132,9 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -191,6 +200,9 @@ pub(super) static CHECK: ItemSpec = ItemSpec {
         ppm("angle_error", CHECK_GYRO),
         ppm("cross_angle", CHECK_GYRO),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

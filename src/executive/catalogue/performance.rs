@@ -1,8 +1,8 @@
 //! What calibration leaves: biases, their stability and repeatability, resolution.
 
 use super::shared::{
-    COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE, SENSORS, SETTLE, WARM, degc, dph, mg,
-    percent, quantity,
+    COVERAGE, DWELL, FAILED_READS, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE, SENSORS, SETTLE, SPIKES,
+    STALE_SAMPLES, WARM, degc, dph, mg, percent, quantity,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -38,6 +38,9 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
         text("label", "What the figures still hold of the earth's rotation."),
         degc("temperature", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -70,6 +73,9 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
         if_axis(mg("bias_z", BIAS), "z"),
         degc("temperature", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -97,6 +103,9 @@ pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -129,6 +138,9 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
@@ -185,6 +197,9 @@ pub(super) static RESOLUTION: ItemSpec = ItemSpec {
         number("range_accel", Unit::Gravity, Dimension::Acceleration, RANGE),
         number("range_mag", Unit::Gauss, Dimension::MagneticField, RANGE),
         SAMPLE_RATE,
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

@@ -8,6 +8,7 @@ use gnc_metrology::{AXES, earth, gyro_still, rotation, six_position};
 use nalgebra::Vector3;
 use serde_json::json;
 
+use super::gate::{GateColumns, Gated};
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
@@ -50,13 +51,15 @@ pub(super) struct SixPosition {
     /// Allowed wander of a position's mean, part of the response to gravity (rad of pose)
     #[arg(long, value_name = "RAD", default_value_t = Limits::ACCELEROMETER.motion)]
     motion: f64,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl SixPosition {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let gravity = self.gravity.mps2()?;
         let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
-        let positions = still_positions(&self.file, Triad::Accel, 1.0, &limits)?.positions;
+        let Still { positions, gated, .. } = still_positions(&self.file, Triad::Accel, 1.0, &limits, &self.gate)?;
         let c = six_position::calibrate(&positions, gravity)?;
         let k = c.coverage_factor();
         let mut report = Report::new("six-position");
@@ -110,7 +113,8 @@ impl SixPosition {
             .deprecated("offset_lsb", vector(&c.bias_lsb), "read bias_lsb")
             .deprecated("sd.bias", vector(&c.bias_sd_mps2), "read sd.bias_mps2")
             .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_mps2")
-            .deprecated("as_printed.bias", vector(&c.nabla_as_printed_mps2), "read as_printed.nabla");
+            .deprecated("as_printed.bias", vector(&c.nabla_as_printed_mps2), "read as_printed.nabla")
+            .put("gate", "rows", gated.json());
         let panels =
             residual_panels("f", "m/s^2", &positions, &c.residuals_mps2, |p| c.compensate(&p.mean), |p| gravity * p.up);
         Ok(Outcome { report, panels })
@@ -139,6 +143,8 @@ pub(super) struct GyroStill {
     /// Output at which a channel is saturated
     #[arg(long, value_name = "LSB")]
     saturation: Option<f64>,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl GyroStill {
@@ -153,7 +159,8 @@ impl GyroStill {
             None => 1.0,
         };
         let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
-        let Still { positions, north } = still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits)?;
+        let Still { positions, north, gated } =
+            still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits, &self.gate)?;
         let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
         let k = c.coverage_factor();
         let dph = 3600.0_f64.to_degrees();
@@ -199,7 +206,8 @@ impl GyroStill {
             .deprecated("bias", vector(&c.bias_rps), "read bias_rps")
             .deprecated("sd.bias", vector(&c.bias_sd_rps), "read sd.bias_rps")
             .deprecated("expanded.bias", vector(&c.expanded().0), "read expanded.bias_rps")
-            .deprecated("heading_bound.bias", c.bias_heading_bound_rps, "read heading_bound.bias_rps");
+            .deprecated("heading_bound.bias", c.bias_heading_bound_rps, "read heading_bound.bias_rps")
+            .put("gate", "rows", gated.json());
         let fitted = |p: &Position| c.bias_rps + c.g_sensitivity * (gravity * p.up);
         let panels = residual_panels("w_out", "rad/s", &positions, &c.residuals_rps, |p| p.mean, fitted);
         Ok(Outcome { report, panels })
@@ -210,10 +218,17 @@ struct Still {
     positions: Vec<Position>,
     /// North of each position, where the record has it.
     north: Option<Vec<Vector3<f64>>>,
+    gated: Gated,
 }
 
 /// Reads still positions, outputs times a factor.
-fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
+fn still_positions(
+    file: &std::path::Path,
+    triad: Triad,
+    factor: f64,
+    limits: &Limits,
+    gate: &GateColumns,
+) -> Result<Still, ComputeError> {
     let table = Record::open(file, triad)?;
     let directions = !table.has("position") && table.has("ux");
     let has_north = table.has("nx");
@@ -225,7 +240,8 @@ fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &L
         names.extend(["nx", "ny", "nz"]);
     }
     let label = (!directions).then_some(("position", &LABELS[..]));
-    let columns = table.read(&Wanted { numbers: &names, label, rate_hz: None })?;
+    let mut columns = table.read(&Wanted { numbers: &gate.behind(&names), label, rate_hz: None })?;
+    let gated = gate.positions(&["x", "y", "z"], &mut columns, limits.saturation)?;
     let (outputs, rest) = columns.numbers.split_at(3);
     let outputs: Vec<Vec<f64>> = outputs.iter().map(|c| c.iter().map(|v| v * factor).collect()).collect();
     let limits = Limits { saturation: limits.saturation.map(|s| s * factor), ..*limits };
@@ -248,7 +264,7 @@ fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &L
             })
             .collect()
     });
-    Ok(Still { positions, north })
+    Ok(Still { positions, north, gated })
 }
 
 /// Fit over truth and residuals by position.
@@ -319,6 +335,8 @@ pub(super) struct Rotation {
     /// Half width of the band around the nominal scale factor, percent
     #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
     band: f64,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl Rotation {
@@ -329,8 +347,10 @@ impl Rotation {
             (Some(AxisKind::Vertical), Some(latitude_deg)) => rotation::Axis::Vertical { latitude_deg },
             (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
         };
-        let wanted = Wanted { numbers: &["x", "y", "z"], label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
-        let columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let names = self.gate.behind(&AXES);
+        let wanted = Wanted { numbers: &names, label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
+        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let gated = self.gate.motion(&AXES, &mut columns, self.saturation)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         let blocks = position::blocks(&labels)?;
         let runs: Vec<rotation::Run> = blocks
@@ -404,7 +424,8 @@ impl Rotation {
             .deprecated("offset_lsb", vector(&c.bias_lsb), "read bias_lsb")
             .deprecated("sd.bias", vector(&c.bias_sd_rps), "read sd.bias_rps")
             .deprecated("sd.offset_lsb", vector(&c.bias_sd_lsb), "read sd.bias_lsb")
-            .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_rps");
+            .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_rps")
+            .put("gate", "rows", gated.json());
         let rates = |run: &rotation::Run, i: usize| {
             let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / self.rate, *v));
             Series::line(AXES[i], points.collect::<Vec<_>>())

@@ -12,8 +12,8 @@ use super::sampling::{ClockWatch, samples_per_frame};
 use super::{Bench, Report, Trouble};
 use crate::board::stream::Closed;
 use crate::capture::Timing;
-use crate::figures::SAMPLE_RATE_ERROR;
 use crate::figures::clock::sample_rate_error;
+use crate::figures::{self, SAMPLE_RATE_ERROR};
 use crate::statistics::{mean, standard_deviation};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -22,6 +22,7 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     let wanted = u32::try_from(params.integer("samples")?).unwrap_or(u32::MAX);
     let rate_hz = params.quantity("rate", Unit::Hertz)?.round() as u16;
     let (samples, timing) = capture(bench, rate_hz, wanted).await?;
+    let (samples, bad) = figures::sound_at_rest(&samples);
 
     let gyro = AXES.map(|axis| format!("gyro_{axis}"));
     let accel = AXES.map(|axis| format!("accel_{axis}"));
@@ -52,7 +53,11 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     report.text("stuck_channels", &list(&faults.stuck)).await?;
     report.text("saturated_channels", &list(&faults.saturated)).await?;
     let rate_error = sample_rate_error(&bench.earlier, std::iter::once(&timing.host), 0.95);
-    report.value(SAMPLE_RATE_ERROR, &rate_error).await
+    report.value(SAMPLE_RATE_ERROR, &rate_error).await?;
+    for (name, share) in figures::INTEGRITY.into_iter().zip(bad) {
+        report.number(name, share, Unit::Percent).await?;
+    }
+    Ok(())
 }
 
 /// Captures so many samples without a gap, on the grid of the board's clock.
