@@ -6,6 +6,7 @@ use gnc_protocol::stream::{Format, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, St
 use gnc_protocol::wire::{Wire, Writer};
 
 use crate::devices::calibration::Compensation;
+use crate::devices::inertial::Reader;
 use crate::requests::samples_per_frame;
 
 /// A running stream. Times are bench time in ns.
@@ -28,6 +29,8 @@ pub(crate) struct Stream {
     pub(crate) tick: u64,
     /// What makes compensated samples of raw ones, as it was at the start.
     pub(crate) compensation: Option<Compensation>,
+    /// What it sees of the sensors, from its first sample on.
+    pub(crate) reader: Option<Reader>,
 }
 
 impl Stream {
@@ -47,6 +50,7 @@ impl Stream {
             first_time_us: 0,
             tick,
             compensation: None,
+            reader: None,
         }
     }
 

@@ -11,6 +11,8 @@ mod can;
 #[cfg(test)]
 mod faults;
 #[cfg(test)]
+mod filtered;
+#[cfg(test)]
 mod gnss;
 #[cfg(test)]
 mod host;
