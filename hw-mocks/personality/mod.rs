@@ -76,7 +76,7 @@
 //! bandwidth_hz = 80.0                  # of the chip's low-pass; 0: none. Noise and motion pass it
 //! bandwidth_order = 2                  # or 1; without it as in a good module, where there is one, else 2
 //! update_rate_hz = 100.0               # a stream that reads more often finds the last conversion again
-//! noise_per_k = 0.01                   # relative change of the white noise per kelvin above 25 degC
+//! noise_per_k = [0.01, 0.0, 0.0]       # the white noise grows by the exponential of this a kelvin; as it is at 25 degC
 //! clip_low_dps = -inf                  # the converter ends there; inf is none
 //! clip_high_dps = [inf, 150.0, inf]
 //! spikes = { share = 1e-4, size_dps = 50.0, axis = "x" } # share of conversions; size in g and gauss alike; without an

@@ -200,7 +200,7 @@ pub(super) struct Triad {
     pub(super) bandwidth_hz: Option<Spanned<f64>>,
     pub(super) bandwidth_order: Option<Spanned<u32>>,
     pub(super) update_rate_hz: Option<Spanned<f64>>,
-    pub(super) noise_per_k: Option<Spanned<f64>>,
+    pub(super) noise_per_k: Option<Spanned<PerAxis>>,
     #[serde(alias = "clip_low_dps", alias = "clip_low_g", alias = "clip_low_gauss")]
     pub(super) clip_low: Option<Spanned<PerAxis>>,
     #[serde(alias = "clip_high_dps", alias = "clip_high_g", alias = "clip_high_gauss")]

@@ -60,7 +60,14 @@ impl raw::Triad {
         if let Some(update_hz) = &self.update_rate_hz {
             model.update_rate_hz = Some(number(Some(update_hz), "update_rate_hz", 0.01, HIGHEST_HZ, 0.0)?);
         }
-        model.noise_per_k = number(self.noise_per_k.as_ref(), "noise_per_k", -10.0, 10.0, model.noise_per_k)?;
+        if let Some(per_k) = &self.noise_per_k {
+            let PerAxis(each) = *per_k.get_ref();
+            // More than a thousandfold in seven kelvin is no noise of a sensor.
+            match each.into_iter().find(|per_k| !(-1.0..=1.0).contains(per_k)) {
+                Some(out) => return Err(mistake(per_k, format!("noise_per_k {out} is not in -1 to 1"))),
+                None => model.noise_per_k = Vector3::from(each),
+            }
+        }
         Ok(model)
     }
 

@@ -82,8 +82,8 @@ pub struct TriadModel {
     pub bias_per_k: f64,
     /// Relative change of the response per kelvin.
     pub response_per_k: f64,
-    /// Relative change of the white noise's deviation per kelvin.
-    pub noise_per_k: f64,
+    /// The white noise's deviation grows as the exponential of this and of the kelvins above 25 degC.
+    pub noise_per_k: Vector3<f64>,
     /// Low-pass in the chip; `None`: none that matters.
     pub bandwidth: Option<Bandwidth>,
     /// Conversions of the chip; `None`: as many as are read.
@@ -111,7 +111,7 @@ impl TriadModel {
             noise,
             bias_per_k: 0.0008,
             response_per_k: 0.0,
-            noise_per_k: 0.0,
+            noise_per_k: Vector3::zeros(),
             bandwidth: Some(INDUSTRIAL),
             update_rate_hz: None,
         }
@@ -128,7 +128,7 @@ impl TriadModel {
             noise,
             bias_per_k: 0.03e-3,
             response_per_k: 30e-6,
-            noise_per_k: 0.0,
+            noise_per_k: Vector3::zeros(),
             bandwidth: Some(INDUSTRIAL),
             update_rate_hz: None,
         }
@@ -145,7 +145,7 @@ impl TriadModel {
             noise: [AxisNoise { white, ..AxisNoise::default() }; 3],
             bias_per_k: 0.0,
             response_per_k: 0.0,
-            noise_per_k: 0.0,
+            noise_per_k: Vector3::zeros(),
             bandwidth: None,
             update_rate_hz: None,
         }

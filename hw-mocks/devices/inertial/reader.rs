@@ -73,7 +73,8 @@ impl Chip {
     /// When the conversion took place that is read at `now_s`; `None` where it was read before.
     pub(super) fn due(&mut self, now_s: f64) -> Option<f64> {
         let Some(converts_hz) = self.converts_hz else { return Some(now_s) };
-        let number = (now_s * converts_hz).floor();
+        // A read at the very moment of a conversion finds it, whichever way the product is rounded.
+        let number = (now_s * converts_hz + 1e-6).floor();
         let due = self.conversion.is_none_or(|last| (last as f64) < number);
         self.conversion = Some(number as i64);
         due.then_some(number / converts_hz)

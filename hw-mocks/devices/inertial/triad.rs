@@ -64,8 +64,8 @@ impl Triad {
         self.drift =
             self.faults.drift_per_h * (powered_s / 3600.0) + self.faults.wander * (turns * std::f64::consts::TAU).sin();
         let warmer_k = temperature_c - REFERENCE_C;
-        let factor = self.faults.noise_factor * (1.0 + self.model.noise_per_k * warmer_k).max(0.0);
-        self.white = Vector3::from_fn(|axis, _| self.model.noise[axis].white * factor);
+        let factor = (self.model.noise_per_k * warmer_k).map(f64::exp) * self.faults.noise_factor;
+        self.white = Vector3::from_fn(|axis, _| self.model.noise[axis].white * factor[axis]);
     }
 
     /// Root of the density of the white noise: deviation of a mean over one second.

@@ -25,6 +25,8 @@ mod personalities;
 #[cfg(test)]
 mod pty;
 #[cfg(test)]
+mod real_sensors;
+#[cfg(test)]
 mod sensor_faults;
 #[cfg(test)]
 mod sensors;
