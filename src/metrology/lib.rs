@@ -15,6 +15,7 @@ pub mod correlated;
 pub mod earth;
 pub mod ellipse;
 pub mod ellipsoid;
+pub mod gate;
 pub mod gyro_still;
 mod linear;
 pub mod position;

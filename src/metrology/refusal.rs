@@ -135,6 +135,55 @@ pub enum Refusal {
         /// How many samples show it.
         samples: usize,
     },
+    /// A channel is cut at one value while it is noisy.
+    #[error(
+        "{channel} is cut at {value}: {samples} of {total} rows ({:.2} %) show it, first in row {first_row}",
+        share(*samples, *total)
+    )]
+    Clipped {
+        /// Channel, and where in the record.
+        channel: String,
+        /// The value at which it is cut.
+        value: f64,
+        /// How many rows show it.
+        samples: usize,
+        /// Rows of the record.
+        total: usize,
+        /// First row that shows it, from 1.
+        first_row: usize,
+    },
+    /// More rows are no measurements than can be left out.
+    #[error(
+        "{what}: {samples} of {total} rows ({:.2} %), first in row {first_row}; at most {limit_percent} % can be left out",
+        share(*samples, *total)
+    )]
+    BadRows {
+        /// `failed reads` or `spikes`.
+        what: &'static str,
+        /// How many rows.
+        samples: usize,
+        /// Rows of the record.
+        total: usize,
+        /// First of them, from 1.
+        first_row: usize,
+        /// Limit, percent.
+        limit_percent: f64,
+    },
+    /// Rows repeat the row before, so that the record holds fewer measurements than rows.
+    #[error(
+        "{samples} of {total} rows ({:.2} %) repeat the row before on all channels, first in row {first_row}; new rows come at 1/{rows_per_update:.3} of the record's rate",
+        share(*samples, *total)
+    )]
+    Stale {
+        /// How many rows.
+        samples: usize,
+        /// Rows of the record.
+        total: usize,
+        /// First of them, from 1.
+        first_row: usize,
+        /// Rows for each new one.
+        rows_per_update: f64,
+    },
     /// A sensor answers with the wrong sign to its own axis.
     #[error("sensor {axis} answers {response:.6e} to its own axis, expected a positive response")]
     WrongSign {
@@ -348,6 +397,11 @@ impl Refusal {
             Self::Moved { .. } => "wait until the table stands still and repeat the position",
             Self::Short { .. } => "dwell as long in every position",
             Self::Saturated { .. } => "use a wider range, or turn more slowly",
+            Self::Clipped { .. } => "use a wider range, or correct the offset, and record again",
+            Self::BadRows { .. } => "look at the first row named: check the line to the sensor, and record again",
+            Self::Stale { .. } => {
+                "keep each new row once and state the rate at which the sensor updates, or read it only when it has new data"
+            }
             Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
             Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
             Self::IllConditioned { .. } => "add attitudes that differ more from each other",
@@ -368,4 +422,9 @@ impl Refusal {
             Self::Diverged { .. } => "look at the plot: the points do not suit the model",
         }
     }
+}
+
+/// Percent of a total.
+fn share(samples: usize, total: usize) -> f64 {
+    samples as f64 * 100.0 / total.max(1) as f64
 }

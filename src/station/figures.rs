@@ -17,6 +17,7 @@ mod error;
 mod gnss;
 mod gyro_bias;
 mod gyro_still;
+mod integrity;
 mod json;
 mod mean;
 mod place;
@@ -40,6 +41,7 @@ use crate::capture::Capture;
 use budget::Budget;
 pub use calibration::Calibration;
 pub use error::FigureError;
+pub use integrity::{KEY as GATE, NAMES as INTEGRITY, integrity, sound_at_rest};
 
 /// What an analysis works with.
 #[derive(Debug)]
@@ -69,6 +71,22 @@ pub struct Findings {
 /// [`FigureError`]: samples are missing or spoilt, a calibration or the place of the bench is missing, or the method
 /// refuses the record.
 pub fn analyse(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+    // Losses come before all else: what is not there cannot be screened.
+    let integrity = integrity::Integrity::of(item, question);
+    if let Some(refused) = integrity.refused.clone().filter(|_| !lossy(question.captures)) {
+        return Err(refused);
+    }
+    let question = Question { captures: &integrity.captures, ..*question };
+    let mut findings = of_sound_samples(item, &question)?;
+    integrity.file(&mut findings);
+    Ok(findings)
+}
+
+fn lossy(captures: &[Capture]) -> bool {
+    captures.iter().any(|capture| capture.losses.any())
+}
+
+fn of_sound_samples(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
     match item {
         ItemId::SixPosition => six_position::analyse(question),
         ItemId::GyroStill => gyro_still::analyse(question),

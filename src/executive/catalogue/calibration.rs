@@ -1,8 +1,8 @@
 //! Calibration of accelerometers and gyroscopes, and its way into the module.
 
 use super::shared::{
-    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U, POSITIONS, RAMP,
-    RATE, REST, SETTLE, SPAN, TURN_RATE, WARM, degc, dph, mg, ppm,
+    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U,
+    POSITIONS, RAMP, RATE, REST, SETTLE, SPAN, SPIKES, STALE_SAMPLES, TURN_RATE, WARM, degc, dph, mg, ppm,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -38,6 +38,9 @@ pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
         mg("residual_rms", RESIDUAL),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -88,6 +91,9 @@ pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
         dph("residual_rms", RESIDUAL),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -123,6 +129,9 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
         ppm("mismatch_z", MISMATCH),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -187,6 +196,9 @@ pub(super) static CHECK: ItemSpec = ItemSpec {
         dph("rate_error_z", CHECK_GYRO),
         ppm("angle_error", CHECK_GYRO),
         ppm("cross_angle", CHECK_GYRO),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

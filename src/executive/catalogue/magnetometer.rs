@@ -1,6 +1,8 @@
 //! Magnetometer: in its plane of rotation, and over the whole sphere.
 
-use super::shared::{COVERAGE, POSITIONS, RATE, SETTLE, gauss, percent, ppm, quantity};
+use super::shared::{
+    COVERAGE, FAILED_READS, POSITIONS, RATE, SETTLE, SPIKES, STALE_SAMPLES, gauss, percent, ppm, quantity,
+};
 use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number};
 use crate::quantity::{Dimension, Unit};
 
@@ -46,6 +48,9 @@ pub(super) static ELLIPSE: ItemSpec = ItemSpec {
         number("lag", Unit::Microsecond, Dimension::Time, LATE),
         percent("rejected", "Spikes: look for loose connectors and motors nearby."),
         number("turns", Unit::Count, Dimension::Count, "The record is short: spin longer."),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -77,6 +82,9 @@ pub(super) static ELLIPSOID: ItemSpec = ItemSpec {
         percent("residual", ROUND),
         percent("coverage_of_sphere", "Some directions are missing: turn the module through more attitudes."),
         count("rejected", "Spikes: look for loose connectors and motors nearby."),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

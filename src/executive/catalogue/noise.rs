@@ -1,7 +1,7 @@
 //! Noise over time and over frequency.
 
 use super::performance::STILL;
-use super::shared::{COVERAGE, RATE, SENSORS, SETTLE, dph, mg, quantity};
+use super::shared::{COVERAGE, FAILED_READS, RATE, SENSORS, SETTLE, SPIKES, STALE_SAMPLES, dph, mg, quantity};
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number};
 use crate::quantity::{Dimension, Unit};
 
@@ -53,6 +53,9 @@ pub(super) static ALLAN: ItemSpec = ItemSpec {
         accel(mg("bias_instability_bound_accel_x", FLOOR)),
         accel(mg("bias_instability_bound_accel_y", FLOOR)),
         accel(mg("bias_instability_bound_accel_z", FLOOR)),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -100,6 +103,9 @@ pub(super) static PSD: ItemSpec = ItemSpec {
         accel(line("line_accel_x")),
         accel(line("line_accel_y")),
         accel(line("line_accel_z")),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],

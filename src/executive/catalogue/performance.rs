@@ -1,8 +1,8 @@
 //! What calibration leaves: biases, their stability and repeatability, resolution.
 
 use super::shared::{
-    COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SENSORS, SETTLE, WARM, degc, dph, mg, percent,
-    quantity,
+    COVERAGE, DWELL, FAILED_READS, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SENSORS, SETTLE, SPIKES, STALE_SAMPLES,
+    WARM, degc, dph, mg, percent, quantity,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -37,6 +37,9 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
         dph("bias_z", BIAS),
         text("label", "What the figures still hold of the earth's rotation."),
         degc("temperature", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -68,6 +71,9 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
         if_axis(mg("bias_y", BIAS), "y"),
         if_axis(mg("bias_z", BIAS), "z"),
         degc("temperature", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
@@ -94,6 +100,9 @@ pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
         accel(mg("bias_stability_accel_z", STABILITY)),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -125,6 +134,9 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
         accel(mg("bias_repeatability_accel_z", REPEATABILITY)),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
@@ -180,6 +192,9 @@ pub(super) static RESOLUTION: ItemSpec = ItemSpec {
         number("range_gyro", Unit::DegreePerSecond, Dimension::AngularRate, RANGE),
         number("range_accel", Unit::Gravity, Dimension::Acceleration, RANGE),
         number("range_mag", Unit::Gauss, Dimension::MagneticField, RANGE),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],

@@ -1,8 +1,8 @@
 //! Whole calibrations after power cycles: how far their scale factors and couplings agree.
 
 use super::shared::{
-    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, POSE_U, POSITIONS, RAMP, RATE, REST, SENSORS,
-    SETTLE, SPAN, TURN_RATE, WARM, degc, ppm,
+    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, POSE_U, POSITIONS, RAMP, RATE,
+    REST, SENSORS, SETTLE, SPAN, SPIKES, STALE_SAMPLES, TURN_RATE, WARM, degc, ppm,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text};
 
@@ -57,6 +57,9 @@ pub(super) static SCALE_FACTOR_REPEATABILITY: ItemSpec = ItemSpec {
         accel("scale_factor_repeatability_accel_z", SCALE),
         degc("temperature", WARM),
         degc("temperature_drift", WARM),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link, Resource::Power],
@@ -110,6 +113,9 @@ pub(super) static CROSS_COUPLING: ItemSpec = ItemSpec {
         accel("nonorthogonality_accel_xy", ANGLES),
         accel("nonorthogonality_accel_xz", ANGLES),
         accel("nonorthogonality_accel_yz", ANGLES),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link, Resource::Power],

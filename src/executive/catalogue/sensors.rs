@@ -1,6 +1,6 @@
 //! Inertial sensors, satellite receiver, AD channels and magnetometer.
 
-use super::shared::{COVERAGE, quantity};
+use super::shared::{COVERAGE, FAILED_READS, SPIKES, STALE_SAMPLES, quantity};
 use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
 
@@ -48,6 +48,9 @@ pub(super) static IMU: ItemSpec = ItemSpec {
         number("accel_temperature", Unit::DegreeCelsius, Dimension::Temperature, TEMPERATURE),
         text("stuck_channels", "These channels repeat one value: suspect the sensor or its line to the FPGA."),
         text("saturated_channels", "These channels stand at the end of their range: suspect the sensor or its supply."),
+        FAILED_READS,
+        STALE_SAMPLES,
+        SPIKES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],

@@ -122,6 +122,22 @@ pub(super) const fn degc(name: &'static str, look_at: &'static str) -> Measureme
     number(name, Unit::DegreeCelsius, Dimension::Temperature, look_at)
 }
 
+/// Reads that a chip did not answer, of all samples that the item used.
+pub(super) const FAILED_READS: MeasurementSpec = percent(
+    "failed_reads",
+    "A failed read gives 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
+);
+
+/// Samples that repeat the one before on all channels, of all samples that the item used.
+pub(super) const STALE_SAMPLES: MeasurementSpec = percent(
+    "stale_samples",
+    "The sensor is read more often than it updates, or it stops at times: compare its output rate with that of the stream.",
+);
+
+/// Samples far from their neighbours on both sides, of all samples that the item used.
+pub(super) const SPIKES: MeasurementSpec =
+    percent("spikes", "Single samples jump: look for loose contacts and disturbances, then suspect the sensor.");
+
 /// Why a temperature or its drift may be out of its limit.
 pub(super) const WARM: &str =
     "The calibration holds for one constant temperature: let the module settle, and keep draughts away.";

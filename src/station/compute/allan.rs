@@ -6,6 +6,7 @@ use clap::Args;
 use gnc_metrology::allan::{self, Coefficient, Input, Kind, Taus};
 use serde_json::{Value, json};
 
+use super::gate::GateColumns;
 use super::plot::{Mark, Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
@@ -55,6 +56,8 @@ pub(super) struct Allan {
     /// The column holds angles (phases) instead of rates
     #[arg(long)]
     phase: bool,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 /// Deviation of one term, from its coefficient and the averaging time.
@@ -75,8 +78,10 @@ fn taus(text: &str) -> Result<Taus, String> {
 
 impl Allan {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
+        let names = self.gate.behind(&[&self.column]);
+        let wanted = Wanted { numbers: &names, label: None, rate_hz: Some(self.rate) };
         let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let gated = self.gate.series(&self.column, &mut columns, !self.phase)?;
         let values = columns.numbers.swap_remove(0);
         let input = if self.phase { Input::Phase } else { Input::Rate };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -111,7 +116,8 @@ impl Allan {
                 named.iter().map(|(k, unit, c)| (*k, *unit, coefficient(*c))).collect(),
             )
             .put("B_upper_bound", "smallest deviation / 0.664", json!(c.b_upper_bound))
-            .put("interval", "", "68.3 %");
+            .put("interval", "", "68.3 %")
+            .put("gate", "rows", gated.json());
         let points = || analysis.points.iter().map(|p| (p.tau_s, p.dev));
         let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
         let mut series = vec![Series::new("deviation, 68.3 %", Mark::Bars(bars), points())];

@@ -7,6 +7,7 @@ use gnc_metrology::{ellipse, ellipsoid};
 use nalgebra::Vector3;
 use serde_json::json;
 
+use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
@@ -20,12 +21,16 @@ pub(super) struct Ellipse {
     /// Output at which a channel is saturated
     #[arg(long, value_name = "LSB")]
     saturation: Option<f64>,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl Ellipse {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns =
-            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
+        let names = self.gate.behind(&["x", "y"]);
+        let mut columns =
+            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let gated = self.gate.points(&["x", "y"], &mut columns, self.saturation)?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit(x, y, self.saturation)?;
         let correction =
@@ -48,6 +53,7 @@ impl Ellipse {
             )
             .put("rejected", "points", e.rejected)
             .put("used", "points", e.used)
+            .put("gate", "rows", gated.json())
             .put("turns", "", json!(e.turns))
             .put("gap_deg", "largest sector without a point", e.gap_deg)
             .put("condition", "", e.condition)
@@ -106,12 +112,16 @@ pub(super) struct Ellipsoid {
     /// Output at which a channel is saturated
     #[arg(long, value_name = "LSB")]
     saturation: Option<f64>,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl Ellipsoid {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns =
-            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
+        let names = self.gate.behind(&["x", "y", "z"]);
+        let mut columns =
+            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let gated = self.gate.points(&["x", "y", "z"], &mut columns, self.saturation)?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
         let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
         let mut report = Report::new("ellipsoid");
@@ -127,6 +137,7 @@ impl Ellipsoid {
             .put("condition", "", e.condition)
             .put("rejected", "points", e.rejected)
             .put("used", "points", e.used)
+            .put("gate", "rows", gated.json())
             .put("dof", "", e.dof)
             .hidden("covariance", matrix(&e.covariance))
             .put(

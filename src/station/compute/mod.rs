@@ -6,6 +6,7 @@
 mod allan;
 #[cfg(fuzzing)]
 pub mod fuzzing;
+mod gate;
 mod magnetometer;
 pub(crate) mod plot;
 mod record;

@@ -152,7 +152,7 @@ impl Raw {
                 values.extend((0..capture.samples.len()).map(|row| column(capture, row, axis)));
             }
         }
-        Ok(Columns { numbers, labels: codes })
+        Ok(Columns { numbers, labels: codes, timed: true })
     }
 
     fn check(&self, used: &[&Capture], wanted: &Wanted, of_positions: bool) -> Result<(), RecordError> {

@@ -6,6 +6,7 @@ use clap::Args;
 use gnc_metrology::{psd, stability};
 use serde_json::json;
 
+use super::gate::{GateColumns, Gated};
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
@@ -23,12 +24,17 @@ struct Source {
     /// Column to analyse
     #[arg(long, value_name = "NAME")]
     column: String,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl Source {
-    fn read(&self) -> Result<Vec<f64>, ComputeError> {
-        let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        Ok(Record::open(&self.file, Triad::Gyro)?.read(&wanted)?.numbers.swap_remove(0))
+    fn read(&self) -> Result<(Vec<f64>, Gated), ComputeError> {
+        let names = self.gate.behind(&[&self.column]);
+        let wanted = Wanted { numbers: &names, label: None, rate_hz: Some(self.rate) };
+        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let gated = self.gate.series(&self.column, &mut columns, true)?;
+        Ok((columns.numbers.swap_remove(0), gated))
     }
 }
 
@@ -43,13 +49,14 @@ pub(super) struct Psd {
 
 impl Psd {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let values = self.source.read()?;
+        let (values, gated) = self.source.read()?;
         let psd = psd::welch(&values, self.source.rate, self.segment)?;
         let mut report = Report::new("psd");
         report
             .put("frequency_hz", "", json!(psd.frequency_hz))
             .put("density", "unit^2 / Hz, one-sided", json!(psd.density))
-            .put("segments", "Hann, 50 % overlap", psd.segments);
+            .put("segments", "Hann, 50 % overlap", psd.segments)
+            .put("gate", "rows", gated.json());
         let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied()).skip(1);
         let title = format!("Spectrum of {}", self.source.column);
         let series = vec![Series::line("Welch", points)];
@@ -69,7 +76,7 @@ pub(super) struct Stability {
 
 impl Stability {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let values = self.source.read()?;
+        let (values, gated) = self.source.read()?;
         let s = stability::stability(&values, self.source.rate, self.block)?;
         let mut report = Report::new("stability");
         report
@@ -80,7 +87,8 @@ impl Stability {
             .put("sd_high", "", s.sd_high)
             .put("block_samples", "", s.block_samples)
             .put("tail_samples", "dropped", s.tail_samples)
-            .put("block_means", "", json!(s.block_means));
+            .put("block_means", "", json!(s.block_means))
+            .put("gate", "rows", gated.json());
         let points = s.block_means.iter().enumerate().map(|(i, m)| ((i as f64 + 0.5) * self.block, *m));
         let title = format!("Block means of {}", self.source.column);
         let panel = Panel::new(title, "time, s", "mean of a block", vec![Series::dots("blocks", points)]);

@@ -7,6 +7,7 @@ use gnc_metrology::tilt;
 use serde::Deserialize;
 use serde_json::json;
 
+use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Table, TableError, Wanted};
@@ -22,12 +23,16 @@ pub(super) struct Flip {
     /// Gravity in the unit of the record
     #[arg(long, value_name = "G", default_value_t = 1.0)]
     gravity: f64,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl Flip {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let wanted = Wanted { numbers: &["a"], label: Some(("position", &SIDES)), rate_hz: None };
-        let columns = Table::open(&self.file)?.read(&wanted)?;
+        let names = self.gate.behind(&["a"]);
+        let wanted = Wanted { numbers: &names, label: Some(("position", &SIDES)), rate_hz: None };
+        let mut columns = Table::open(&self.file)?.read(&wanted)?;
+        let gated = self.gate.positions(&["a"], &mut columns, None)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| SIDES[usize::from(*c)]).collect();
         let f = tilt::flip_rows(&labels, &columns.numbers[0], self.gravity)?;
         let mut report = Report::new("flip");
@@ -35,7 +40,8 @@ impl Flip {
             .put("equation", "", "actual = (out - offset) / gain")
             .put("offset", "unit of the record", f.offset)
             .put("gain", "unit of the record per unit of gravity", f.gain)
-            .put("sd", "white noise alone", json!({ "offset": f.offset_sd, "gain": f.gain_sd }));
+            .put("sd", "white noise alone", json!({ "offset": f.offset_sd, "gain": f.gain_sd }))
+            .put("gate", "rows", gated.json());
         let up = |code: u8| if code == 0 { self.gravity } else { -self.gravity };
         let rows = || columns.labels.iter().zip(&columns.numbers[0]);
         let line = [-1.0, 1.0].map(|s| (s * self.gravity, f.offset + s * f.gain * self.gravity));

@@ -8,6 +8,7 @@ use gnc_metrology::{AXES, earth, gyro_still, rotation, six_position};
 use nalgebra::Vector3;
 use serde_json::json;
 
+use super::gate::{GateColumns, Gated};
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
@@ -50,13 +51,15 @@ pub(super) struct SixPosition {
     /// Allowed wander of a position's mean, part of the response to gravity (rad of pose)
     #[arg(long, value_name = "RAD", default_value_t = Limits::ACCELEROMETER.motion)]
     motion: f64,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl SixPosition {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let gravity = self.gravity.mps2()?;
         let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
-        let positions = still_positions(&self.file, Triad::Accel, 1.0, &limits)?.positions;
+        let Still { positions, gated, .. } = still_positions(&self.file, Triad::Accel, 1.0, &limits, &self.gate)?;
         let c = six_position::calibrate(&positions, gravity)?;
         let k = c.coverage_factor();
         let mut report = Report::new("six-position");
@@ -92,7 +95,8 @@ impl SixPosition {
             )
             .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
             .put("rows", "", positions.iter().map(|p| json!(p.rows)).collect::<Vec<_>>())
-            .put("residuals", "m/s^2, by position", c.residuals_mps2.iter().map(vector).collect::<Vec<_>>());
+            .put("residuals", "m/s^2, by position", c.residuals_mps2.iter().map(vector).collect::<Vec<_>>())
+            .put("gate", "rows", gated.json());
         let panels = residual_panels(
             "f",
             "m/s^2",
@@ -127,6 +131,8 @@ pub(super) struct GyroStill {
     /// Output at which a channel is saturated
     #[arg(long, value_name = "LSB")]
     saturation: Option<f64>,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl GyroStill {
@@ -141,7 +147,8 @@ impl GyroStill {
             None => 1.0,
         };
         let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
-        let Still { positions, north } = still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits)?;
+        let Still { positions, north, gated } =
+            still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits, &self.gate)?;
         let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
         let k = c.coverage_factor();
         let dph = 3600.0_f64.to_degrees();
@@ -178,7 +185,8 @@ impl GyroStill {
             .put("condition", "", c.condition)
             .put("dof", "", c.dof)
             .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
-            .put("residuals", "rad/s, by position", c.residuals_rps.iter().map(vector).collect::<Vec<_>>());
+            .put("residuals", "rad/s, by position", c.residuals_rps.iter().map(vector).collect::<Vec<_>>())
+            .put("gate", "rows", gated.json());
         let fitted = |p: &Position| c.bias_rps + c.g_sensitivity * (gravity * p.up);
         let panels = residual_panels("w_out", "rad/s", &positions, &c.residuals_rps, |p| p.mean, fitted);
         Ok(Outcome { report, panels })
@@ -189,10 +197,17 @@ struct Still {
     positions: Vec<Position>,
     /// North of each position, where the record has it.
     north: Option<Vec<Vector3<f64>>>,
+    gated: Gated,
 }
 
 /// Reads still positions, outputs times a factor.
-fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &Limits) -> Result<Still, ComputeError> {
+fn still_positions(
+    file: &std::path::Path,
+    triad: Triad,
+    factor: f64,
+    limits: &Limits,
+    gate: &GateColumns,
+) -> Result<Still, ComputeError> {
     let table = Record::open(file, triad)?;
     let directions = !table.has("position") && table.has("ux");
     let has_north = table.has("nx");
@@ -204,7 +219,8 @@ fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &L
         names.extend(["nx", "ny", "nz"]);
     }
     let label = (!directions).then_some(("position", &LABELS[..]));
-    let columns = table.read(&Wanted { numbers: &names, label, rate_hz: None })?;
+    let mut columns = table.read(&Wanted { numbers: &gate.behind(&names), label, rate_hz: None })?;
+    let gated = gate.positions(&["x", "y", "z"], &mut columns, limits.saturation)?;
     let (outputs, rest) = columns.numbers.split_at(3);
     let outputs: Vec<Vec<f64>> = outputs.iter().map(|c| c.iter().map(|v| v * factor).collect()).collect();
     let limits = Limits { saturation: limits.saturation.map(|s| s * factor), ..*limits };
@@ -227,7 +243,7 @@ fn still_positions(file: &std::path::Path, triad: Triad, factor: f64, limits: &L
             })
             .collect()
     });
-    Ok(Still { positions, north })
+    Ok(Still { positions, north, gated })
 }
 
 /// Fit over truth and residuals by position.
@@ -298,6 +314,8 @@ pub(super) struct Rotation {
     /// Half width of the band around the nominal scale factor, percent
     #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
     band: f64,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl Rotation {
@@ -308,8 +326,10 @@ impl Rotation {
             (Some(AxisKind::Vertical), Some(latitude_deg)) => rotation::Axis::Vertical { latitude_deg },
             (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
         };
-        let wanted = Wanted { numbers: &["x", "y", "z"], label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
-        let columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let names = self.gate.behind(&AXES);
+        let wanted = Wanted { numbers: &names, label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
+        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let gated = self.gate.motion(&AXES, &mut columns, self.saturation)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         let blocks = position::blocks(&labels)?;
         let runs: Vec<rotation::Run> = blocks
@@ -377,7 +397,8 @@ impl Rotation {
             .put("residual_rms", "rad", c.residual_rms_rad)
             .put("residuals", "rad, by run x+ x- y+ y- z+ z-", c.residuals_rad.iter().map(vector).collect::<Vec<_>>())
             .put("condition", "", c.condition)
-            .put("dof", "", c.dof);
+            .put("dof", "", c.dof)
+            .put("gate", "rows", gated.json());
         let rates = |run: &rotation::Run, i: usize| {
             let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / self.rate, *v));
             Series::line(AXES[i], points.collect::<Vec<_>>())

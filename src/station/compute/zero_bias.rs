@@ -7,6 +7,7 @@ use gnc_metrology::zero_bias::{Eliminator, Kalman, Model, Settings, StillDetecto
 use gnc_metrology::{series, stats};
 use serde_json::{Value, json};
 
+use super::gate::{GateColumns, stretches};
 use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Table, Wanted};
@@ -43,6 +44,8 @@ pub(super) struct ZeroBias {
     /// Allan coefficient B, unit of the record (for the inverse-variance fusion)
     #[arg(long, value_name = "B", requires = "repeatability")]
     instability: Option<f64>,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl ZeroBias {
@@ -57,10 +60,14 @@ impl ZeroBias {
         names.extend(has_cycle.then_some("cycle"));
         names.extend(has_still.then_some("still"));
         // Time stands still between power cycles: the rate is checked only in a record of one.
-        let columns =
+        let names = self.gate.behind(&names);
+        let mut columns =
             table.read(&Wanted { numbers: &names, label: None, rate_hz: (!has_cycle).then_some(self.rate) })?;
+        series::finite(&self.column, &columns.numbers[0])?;
+        let cycles =
+            stretches(columns.numbers[0].len(), |a, b| !has_cycle || columns.numbers[1][a] == columns.numbers[1][b]);
+        let gated = self.gate.stretches_of_series(&self.column, &mut columns, &cycles, false)?;
         let rates = &columns.numbers[0];
-        series::finite(&self.column, rates)?;
         let cycle_of = |i: usize| if has_cycle { columns.numbers[1][i] } else { 0.0 };
         let mut steps: Vec<f64> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
         // Median of |difference| of normal noise is 0.954 of its standard deviation; motion does not enter.
@@ -142,7 +149,8 @@ impl ZeroBias {
             .put("rms_before", "of the cycles' means at rest", json!(before))
             .put("rms_after", "after the fusion", json!(after))
             .put("rms_inverse_variance", "with --repeatability and --instability", json!(fused))
-            .put("stored", "", json!(stored.biases()));
+            .put("stored", "", json!(stored.biases()))
+            .put("gate", "rows", gated.json());
         Ok(Outcome { report, panels })
     }
 }

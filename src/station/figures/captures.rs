@@ -43,6 +43,14 @@ impl Triad {
         }
     }
 
+    pub(super) fn codes_mut(self, sample: &mut ImuSample) -> &mut [i32; 3] {
+        match self {
+            Triad::Gyro => &mut sample.gyro,
+            Triad::Accel => &mut sample.accel,
+            Triad::Mag => &mut sample.mag,
+        }
+    }
+
     pub(super) fn codes(self, sample: &ImuSample) -> &[i32; 3] {
         match self {
             Triad::Gyro => &sample.gyro,

@@ -13,6 +13,11 @@ const BLOCK_SAMPLES: f64 = 50.0;
 /// A mean rate that departs by more is motion: a bias wanders by thousandths of it in an hour, a socket that is
 /// touched turns faster.
 const RATE_DPS: f64 = 0.3;
+/// Neighbours on each side with which a sample is smoothed by their median: a failed read or a spike is no motion, and the
+/// data gate counts it.
+const BESIDE: usize = 2;
+/// Samples in a row at the end of a range that are saturation; fewer are failed reads, which the data gate counts.
+const SATURATED: u32 = 6;
 /// A mean force that departs by more is motion: 10 mg are a tilt of 0.6 degrees.
 const FORCE_G: f64 = 0.01;
 
@@ -42,8 +47,10 @@ pub struct Watch {
     /// Samples of a block; `None` where the module may move.
     block: Option<u32>,
     first: Option<[f64; 6]>,
-    sums: [i64; 6],
-    count: u32,
+    /// Samples of the block so far, by channel.
+    values: [Vec<i32>; 6],
+    /// Samples in a row at the end of the range, by channel of the triads that count.
+    at_end: [u32; 6],
 }
 
 impl Watch {
@@ -51,7 +58,7 @@ impl Watch {
     #[must_use]
     pub fn new(uses: Uses, still: bool, rate_hz: u16) -> Self {
         let samples = (BLOCK_S * f64::from(rate_hz)).round().max(BLOCK_SAMPLES) as u32;
-        Self { uses, block: still.then_some(samples), first: None, sums: [0; 6], count: 0 }
+        Self { uses, block: still.then_some(samples), first: None, values: Default::default(), at_end: [0; 6] }
     }
 
     /// Looks at the next samples.
@@ -66,15 +73,20 @@ impl Watch {
         Ok(())
     }
 
-    fn saturated(&self, sample: &ImuSample) -> Result<(), Spoilt> {
+    fn saturated(&mut self, sample: &ImuSample) -> Result<(), Spoilt> {
         let used: &[(&str, &[i32; 3])] = match self.uses {
             Uses::Inertial | Uses::Compensated => &[("gyro", &sample.gyro), ("accel", &sample.accel)],
             Uses::Gyro => &[("gyro", &sample.gyro)],
             Uses::Magnetometer => &[("mag", &sample.mag)],
         };
         for (sensor, counts) in used {
-            if let Some(axis) = counts.iter().position(|count| *count >= SATURATION || *count < -SATURATION) {
-                return Err(Spoilt::Saturated { channel: channel(sensor, axis) });
+            let first = if *sensor == "accel" { 3 } else { 0 };
+            for (axis, count) in counts.iter().enumerate() {
+                let row = &mut self.at_end[first + axis];
+                *row = if *count >= SATURATION || *count < -SATURATION { *row + 1 } else { 0 };
+                if *row >= SATURATED {
+                    return Err(Spoilt::Saturated { channel: channel(sensor, axis) });
+                }
             }
         }
         Ok(())
@@ -82,15 +94,13 @@ impl Watch {
 
     fn moved(&mut self, sample: &ImuSample) -> Result<(), Spoilt> {
         let Some(block) = self.block else { return Ok(()) };
-        for (sum, count) in self.sums.iter_mut().zip(sample.gyro.iter().chain(&sample.accel)) {
-            *sum += i64::from(*count);
+        for (values, count) in self.values.iter_mut().zip(sample.gyro.iter().chain(&sample.accel)) {
+            values.push(*count);
         }
-        self.count += 1;
-        if self.count < block {
+        if self.values[0].len() < block as usize {
             return Ok(());
         }
-        let means = self.sums.map(|sum| sum as f64 / f64::from(block));
-        (self.sums, self.count) = ([0; 6], 0);
+        let means = self.values.each_mut().map(smoothed_mean);
         let first = *self.first.get_or_insert(means);
         for (index, (mean, first)) in means.iter().zip(first).enumerate() {
             let (sensor, scale, limit, unit) = match index {
@@ -104,6 +114,22 @@ impl Watch {
         }
         Ok(())
     }
+}
+
+/// Mean of the medians of neighbours, which keep a step where it is; the values are gone afterwards.
+fn smoothed_mean(values: &mut Vec<i32>) -> f64 {
+    let last = values.len().saturating_sub(1);
+    let median = |at: usize| {
+        let beside = BESIDE.min(at).min(last - at);
+        let mut window = [0; 2 * BESIDE + 1];
+        let window = &mut window[..=2 * beside];
+        window.copy_from_slice(&values[at - beside..=at + beside]);
+        window.sort_unstable();
+        f64::from(window[beside])
+    };
+    let mean = (0..values.len()).map(median).sum::<f64>() / values.len().max(1) as f64;
+    values.clear();
+    mean
 }
 
 fn channel(sensor: &str, axis: usize) -> String {

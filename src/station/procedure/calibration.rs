@@ -10,25 +10,31 @@ use crate::motion;
 
 pub(super) async fn run(item: ItemId, bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
     let captures = captures(item, bench, params, report).await?;
-    let findings = analyse(item, bench, params, captures).await?;
+    let findings = analyse(item, bench, params, captures, report).await?;
     report.found(findings).await
 }
 
 /// Works out the figures on a thread of its own: the conversation with the board, whose watchdog waits for two seconds
-/// and no longer, goes on meanwhile.
+/// and no longer, goes on meanwhile. Where they are refused, the shares of bad samples are filed first: a module whose chip
+/// gives them fails by its limit, and the refusal stands beside it.
 pub(super) async fn analyse(
     item: ItemId,
     bench: &Bench<'_>,
     params: &Params,
     captures: Vec<Capture>,
+    report: &Report<'_>,
 ) -> Result<Findings, Trouble> {
     let (params, site, earlier) = (params.clone(), bench.site.cloned(), bench.earlier.clone());
     let worked_out = tokio::task::spawn_blocking(move || {
         let question = Question { params: &params, site: site.as_ref(), captures: &captures, earlier: &earlier };
-        figures::analyse(item, &question)
+        figures::analyse(item, &question).map_err(|refused| (figures::integrity(item, &question), refused))
     });
     match worked_out.await {
-        Ok(found) => Ok(found?),
+        Ok(Ok(found)) => Ok(found),
+        Ok(Err((integrity, refused))) => {
+            report.values(&integrity).await?;
+            Err(refused.into())
+        }
         Err(_) => Err(Trouble::Analysis { why: "the analysis came to grief".into() }),
     }
 }

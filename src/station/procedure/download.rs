@@ -20,7 +20,7 @@ const COEFFICIENT: usize = size_of::<f64>();
 const NUMBER: usize = size_of::<u32>();
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
-    let findings = calibration::analyse(ItemId::CalibrationDownload, bench, params, Vec::new()).await?;
+    let findings = calibration::analyse(ItemId::CalibrationDownload, bench, params, Vec::new(), report).await?;
     let coefficients: Coefficients = serde_json::from_value(findings.details["coefficients"].clone())
         .map_err(|error| Trouble::Analysis { why: error.to_string() })?;
     report.found(findings).await?;

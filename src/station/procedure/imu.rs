@@ -10,6 +10,7 @@ use gnc_protocol::wire::{Reader, Wire as _};
 
 use super::{Bench, Report, Trouble};
 use crate::board::stream::Closed;
+use crate::figures;
 use crate::statistics::{mean, standard_deviation};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -17,7 +18,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>) -> Result<(), Trouble> {
     let wanted = u32::try_from(params.integer("samples")?).unwrap_or(u32::MAX);
     let rate_hz = params.quantity("rate", Unit::Hertz)?.round() as u16;
-    let samples = capture(bench, rate_hz, wanted).await?;
+    let (samples, bad) = figures::sound_at_rest(&capture(bench, rate_hz, wanted).await?);
 
     let gyro = AXES.map(|axis| format!("gyro_{axis}"));
     let accel = AXES.map(|axis| format!("accel_{axis}"));
@@ -46,7 +47,11 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
     report.number("gyro_temperature", mean(&gyro_temperature) * 0.01, Unit::DegreeCelsius).await?;
     report.number("accel_temperature", mean(&accel_temperature) * 0.01, Unit::DegreeCelsius).await?;
     report.text("stuck_channels", &list(&faults.stuck)).await?;
-    report.text("saturated_channels", &list(&faults.saturated)).await
+    report.text("saturated_channels", &list(&faults.saturated)).await?;
+    for (name, share) in figures::INTEGRITY.into_iter().zip(bad) {
+        report.number(name, share, Unit::Percent).await?;
+    }
+    Ok(())
 }
 
 /// Captures so many samples without a gap.

@@ -56,8 +56,17 @@ pub(super) fn judge(run: &Run, plan: &Plan, of: Option<EarlierRun>) -> Result<Ag
         captured: 0,
         incomplete: 0,
     };
-    let mut judge =
-        Judge { run, plan, of, again, findings: BTreeMap::new(), attempts: BTreeMap::new(), over: Vec::new() };
+    let screened = of.is_some() || run.events.iter().any(measures_integrity);
+    let mut judge = Judge {
+        run,
+        plan,
+        of,
+        again,
+        findings: BTreeMap::new(),
+        attempts: BTreeMap::new(),
+        over: Vec::new(),
+        screened,
+    };
     for event in &run.events {
         judge.take(event)?;
     }
@@ -95,6 +104,8 @@ struct Judge<'a> {
     attempts: BTreeMap<usize, Recorded>,
     /// Positions of the items that have ended.
     over: Vec<usize>,
+    /// Whether bad samples are measured: a record from before that measurement does not have it, and is compared without.
+    screened: bool,
 }
 
 /// What was recorded of an attempt, and what is now in its place.
@@ -195,7 +206,13 @@ impl Judge<'_> {
                             self.emit(event, EventKind::Found { item, attempt, details: found });
                             self.findings.insert(position, findings);
                         }
-                        Err(refused) => error = Some(self.refused(item, attempt, error.as_ref(), &refused)),
+                        Err((integrity, refused)) => {
+                            let told = if self.screened { integrity } else { Vec::new() };
+                            for (name, value) in &told {
+                                self.measured(event, item, position, attempt, name, value, repeat);
+                            }
+                            error = Some(self.refused(item, attempt, error.as_ref(), &refused));
+                        }
                     }
                 }
                 let before = std::mem::take(&mut self.recorded(position).details);
@@ -272,9 +289,21 @@ impl Judge<'_> {
                 captures: &captures,
                 earlier: &earlier,
             };
-            rounds.push(figures::analyse(item.id, &question));
+            let found = figures::analyse(item.id, &question).map(|found| self.as_recorded(found));
+            rounds.push(found.map_err(|refused| (figures::integrity(item.id, &question), refused)));
         }
         Ok(Figures::WorkedOut(rounds))
+    }
+
+    /// Without what the record could not have.
+    fn as_recorded(&self, mut findings: Findings) -> Findings {
+        if !self.screened {
+            findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(&name.as_str()));
+            if let Some(details) = findings.details.as_object_mut() {
+                details.remove(figures::GATE);
+            }
+        }
+        findings
     }
 
     /// The captures of a round; `None` if they are not all there, since the attempt came to no end.
@@ -331,11 +360,18 @@ impl Judge<'_> {
     }
 }
 
+/// Shares of bad samples, and why there are no figures.
+type Refused = (Vec<(String, Value)>, FigureError);
+
 enum Figures {
     /// Nothing can be worked out: what was measured is judged as it stands.
     Recorded,
     /// From raw samples.
-    WorkedOut(Vec<Result<Findings, FigureError>>),
+    WorkedOut(Vec<Result<Findings, Refused>>),
+}
+
+fn measures_integrity(event: &Event) -> bool {
+    matches!(&event.kind, EventKind::Measured { measurement, .. } if figures::INTEGRITY.contains(&measurement.name.as_str()))
 }
 
 /// The outcome of an attempt: by its measurements, unless something ended it.

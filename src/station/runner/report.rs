@@ -127,14 +127,23 @@ impl<'a> Report<'a> {
         Ok(self.journal.emit(EventKind::Power(power)).await?)
     }
 
+    /// Files values of several measurements.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn values(&self, values: &[(String, Value)]) -> Result<(), Trouble> {
+        for (name, value) in values {
+            self.file(name, value).await?;
+        }
+        Ok(())
+    }
+
     /// Files what an analysis found: its measurements, then everything else.
     ///
     /// # Errors
     /// The record could not be written.
     pub async fn found(&self, findings: Findings) -> Result<(), Trouble> {
-        for (name, value) in &findings.measured {
-            self.file(name, value).await?;
-        }
+        self.values(&findings.measured).await?;
         let (item, attempt, details) = (self.item.name.clone(), self.attempt, findings.details.clone());
         *self.findings.borrow_mut() = Some(findings);
         Ok(self.journal.emit(EventKind::Found { item, attempt, details }).await?)

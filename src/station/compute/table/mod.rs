@@ -70,6 +70,8 @@ pub(super) struct Columns {
     pub(super) numbers: Vec<Vec<f64>>,
     /// Index of the label of each row among those allowed.
     pub(super) labels: Vec<u8>,
+    /// Whether a time column was checked.
+    pub(super) timed: bool,
 }
 
 /// A table whose header has been read.
@@ -161,7 +163,8 @@ impl Table {
             roles.push((self.column(name)?, Role::Label));
         }
         let is_time = |name: &String| TIME_NAMES.iter().any(|t| name.eq_ignore_ascii_case(t));
-        if let Some(column) = self.header.iter().position(is_time) {
+        let time = self.header.iter().position(is_time);
+        if let Some(column) = time {
             roles.push((column, Role::Time));
         }
         let rows = Rows {
@@ -172,7 +175,11 @@ impl Table {
             allowed: wanted.label.map_or(&[], |(_, allowed)| allowed),
         };
         let mut gathered = Gathered {
-            columns: Columns { numbers: vec![Vec::new(); wanted.numbers.len()], labels: Vec::new() },
+            columns: Columns {
+                numbers: vec![Vec::new(); wanted.numbers.len()],
+                labels: Vec::new(),
+                timed: time.is_some() && wanted.rate_hz.is_some(),
+            },
             clock: Clock::new(wanted.rate_hz),
             lines: self.header_line,
             rows: 0,

@@ -1,0 +1,40 @@
+//! Spoilt records of each method, kind and share, 1,000 each: the interval covers or the record is refused. One thread.
+//! `cargo bench -p gnc-metrology --bench contamination [-- RECORDS]`; ends with 1 when a bound is broken.
+
+#![allow(clippy::print_stdout, missing_docs, dead_code, reason = "a benchmark prints its figures")]
+
+#[path = "../tests/contamination/mod.rs"]
+mod contamination;
+
+use contamination::{KINDS, Kind, METHODS, SHARES, Spoil, Tally};
+
+const SEED: u64 = 1;
+
+fn main() {
+    let records = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(1000);
+    println!(
+        "{records} records each, seed {SEED}; coverage at least the probability less 3.9 standard errors, or refused"
+    );
+    let mut broken = 0;
+    for method in &METHODS {
+        for kind in KINDS {
+            for share in if kind == Kind::Nothing { &[0.0][..] } else { &SHARES[..] } {
+                let tally = Tally::run(method, Spoil { kind, share: *share }, records, SEED);
+                let Tally { refused, judged, coverage, bound } = tally;
+                let word = if tally.holds() { "" } else { "  BROKEN" };
+                println!(
+                    "{:<13} {kind:<10} {:>4.1} %  coverage {:.2} % of {judged}, bound {:.2} %, refused {refused}{word}",
+                    method.name,
+                    100.0 * share,
+                    100.0 * coverage,
+                    100.0 * bound,
+                    kind = format!("{kind:?}"),
+                );
+                broken += usize::from(!tally.holds());
+            }
+        }
+    }
+    if broken > 0 {
+        std::process::exit(1);
+    }
+}

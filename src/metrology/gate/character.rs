@@ -1,0 +1,171 @@
+//! What a channel is like piece by piece: step between codes, scale of the noise, whether there is noise at all.
+
+use std::ops::Range;
+
+use crate::stats;
+
+/// Rows of a piece.
+pub(super) const PIECE: usize = 2048;
+/// Differences that are looked at in a piece: its scale is then known to a tenth.
+const LOOKS: usize = 128;
+/// Values from which the step between codes is learned.
+const LEARN: usize = 4096;
+/// Median of the absolute difference of two normal values, in standard deviations: 0.6745 sqrt 2.
+const MEDIAN_DIFFERENCE: f64 = 0.953_87;
+/// Of independent values two differences in three change their sign, of low-passed ones a tenth at a twentieth of the
+/// rate; a smooth motion turns once or twice.
+const NOISY: f64 = 0.08;
+/// Differences that say whether there is noise.
+const FEWEST: usize = 12;
+
+/// A stretch of a block.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Piece {
+    pub(super) rows: Range<usize>,
+    /// Position of the block.
+    pub(super) block: usize,
+    /// Standard deviation of the noise, from the differences.
+    pub(super) scale: f64,
+    /// The same from differences that are not 0, and how many there are.
+    pub(super) moving_scale: f64,
+    pub(super) moving: usize,
+    /// Whether differences change their sign as noise does.
+    pub(super) noisy: bool,
+}
+
+/// One channel.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Character {
+    /// Step between codes; 0 where all values are equal.
+    pub(super) step: f64,
+    pub(super) pieces: Vec<Piece>,
+}
+
+impl Character {
+    pub(super) fn of(values: &[f64], blocks: &[Range<usize>]) -> Self {
+        let mut pieces = Vec::new();
+        let mut room = Room::default();
+        for (block, rows) in blocks.iter().enumerate() {
+            let rows = rows.start.min(values.len())..rows.end.min(values.len());
+            let mut start = rows.start;
+            while start < rows.end {
+                // The last piece takes the rest, so that none is too short to have a scale.
+                let end = if rows.end - start < 2 * PIECE { rows.end } else { start + PIECE };
+                pieces.push(room.piece(values, start..end, block));
+                start = end;
+            }
+        }
+        Self { step: step(values), pieces }
+    }
+
+    /// Chance that noise gives one code in a row and the same in the next; 1 where the record does not say.
+    pub(super) fn chance_of_repeat(&self, piece: &Piece) -> f64 {
+        // 1 / (2 sqrt pi): two independent normal values within one step.
+        self.chance(piece, 0.2821)
+    }
+
+    /// Chance that noise gives one certain code; 1 where the record does not say.
+    pub(super) fn chance_of_code(&self, piece: &Piece) -> f64 {
+        // 1 / sqrt(2 pi): the density at the centre.
+        self.chance(piece, 0.3989)
+    }
+
+    fn chance(&self, piece: &Piece, density: f64) -> f64 {
+        let coarse = piece.moving_scale * MEDIAN_DIFFERENCE < 1.5 * self.step;
+        if !piece.noisy || coarse || piece.moving < FEWEST {
+            return 1.0;
+        }
+        (density * self.step / piece.moving_scale).min(1.0)
+    }
+}
+
+impl Piece {
+    /// Whether enough rows of it move for it to speak for itself.
+    pub(super) fn speaks(&self) -> bool {
+        self.moving >= FEWEST
+    }
+}
+
+/// Standard deviation of noise from the differences of neighbours and of every third row: the larger one, since
+/// neighbours behind a low-pass differ by less than the noise.
+pub(super) fn scale(values: &[f64]) -> f64 {
+    let mut room = Room::default();
+    room.scale(values, 1)
+}
+
+/// Kept between pieces.
+#[derive(Default)]
+struct Room {
+    differences: Vec<f64>,
+}
+
+impl Room {
+    fn scale(&mut self, values: &[f64], stride: usize) -> f64 {
+        let mut of_lag = |lag: usize| {
+            self.differences.clear();
+            let pairs = values.iter().zip(values.get(lag..).unwrap_or_default()).step_by(stride);
+            self.differences.extend(pairs.map(|(a, b)| (b - a).abs()));
+            if self.differences.is_empty() { 0.0 } else { stats::median(&mut self.differences) / MEDIAN_DIFFERENCE }
+        };
+        of_lag(1).max(of_lag(3))
+    }
+
+    fn piece(&mut self, values: &[f64], rows: Range<usize>, block: usize) -> Piece {
+        let part = &values[rows.clone()];
+        let stride = part.len().div_ceil(LOOKS).max(1);
+        let scale = self.scale(part, stride);
+        self.differences.clear();
+        let (mut turns, mut pairs) = (0, 0);
+        // A stride of its own, so that a pattern of the record does not fall in step with it.
+        let stride = if stride > 2 { stride | 1 } else { 1 };
+        for triple in part.windows(3).step_by(stride) {
+            let (before, after) = (triple[1] - triple[0], triple[2] - triple[1]);
+            if after != 0.0 {
+                self.differences.push(after.abs());
+            } else if before != 0.0 {
+                self.differences.push(before.abs());
+            }
+            if before != 0.0 && after != 0.0 {
+                pairs += 1;
+                turns += usize::from((before < 0.0) != (after < 0.0));
+            }
+        }
+        let moving = self.differences.len();
+        let median = if moving == 0 { 0.0 } else { stats::median(&mut self.differences) };
+        // Where every other row repeats, no two differences follow each other: the rows that move are taken alone.
+        let noisy = if pairs >= FEWEST { turns as f64 > NOISY * pairs as f64 } else { turns_of_moving(part) };
+        Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy }
+    }
+}
+
+/// Whether the differences that are not 0 change their sign as noise does.
+fn turns_of_moving(values: &[f64]) -> bool {
+    let (mut turns, mut pairs, mut before) = (0, 0, 0.0);
+    for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
+        let difference = pair[1] - pair[0];
+        if before != 0.0 {
+            pairs += 1;
+            turns += usize::from((before < 0.0) != (difference < 0.0));
+        }
+        before = difference;
+    }
+    pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
+}
+
+/// Step between codes: 1 for whole numbers, else the smallest distance of two values.
+fn step(values: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = values.iter().copied().take(LEARN).filter(|value| value.is_finite()).collect();
+    if sorted.iter().all(|value| value.fract() == 0.0) {
+        return 1.0;
+    }
+    sorted.sort_by(f64::total_cmp);
+    let largest = sorted.first().map_or(0.0, |low| low.abs()).max(sorted.last().map_or(0.0, |high| high.abs()));
+    // Below this a distance is rounding.
+    let rounding = 1e-13 * largest;
+    sorted
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .filter(|gap| *gap > rounding)
+        .fold(f64::INFINITY, f64::min)
+        .min(largest)
+}

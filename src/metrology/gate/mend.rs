@@ -1,0 +1,120 @@
+//! Values in place of rows that are left out of a series, so that none of the others moves in time.
+
+use std::ops::Range;
+
+use super::Fault;
+use crate::stats;
+
+/// Rows beside a hole from which its level is known.
+const BESIDE: usize = 16;
+/// Rows from which the correlation of neighbours is learned.
+const LEARN: usize = 1 << 16;
+
+/// Runs of rows that are left out, within their blocks.
+fn holes(faults: &[Option<Fault>], block: &Range<usize>) -> Vec<Range<usize>> {
+    let mut holes = Vec::new();
+    let mut row = block.start;
+    while row < block.end.min(faults.len()) {
+        if faults[row].is_none() {
+            row += 1;
+            continue;
+        }
+        let start = row;
+        while row < block.end.min(faults.len()) && faults[row].is_some() {
+            row += 1;
+        }
+        holes.push(start..row);
+    }
+    holes
+}
+
+/// The line between the neighbours; the nearer one where there is but one.
+pub(super) fn bridge(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<usize>]) -> Vec<f64> {
+    let mut mended = values.to_vec();
+    for block in blocks {
+        for hole in holes(faults, block) {
+            let left = (hole.start > block.start).then(|| values[hole.start - 1]);
+            let right = (hole.end < block.end).then(|| values[hole.end]);
+            let (Some(left), Some(right)) = (left.or(right), right.or(left)) else { continue };
+            let length = (hole.len() + 1) as f64;
+            for (step, row) in hole.enumerate() {
+                mended[row] = left + (right - left) * (step + 1) as f64 / length;
+            }
+        }
+    }
+    mended
+}
+
+/// What the neighbours predict, and beside it the error that this prediction has elsewhere in the record: a line alone
+/// would take its share of noise out of every deviation and density.
+///
+/// Of a value between two neighbours the prediction is `m + a (l + r - 2 m)` with `a = r1 / (1 + r2)`, where m is the level
+/// beside it and r1, r2 are the correlations of rows one and two apart; with their own correlations the values then vary
+/// as those that they replace.
+pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<usize>]) -> Vec<f64> {
+    let mut mended = bridge(values, faults, blocks);
+    for block in blocks {
+        let holes = holes(faults, block);
+        if holes.is_empty() {
+            continue;
+        }
+        let weight = weight(values, faults, block);
+        let sound = |row: usize| block.contains(&row) && faults[row].is_none();
+        // Rows with sound neighbours, taken in turn with a stride that no period of the record is likely to share.
+        let mut donor = block.start;
+        let mut error = || {
+            for _ in 0..block.len() {
+                donor = block.start + (donor - block.start + 7919) % block.len();
+                if donor > block.start && sound(donor - 1) && sound(donor) && sound(donor + 1) {
+                    let level = level(values, faults, block, donor..donor + 1);
+                    let predicted = level + weight * (values[donor - 1] + values[donor + 1] - 2.0 * level);
+                    return values[donor] - predicted;
+                }
+            }
+            0.0
+        };
+        for hole in holes {
+            let level = level(values, faults, block, hole.clone());
+            for row in hole.clone() {
+                let left = if row > block.start { mended[row - 1] } else { level };
+                let right = if hole.end < block.end { values[hole.end] } else { level };
+                mended[row] = level + weight * (left + right - 2.0 * level) + error();
+            }
+        }
+    }
+    mended
+}
+
+/// Mean of the sound rows beside a hole.
+fn level(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>, hole: Range<usize>) -> f64 {
+    let left = (block.start..hole.start).rev().filter(|row| faults[*row].is_none()).take(BESIDE);
+    let right = (hole.end..block.end).filter(|row| faults[*row].is_none()).take(BESIDE);
+    let beside: Vec<f64> = left.chain(right).map(|row| values[row]).collect();
+    if beside.is_empty() { values[hole.start] } else { stats::mean(&beside) }
+}
+
+/// `r1 / (1 + r2)`, from rows about the mean of their piece.
+fn weight(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) -> f64 {
+    const PIECE: usize = 4 * BESIDE;
+    let rows = block.start..block.end.min(block.start + LEARN);
+    let (mut squares, mut one, mut two) = (0.0, 0.0, 0.0);
+    let mut start = rows.start;
+    while start < rows.end {
+        let piece = start..(start + PIECE).min(rows.end);
+        start = piece.end;
+        if piece.len() < 3 || faults[piece.clone()].iter().any(Option::is_some) {
+            continue;
+        }
+        let mean = stats::mean(&values[piece.clone()]);
+        for triple in values[piece].windows(3) {
+            let [a, b, c] = [triple[0] - mean, triple[1] - mean, triple[2] - mean];
+            squares += b * b;
+            one += f64::midpoint(a * b, b * c);
+            two += a * c;
+        }
+    }
+    if squares <= 0.0 {
+        return 0.0;
+    }
+    (one / squares / (1.0 + two / squares).max(0.1)).clamp(-0.5, 0.5)
+}

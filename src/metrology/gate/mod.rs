@@ -1,0 +1,248 @@
+//! The gate before every method: which rows of a record are no measurements.
+//!
+//! A read that the chip did not answer gives 0, -1 or the end of the range; a disturbance gives one sample far from its
+//! neighbours; a sensor that is read more often than it updates gives the row before once more; a converter at the end of
+//! its range gives one value in place of a tail. Means and integrals take all of that as it comes, so it is found here, on
+//! the channels of one chip at a time, before anything is computed.
+//!
+//! What counts as rare follows from the record itself: the scale of its noise beside a sample, the step between its codes,
+//! and the chance that noise of that scale gives the same code twice. Noise below one code says nothing about repeats, and
+//! a smooth record without noise says nothing at all; both pass.
+//!
+//! A few passes over the values, O(n); only what stands out is looked at closely.
+
+mod character;
+mod clipped;
+mod failed;
+mod mend;
+mod spikes;
+mod stale;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use crate::Refusal;
+use character::Character;
+
+/// Largest share of failed reads and spikes that is left out of means and of fits to points, percent. Five in a hundred
+/// rows can be told from the rest; a record with more is no record of that sensor.
+pub const MOST_OF_MEANS_PERCENT: f64 = 5.0;
+/// The same where rows are steps of time, percent: each row left out is replaced there, and two in a hundred do not show in
+/// the interval of an integral or a deviation.
+pub const MOST_OF_SERIES_PERCENT: f64 = 2.0;
+/// A sensor that is read more than so many times for each update is taken for one that stops.
+const MOST_POLLED: f64 = 10.0;
+
+/// What is wrong with a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// 0, -1 or an end of the range where the sensor cannot have been.
+    FailedRead,
+    /// Far from its neighbours on both sides.
+    Spike,
+    /// The row before once more, on all channels.
+    Stale,
+    /// Cut at one value.
+    Clipped,
+}
+
+/// Rows by what is wrong with them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Failed reads.
+    pub failed_reads: usize,
+    /// Spikes.
+    pub spikes: usize,
+    /// Stale rows.
+    pub stale: usize,
+    /// Clipped rows.
+    pub clipped: usize,
+}
+
+impl LeftOut {
+    /// All of them.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.failed_reads + self.spikes + self.stale + self.clipped
+    }
+
+    fn of(&mut self, fault: Fault) -> &mut usize {
+        match fault {
+            Fault::FailedRead => &mut self.failed_reads,
+            Fault::Spike => &mut self.spikes,
+            Fault::Stale => &mut self.stale,
+            Fault::Clipped => &mut self.clipped,
+        }
+    }
+}
+
+/// What rows mean to a method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rows {
+    /// Samples of a mean or points of a curve: their number and order do not matter.
+    Samples,
+    /// Steps of time, counted. A row too many is time that did not pass.
+    Steps,
+    /// Steps of time whose times were checked against a clock.
+    ClockedSteps,
+}
+
+/// How a record lies before the gate.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout<'a> {
+    /// Uninterrupted stretches: positions, runs, captures. Neighbours are sought within one.
+    pub blocks: &'a [Range<usize>],
+    /// Whether each stretch is meant to have one level, so that a value cut at one side shows.
+    pub still: bool,
+    /// Output at the end of the range, if known.
+    pub range_end: Option<f64>,
+}
+
+/// What the gate found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Screening {
+    faults: Vec<Option<Fault>>,
+    left_out: LeftOut,
+    clipped_at: Option<(String, f64)>,
+    polled: Option<f64>,
+}
+
+impl Screening {
+    /// Looks at the channels of one chip. Names are those of the channels.
+    ///
+    /// Channels are equally long; values that are not finite are left to the checks of the method.
+    #[must_use]
+    pub fn of(names: &[&str], channels: &[&[f64]], layout: &Layout<'_>) -> Self {
+        let rows = channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
+        let mut found = Self { faults: vec![None; rows], left_out: LeftOut::default(), clipped_at: None, polled: None };
+        let characters: Vec<Character> =
+            channels.iter().map(|values| Character::of(&values[..rows], layout.blocks)).collect();
+        failed::at_once(&mut found, channels, &characters, layout.blocks);
+        found.polled = stale::search(&mut found, channels, &characters, layout.blocks);
+        for (values, character) in channels.iter().zip(&characters) {
+            spikes::search(&mut found, values, character, layout);
+        }
+        if layout.still {
+            for ((name, values), character) in names.iter().zip(channels).zip(&characters) {
+                clipped::search(&mut found, name, values, character, layout.blocks);
+            }
+        }
+        found
+    }
+
+    /// Adds what was found on another chip of the same record.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        for (row, fault) in other.faults.iter().enumerate() {
+            if let Some(fault) = fault {
+                self.mark(row, *fault);
+            }
+        }
+        self.clipped_at = self.clipped_at.or(other.clipped_at);
+        self.polled = self.polled.or(other.polled);
+        self
+    }
+
+    /// Rows of the record.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.faults.len()
+    }
+
+    /// Rows that are left.
+    #[must_use]
+    pub fn used(&self) -> usize {
+        self.rows() - self.left_out.total()
+    }
+
+    /// Rows that are not used.
+    #[must_use]
+    pub fn left_out(&self) -> &LeftOut {
+        &self.left_out
+    }
+
+    /// The first row that is not used, from 1.
+    #[must_use]
+    pub fn first_row(&self) -> Option<usize> {
+        self.faults.iter().position(Option::is_some).map(|row| row + 1)
+    }
+
+    /// What is wrong with a row, from 0.
+    #[must_use]
+    pub fn fault(&self, row: usize) -> Option<Fault> {
+        self.faults.get(row).copied().flatten()
+    }
+
+    /// Whether a row, from 0, is used.
+    #[must_use]
+    pub fn keeps(&self, row: usize) -> bool {
+        self.fault(row).is_none()
+    }
+
+    /// The values of the rows that are used.
+    #[must_use]
+    pub fn kept<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        values.iter().zip(&self.faults).filter(|(_, fault)| fault.is_none()).map(|(value, _)| *value).collect()
+    }
+
+    /// A motion, with the line between the neighbours in place of what is left out.
+    #[must_use]
+    pub fn bridged(&self, values: &[f64], blocks: &[Range<usize>]) -> Vec<f64> {
+        mend::bridge(values, &self.faults, blocks)
+    }
+
+    /// Noise, with values of the same distribution in place of what is left out.
+    #[must_use]
+    pub fn refilled(&self, values: &[f64], blocks: &[Range<usize>]) -> Vec<f64> {
+        mend::refill(values, &self.faults, blocks)
+    }
+
+    /// Whether a method may go on with what is left.
+    ///
+    /// # Errors
+    /// [`Refusal::Clipped`], [`Refusal::BadRows`], [`Refusal::Stale`], each with the first row and the share.
+    pub fn admit(&self, rows: Rows) -> Result<(), Refusal> {
+        let first = |fault| 1 + self.faults.iter().position(|found| *found == Some(fault)).unwrap_or(0);
+        let total = self.rows();
+        if let Some((channel, value)) = &self.clipped_at {
+            let (channel, value, samples) = (channel.clone(), *value, self.left_out.clipped);
+            return Err(Refusal::Clipped { channel, value, samples, total, first_row: first(Fault::Clipped) });
+        }
+        let limit_percent = if rows == Rows::Samples { MOST_OF_MEANS_PERCENT } else { MOST_OF_SERIES_PERCENT };
+        let above = |count: usize, limit_percent: f64| count as f64 * 100.0 > limit_percent * total as f64;
+        let LeftOut { failed_reads, spikes, stale, .. } = self.left_out;
+        if above(failed_reads + spikes, limit_percent) {
+            let (what, samples, fault) = if failed_reads >= spikes {
+                ("failed reads", failed_reads, Fault::FailedRead)
+            } else {
+                ("spikes", spikes, Fault::Spike)
+            };
+            return Err(Refusal::BadRows { what, samples, total, first_row: first(fault), limit_percent });
+        }
+        let polled = self.polled.is_some_and(|rows| rows <= MOST_POLLED);
+        let too_many = match rows {
+            Rows::Samples => above(stale, limit_percent) && !polled,
+            Rows::Steps => stale > 0,
+            Rows::ClockedSteps => above(stale, limit_percent),
+        };
+        if too_many {
+            let rows_per_update = total as f64 / (total - stale).max(1) as f64;
+            return Err(Refusal::Stale { samples: stale, total, first_row: first(Fault::Stale), rows_per_update });
+        }
+        Ok(())
+    }
+
+    /// Rows for each update of a sensor that is read more often than it updates.
+    #[must_use]
+    pub fn rows_per_update(&self) -> Option<f64> {
+        self.polled
+    }
+
+    fn mark(&mut self, row: usize, fault: Fault) {
+        if let Some(place @ None) = self.faults.get_mut(row) {
+            *place = Some(fault);
+            *self.left_out.of(fault) += 1;
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Samples far from their neighbours on both sides.
+
+use std::ops::Range;
+
+use super::character::{self, Character, Piece};
+use super::{Fault, Layout, Screening};
+use crate::stats;
+
+/// Neighbours on each side whose median a sample is compared with: two of them may be spikes themselves.
+const SIDE: usize = 5;
+/// Rows beyond which neighbours are not sought.
+const REACH: usize = 64;
+/// Rows on each side from which the scale beside a candidate is known.
+const BESIDE: usize = 128;
+/// Scales by which a spike differs from both sides. Of 10^8 normal samples none does.
+const FAR: f64 = 6.0;
+/// The least of them where a record is known to hold spikes.
+const NEAR: f64 = 4.0;
+/// Of the spikes found, the part that may be honest tails.
+const HONEST: f64 = 0.1;
+/// Steps below which a difference is no spike, in scales of [`FAR`]: quantised noise of a fraction of a code jumps by
+/// two or three codes.
+const STEP: f64 = 0.75;
+/// Spikes hide each other; each pass finds what the one before laid open.
+const PASSES: usize = 5;
+
+pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
+    let (lowest, highest) = crate::series::range(values);
+    let mut spikes = Vec::new();
+    let mut far = FAR;
+    let mut taken: Vec<usize> = Vec::new();
+    for _ in 0..PASSES {
+        let before = spikes.len();
+        for piece in &character.pieces {
+            let block = &layout.blocks[piece.block];
+            look(found, values, piece, block, far, character.step, &mut spikes);
+        }
+        // Marked after a whole pass, as what they are only when all are known.
+        for row in &spikes[before..] {
+            found.mark(*row, Fault::Spike);
+        }
+        taken.extend(&spikes[before..]);
+        let closer = closest(spikes.len(), values.len());
+        if spikes.is_empty() || (spikes.len() == before && closer >= far) {
+            break;
+        }
+        far = closer.min(far);
+    }
+    let ends: Vec<f64> = [lowest, highest]
+        .into_iter()
+        .filter(|end| spikes.iter().filter(|row| values[**row] == *end).count() > 1)
+        .collect();
+    for row in taken {
+        let value = values[row];
+        let at_end = ends.contains(&value) || layout.range_end.is_some_and(|end| value.abs() >= end);
+        if value == 0.0 || value == -1.0 || value == -character.step || at_end || is_code_end(value) {
+            found.reconsider(row);
+        }
+    }
+}
+
+impl Screening {
+    /// A spike that is a failed read.
+    fn reconsider(&mut self, row: usize) {
+        if let Some(place @ Some(Fault::Spike)) = self.faults.get_mut(row) {
+            *place = Some(Fault::FailedRead);
+            self.left_out.spikes -= 1;
+            self.left_out.failed_reads += 1;
+        }
+    }
+}
+
+/// Scales by which a spike stands out where so many are known: few honest samples are lost for many that are not.
+fn closest(spikes: usize, rows: usize) -> f64 {
+    let tails = HONEST * spikes as f64 / rows.max(1) as f64;
+    stats::normal_quantile(1.0 - (tails / 2.0).clamp(1e-12, 0.4)).clamp(NEAR, FAR)
+}
+
+/// The end of a range of 8, 12, 16, 20, 24 or 32 bits.
+fn is_code_end(value: f64) -> bool {
+    [7, 11, 15, 19, 23, 31]
+        .into_iter()
+        .map(|bits| f64::from(bits).exp2())
+        .any(|end| value == end - 1.0 || value == -end)
+}
+
+fn look(
+    found: &Screening,
+    values: &[f64],
+    piece: &Piece,
+    block: &Range<usize>,
+    far: f64,
+    step: f64,
+    spikes: &mut Vec<usize>,
+) {
+    // A scale from few differences may be half of the true one.
+    let few = 1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt();
+    let limit = far * few * piece.scale.max(STEP * step);
+    // A median of five that lies far away has one of the next three far away.
+    let first = piece.rows.start.max(block.start + 3).min(piece.rows.end);
+    let candidates = |from: usize, to: usize| {
+        let lag = |lag: usize| values[from - lag..to - lag].iter();
+        let beside = values[from..to].iter().zip(lag(1)).zip(lag(2)).zip(lag(3));
+        beside
+            .map(|(((x, a), b), c)| {
+                u32::from(((x - a).abs() > limit) | ((x - b).abs() > limit) | ((x - c).abs() > limit))
+            })
+            .sum::<u32>()
+    };
+    let mut consider = |row: usize| {
+        if found.keeps(row) && stands_out(found, values, block, row, limit) {
+            let beside = row.saturating_sub(BESIDE).max(block.start)..(row + BESIDE).min(block.end);
+            if stands_out(found, values, block, row, far * few * character::scale(&values[beside]).max(STEP * step)) {
+                spikes.push(row);
+            }
+        }
+    };
+    (piece.rows.start..first).for_each(&mut consider);
+    const PART: usize = 64;
+    let mut from = first;
+    while from < piece.rows.end {
+        let to = (from + PART).min(piece.rows.end);
+        // Beside rows that are left out the next three say less.
+        let holes = found.left_out.total() > 0 && (from.saturating_sub(SIDE)..to).any(|row| !found.keeps(row));
+        if holes || candidates(from, to) > 0 {
+            (from..to).for_each(&mut consider);
+        }
+        from = to;
+    }
+}
+
+/// Whether a sample differs by more than a limit, to the same side, from the medians of its neighbours left and right.
+fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> bool {
+    let value = values[row];
+    let left = median(found, values, (row.saturating_sub(REACH).max(block.start)..row).rev());
+    let right = median(found, values, row + 1..(row + 1 + REACH).min(block.end));
+    match (left, right) {
+        (Some(left), Some(right)) => {
+            let (left, right) = (value - left, value - right);
+            (left > limit && right > limit) || (left < -limit && right < -limit)
+        }
+        (Some(side), None) | (None, Some(side)) => (value - side).abs() > limit,
+        (None, None) => false,
+    }
+}
+
+/// Median of the next rows that are used; at the edge of a block two will do, and one says nothing.
+fn median(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>) -> Option<f64> {
+    let mut beside = [0.0; SIDE];
+    let mut count = 0;
+    for row in rows.filter(|row| found.keeps(*row)).take(SIDE) {
+        beside[count] = values[row];
+        count += 1;
+    }
+    let beside = &mut beside[..count];
+    (count > 1).then(|| stats::median(beside))
+}

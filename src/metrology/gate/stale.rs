@@ -1,0 +1,112 @@
+//! Rows that repeat the row before on all channels, more often or longer than noise does by chance.
+
+use std::ops::Range;
+
+use super::character::{Character, Piece};
+use super::{Fault, Screening};
+
+/// Chance in the whole record of a run of repeats that is taken for a fault.
+const RARE: f64 = 1e-5;
+/// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
+const COMMON: f64 = 0.5;
+
+/// Marks stale rows. Gives the rows for each update where the sensor is read more often than it updates.
+pub(super) fn search(
+    found: &mut Screening,
+    channels: &[&[f64]],
+    characters: &[Character],
+    blocks: &[Range<usize>],
+) -> Option<f64> {
+    let rows = found.rows();
+    let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
+    let repeats: Vec<usize> = pieces.iter().map(|piece| count(channels, piece, blocks)).collect();
+    if repeats.iter().all(|count| *count == 0) {
+        return None;
+    }
+    let chances: Vec<f64> = (0..pieces.len()).map(|at| chance(characters, at)).collect();
+    let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
+    let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
+    let counted: usize = judged().map(|at| repeats[at]).sum();
+    let too_many = counted as f64 > 2.0 * expected + 6.0 * expected.sqrt() + if expected > 1e-3 { 3.0 } else { 0.0 };
+    let mut marked = 0;
+    for at in judged().filter(|at| repeats[*at] > 0) {
+        // So many repeats in a row are no chance in a record of this length.
+        let shortest = if too_many { 1 } else { (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1 };
+        let mut run = 0;
+        for row in pieces[at].rows.clone() {
+            if repeats_at(channels, blocks[pieces[at].block].start, row) {
+                run += 1;
+                continue;
+            }
+            marked += mark(found, row, run, shortest);
+            run = 0;
+        }
+        marked += mark(found, pieces[at].rows.end, run, shortest);
+    }
+    polled(found, marked, blocks)
+}
+
+fn mark(found: &mut Screening, end: usize, run: usize, shortest: usize) -> usize {
+    if run == 0 || run < shortest {
+        return 0;
+    }
+    (end - run..end).for_each(|row| found.mark(row, Fault::Stale));
+    run
+}
+
+fn repeats_at(channels: &[&[f64]], start: usize, row: usize) -> bool {
+    row > start && channels.iter().all(|values| values[row] == values[row - 1])
+}
+
+fn count(channels: &[&[f64]], piece: &Piece, blocks: &[Range<usize>]) -> usize {
+    let start = piece.rows.start.max(blocks[piece.block].start + 1);
+    let Some((first, others)) = channels.split_first() else { return 0 };
+    if start >= piece.rows.end {
+        return 0;
+    }
+    let (now, before) = (&first[start..piece.rows.end], &first[start - 1..piece.rows.end - 1]);
+    let of_first: u32 = now.iter().zip(before).map(|(a, b)| u32::from(a == b)).sum();
+    if of_first == 0 || others.is_empty() {
+        return of_first as usize;
+    }
+    (start..piece.rows.end).filter(|row| channels.iter().all(|values| values[*row] == values[row - 1])).count()
+}
+
+/// Chance of a repeat on all channels in a piece; of a piece that stands still, the larger one of those beside it.
+fn chance(characters: &[Character], at: usize) -> f64 {
+    let of_piece = |at: usize| -> f64 {
+        characters.iter().map(|character| character.chance_of_repeat(&character.pieces[at])).product()
+    };
+    let speaks = |at: &usize| characters.iter().any(|character| character.pieces[*at].speaks());
+    if speaks(&at) {
+        return of_piece(at);
+    }
+    let count = characters.first().map_or(0, |character| character.pieces.len());
+    let (before, after) = ((0..at).rev().find(speaks), (at + 1..count).find(speaks));
+    before.into_iter().chain(after).map(of_piece).reduce(f64::max).unwrap_or(1.0)
+}
+
+/// Rows for each update, where nearly all updates last as long as each other.
+fn polled(found: &Screening, stale: usize, blocks: &[Range<usize>]) -> Option<f64> {
+    let rows: usize = blocks.iter().map(Range::len).sum();
+    let ratio = rows as f64 / (rows - stale.min(rows)).max(1) as f64;
+    if ratio < 1.2 {
+        return None;
+    }
+    let (mut updates, mut even) = (0, 0);
+    for block in blocks {
+        let mut length = 0;
+        for row in block.clone() {
+            if found.fault(row) == Some(Fault::Stale) {
+                length += 1;
+                continue;
+            }
+            if length > 0 {
+                updates += 1;
+                even += usize::from((f64::from(length) - ratio).abs() <= 1.0);
+            }
+            length = 1;
+        }
+    }
+    (even as f64 > 0.95 * updates as f64).then_some(ratio)
+}

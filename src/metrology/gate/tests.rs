@@ -1,0 +1,159 @@
+use std::ops::Range;
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+
+use super::*;
+
+fn dice(seed: u64) -> impl FnMut() -> f64 {
+    let mut dice = ChaCha8Rng::seed_from_u64(seed);
+    move || StandardNormal.sample(&mut dice)
+}
+
+/// Normal noise in codes about a level.
+fn noise(seed: u64, rows: usize, level: f64, sd: f64) -> Vec<f64> {
+    let mut normal = dice(seed);
+    (0..rows).map(|_| (level + sd * normal()).round()).collect()
+}
+
+fn screen(channels: &[&[f64]], blocks: &[Range<usize>], still: bool) -> Screening {
+    const NAMES: [&str; 3] = ["x", "y", "z"];
+    Screening::of(&NAMES[..channels.len()], channels, &Layout { blocks, still, range_end: None })
+}
+
+/// What is left out of a single stretch: failed reads, spikes, stale, clipped.
+fn counts(channels: &[&[f64]], still: bool) -> [usize; 4] {
+    let LeftOut { failed_reads, spikes, stale, clipped } = *screen(channels, &[0..channels[0].len()], still).left_out();
+    [failed_reads, spikes, stale, clipped]
+}
+
+#[test]
+fn honest_records_pass_whole() {
+    let check = |what: &str, values: Vec<f64>| assert_eq!(counts(&[&values], true), [0; 4], "{what}");
+    for seed in 0..20 {
+        for sd in [0.05, 0.2, 0.3, 0.5, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 30.0, 700.0] {
+            for rows in [24, 100, 1000, 10_000] {
+                check(&format!("noise of {sd} codes, {rows} rows, seed {seed}"), noise(seed, rows, 0.3, sd));
+            }
+        }
+    }
+    let mut normal = dice(7);
+    check("a long one", (0..1_000_000).map(|_| 0.1 * normal()).collect());
+    let step: Vec<f64> = (0..4000).map(|i| if i < 1777 { 0.0 } else { 50.0 } + normal()).collect();
+    check("a step", step);
+    let turn = |i: usize| {
+        (((i as f64 - 1000.0) / 500.0).clamp(0.0, 1.0) - ((i as f64 - 3000.0) / 500.0).clamp(0.0, 1.0)) * 4e6
+    };
+    assert_eq!(counts(&[&(0..5000).map(|i| (turn(i) + 1600.0 * normal()).round()).collect::<Vec<_>>()], false), [0; 4]);
+    assert_eq!(counts(&[&(0..5000).map(turn).collect::<Vec<_>>()], false), [0; 4], "a turn without noise");
+    assert_eq!(
+        counts(&[&(0..5000).map(|i| (turn(i) / 1e4 + 0.2 * normal()).round()).collect::<Vec<_>>()], false),
+        [0; 4]
+    );
+    for per_turn in [20.0, 67.0, 400.0, 20_000.0] {
+        for sd in [0.0, 0.4, 5.0] {
+            let angle = |i: usize| std::f64::consts::TAU * i as f64 / per_turn;
+            let x: Vec<f64> = (0..20_000).map(|i| (8000.0 * angle(i).cos() + sd * normal()).round()).collect();
+            let y: Vec<f64> = (0..20_000).map(|i| (8000.0 * angle(i).sin() + sd * normal()).round()).collect();
+            assert_eq!(counts(&[&x, &y], false), [0; 4], "{per_turn} rows a turn, noise of {sd} codes");
+        }
+    }
+    // Behind low-passes.
+    for part in [0.02, 0.1, 0.4] {
+        let mut state = [0.0; 2];
+        let decay = (-std::f64::consts::TAU * part).exp();
+        let values: Vec<f64> = (0..200_000)
+            .map(|_| {
+                state[0] = decay * state[0] + (1.0 - decay) * 100.0 * normal();
+                state[1] = decay * state[1] + (1.0 - decay) * state[0];
+                state[1]
+            })
+            .collect();
+        check("low-passed", values.clone());
+        check("low-passed, in codes", values.iter().map(|value| value.round()).collect());
+    }
+}
+
+#[test]
+fn failed_reads_are_found_by_where_they_stand() {
+    for (what, word) in [("zeros", 0.0), ("minus ones", -1.0), ("range ends", 32_767.0), ("range ends", -8_388_608.0)] {
+        for level in [8000.0, 3.0] {
+            let mut channels = [noise(1, 4000, level, 30.0), noise(2, 4000, -3.0, 30.0), noise(3, 4000, 1.0, 30.0)];
+            let bad: Vec<usize> = (0..4000).filter(|row| row % 50 == 24).collect();
+            for channel in &mut channels {
+                bad.iter().for_each(|row| channel[*row] = word);
+            }
+            let [x, y, z] = &channels;
+            let found = screen(&[x, y, z], &[0..4000], true);
+            assert_eq!(found.left_out().failed_reads, 80, "{what} at {level}");
+            assert_eq!(found.left_out().total(), 80, "{what} at {level}");
+            assert_eq!(found.first_row(), Some(25));
+            assert!(bad.iter().all(|row| !found.keeps(*row)));
+            assert_eq!(found.admit(Rows::Samples), Ok(()));
+        }
+    }
+    // A single channel about zero: zeros come by chance, and some more of them do not.
+    let mut values = noise(4, 20_000, 0.0, 300.0);
+    assert_eq!(counts(&[&values], true), [0; 4]);
+    (0..20_000).step_by(100).for_each(|row| values[row] = 0.0);
+    assert!((200..240).contains(&counts(&[&values], true)[0]));
+}
+
+#[test]
+fn spikes_are_found_alone_and_in_company() {
+    let mut values = noise(5, 10_000, 100.0, 20.0);
+    let mut dice = ChaCha8Rng::seed_from_u64(9);
+    let mut bad = Vec::new();
+    for row in 0..10_000 {
+        if dice.random::<f64>() < 0.04 {
+            values[row] += (200.0 + 4000.0 * dice.random::<f64>()).round();
+            bad.push(row);
+        }
+    }
+    let found = screen(&[&values], &[0..10_000], true);
+    let missed = bad.iter().filter(|row| found.keeps(**row)).count();
+    assert_eq!(missed, 0, "of {}", bad.len());
+    assert!(found.left_out().total() < bad.len() + bad.len() / 10, "{:?} of {}", found.left_out(), bad.len());
+}
+
+#[test]
+fn stale_rows_are_told_from_chance() {
+    for sd in [3.0, 30.0, 700.0] {
+        let fresh = noise(6, 5000, 10.0, sd);
+        let doubled: Vec<f64> = fresh.iter().flat_map(|value| [*value; 2]).collect();
+        let found = screen(&[&doubled], &[0..10_000], true);
+        // Neighbours that are alike by chance lie in one run with their copies.
+        assert!((5000..5500).contains(&found.left_out().stale), "{sd}: {:?}", found.left_out());
+        assert_eq!(found.rows_per_update().is_some(), sd > 5.0, "{sd}: {:?}", found.polled);
+        assert_eq!(found.admit(Rows::Samples).is_ok(), sd > 5.0, "{sd}");
+        assert!(matches!(found.admit(Rows::Steps), Err(Refusal::Stale { first_row: 2, .. })));
+    }
+    // Held for 50 of each 200.
+    let held: Vec<f64> = noise(7, 10_000, 10.0, 30.0)
+        .iter()
+        .scan((0, 0.0), |(row, last), value| {
+            *last = if *row % 200 < 150 { *value } else { *last };
+            *row += 1;
+            Some(*last)
+        })
+        .collect();
+    let found = screen(&[&held], &[0..10_000], true);
+    assert!((2500..2530).contains(&found.left_out().stale), "{:?}", found.left_out());
+    assert!(found.admit(Rows::Samples).is_err());
+}
+
+#[test]
+fn a_tail_cut_at_one_side_is_found() {
+    for cut in [-0.5, 0.5, 1.5, 2.0] {
+        for half in [false, true] {
+            let mut values = noise(8, 4000, 8000.0, 40.0);
+            let from = if half { 2000 } else { 0 };
+            values[from..].iter_mut().for_each(|value| *value = value.min(8000.0 + (cut * 40.0_f64).round()));
+            let found = screen(&[&values], &[0..4000], true);
+            assert!(matches!(found.admit(Rows::Samples), Err(Refusal::Clipped { .. })), "{cut} {half}");
+            values.iter_mut().for_each(|value| *value = -*value);
+            assert!(screen(&[&values], &[0..4000], true).admit(Rows::Samples).is_err(), "{cut} {half}, below");
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! The gate before every method, on the columns that it reads.
+
+use std::ops::Range;
+
+use clap::Args;
+use gnc_metrology::gate::{Layout, Rows, Screening};
+use gnc_metrology::{Refusal, series};
+use serde_json::{Value, json};
+
+use super::table::Columns;
+
+/// What the gate looks at beside the columns of the method.
+#[derive(Debug, Args)]
+pub(super) struct GateColumns {
+    /// Further columns, separated by commas, whose failed reads, spikes and stale rows count for the method too
+    #[arg(long = "gate-columns", value_name = "COLUMNS", value_delimiter = ',')]
+    names: Vec<String>,
+}
+
+/// Rows of a record that passed.
+pub(super) struct Gated {
+    screening: Screening,
+    replaced: bool,
+}
+
+impl GateColumns {
+    /// The columns of a method, and behind them those of the gate.
+    pub(super) fn behind<'a>(&'a self, own: &[&'a str]) -> Vec<&'a str> {
+        own.iter().copied().chain(self.names.iter().map(String::as_str)).collect()
+    }
+
+    /// Still positions: stretches of one label, or of one direction in the columns behind the chip's; rows are dropped.
+    pub(super) fn positions(
+        &self,
+        chip: &[&str],
+        columns: &mut Columns,
+        range_end: Option<f64>,
+    ) -> Result<Gated, Refusal> {
+        let rows = columns.numbers.first().map_or(0, Vec::len);
+        let directions = columns.numbers.get(chip.len()..columns.numbers.len() - self.names.len()).unwrap_or_default();
+        let blocks = match columns.labels.is_empty() {
+            true => stretches(rows, |a, b| directions.iter().all(|values| values[a] == values[b])),
+            false => stretches(rows, |a, b| columns.labels[a] == columns.labels[b]),
+        };
+        let layout = Layout { blocks: &blocks, still: true, range_end };
+        let gated = self.screen(chip, columns, &layout, Rows::Samples)?;
+        gated.keep(columns);
+        Ok(gated)
+    }
+
+    /// Points of a curve; rows are dropped.
+    pub(super) fn points(
+        &self,
+        chip: &[&str],
+        columns: &mut Columns,
+        range_end: Option<f64>,
+    ) -> Result<Gated, Refusal> {
+        let blocks = [0..columns.numbers.first().map_or(0, Vec::len)];
+        let layout = Layout { blocks: &blocks, still: false, range_end };
+        let gated = self.screen(chip, columns, &layout, Rows::Samples)?;
+        gated.keep(columns);
+        Ok(gated)
+    }
+
+    /// Runs of one label that are integrated; rows are bridged.
+    pub(super) fn motion(
+        &self,
+        chip: &[&str],
+        columns: &mut Columns,
+        range_end: Option<f64>,
+    ) -> Result<Gated, Refusal> {
+        let labels = &columns.labels;
+        let blocks = stretches(labels.len(), |a, b| labels[a] == labels[b]);
+        let layout = Layout { blocks: &blocks, still: false, range_end };
+        let gated = self.screen(chip, columns, &layout, Rows::Steps)?;
+        if gated.screening.left_out().total() > 0 {
+            for values in &mut columns.numbers {
+                *values = gated.screening.bridged(values, &blocks);
+            }
+        }
+        Ok(gated)
+    }
+
+    /// One column over time; rows are refilled.
+    pub(super) fn series(&self, column: &str, columns: &mut Columns, still: bool) -> Result<Gated, Refusal> {
+        let blocks = [0..columns.numbers.first().map_or(0, Vec::len)];
+        self.stretches_of_series(column, columns, &blocks, still)
+    }
+
+    /// One column over time, in stretches between which time is not known; rows are refilled.
+    pub(super) fn stretches_of_series(
+        &self,
+        column: &str,
+        columns: &mut Columns,
+        blocks: &[Range<usize>],
+        still: bool,
+    ) -> Result<Gated, Refusal> {
+        let layout = Layout { blocks, still, range_end: None };
+        let gated = self.screen(&[column], columns, &layout, Rows::Steps)?;
+        if gated.screening.left_out().total() > 0 {
+            columns.numbers[0] = gated.screening.refilled(&columns.numbers[0], blocks);
+        }
+        Ok(gated)
+    }
+
+    /// Screens the first columns, which are those of one chip, and the last ones, which are the gate's and are dropped.
+    ///
+    /// # Errors
+    /// A value that is not finite, and what [`Screening::admit`] refuses.
+    fn screen(&self, chip: &[&str], columns: &mut Columns, layout: &Layout<'_>, rows: Rows) -> Result<Gated, Refusal> {
+        let own = columns.numbers.len() - self.names.len();
+        let others = columns.numbers.split_off(own);
+        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+
+        let mut screening = Screening::of(chip, &slices(&columns.numbers[..chip.len()]), layout);
+        if !others.is_empty() {
+            series::channels(&names, &slices(&others))?;
+            let layout = Layout { still: false, range_end: None, ..*layout };
+            screening = screening.and(Screening::of(&names, &slices(&others), &layout));
+        }
+        if screening.left_out().total() > 0 {
+            // Its row is that of the file only as long as no row is dropped.
+            series::channels(chip, &slices(&columns.numbers[..chip.len()]))?;
+        }
+        screening.admit(match rows {
+            Rows::Steps if columns.timed => Rows::ClockedSteps,
+            other => other,
+        })?;
+        Ok(Gated { screening, replaced: rows != Rows::Samples })
+    }
+}
+
+impl Gated {
+    /// Drops the rows that are left out.
+    fn keep(&self, columns: &mut Columns) {
+        if self.screening.left_out().total() == 0 {
+            return;
+        }
+        for values in &mut columns.numbers {
+            *values = self.screening.kept(values);
+        }
+        columns.labels = self.screening.kept(&columns.labels);
+    }
+
+    /// For the result.
+    pub(super) fn json(&self) -> Value {
+        let left_out = self.screening.left_out();
+        let mut gate = json!({
+            "used": self.screening.used(),
+            "left_out": {
+                "failed_reads": left_out.failed_reads,
+                "spikes": left_out.spikes,
+                "stale": left_out.stale,
+                "clipped": left_out.clipped,
+            },
+            "first_row": self.screening.first_row(),
+        });
+        if left_out.total() > 0 {
+            gate["in_their_place"] = json!(if self.replaced { "values like their neighbours" } else { "nothing" });
+        }
+        if let Some(rows) = self.screening.rows_per_update() {
+            gate["rows_per_update"] = json!(rows);
+        }
+        gate
+    }
+}
+
+/// Stretches of rows that have the same label, one after the other.
+pub(super) fn stretches(rows: usize, same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
+    let mut stretches = Vec::new();
+    let mut start = 0;
+    for row in 1..=rows {
+        if row == rows || !same(row - 1, row) {
+            stretches.push(start..row);
+            start = row;
+        }
+    }
+    stretches
+}
+
+fn slices(columns: &[Vec<f64>]) -> Vec<&[f64]> {
+    columns.iter().map(Vec::as_slice).collect()
+}

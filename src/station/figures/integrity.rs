@@ -1,0 +1,243 @@
+//! The data gate on captures: which samples are no measurements, as measurements of the module and its link, and what
+//! stands in their place.
+//!
+//! A sample that is left out is replaced from its neighbours, so that none of the others moves in time: in a still capture
+//! by noise like that beside it, in a moving one by the line between them. How many there were is measured.
+
+use std::borrow::Cow;
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
+use gnc_metrology::gate::{Fault, Layout, LeftOut, Rows, Screening};
+use gnc_protocol::calibration::CompensatedSample;
+use gnc_protocol::stream::{ImuSample, SATURATION};
+use serde_json::json;
+
+use super::captures::{AXES, Triad};
+use super::{FigureError, Findings, Question};
+use crate::capture::{Capture, Pose};
+
+/// Names of the measurements, in the order of the catalogue.
+pub const NAMES: [&str; 3] = ["failed_reads", "stale_samples", "spikes"];
+/// Key of the details.
+pub const KEY: &str = "gate";
+
+/// What the gate made of a set of captures.
+pub(super) struct Integrity<'c> {
+    /// As they are analysed.
+    pub(super) captures: Cow<'c, [Capture]>,
+    /// Of the first capture that cannot be used.
+    pub(super) refused: Option<FigureError>,
+    left_out: LeftOut,
+    samples: usize,
+    /// The first capture that holds such a sample, and its number from 1.
+    first: Option<(String, usize)>,
+}
+
+/// Shares of bad samples in the captures of an item, judged beside a refusal: a fault of the module stays its fault where
+/// no figure can be had.
+#[must_use]
+pub fn integrity(item: ItemId, question: &Question<'_>) -> Vec<(String, Value)> {
+    Integrity::of(item, question).measured()
+}
+
+/// Shares of bad samples, percent, in the order of [`NAMES`].
+pub fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
+    [left_out.failed_reads, left_out.stale, left_out.spikes].map(|count| count as f64 * 100.0 / samples.max(1) as f64)
+}
+
+impl<'c> Integrity<'c> {
+    pub(super) fn of(item: ItemId, question: &Question<'c>) -> Self {
+        let mut found = Self {
+            captures: Cow::Borrowed(question.captures),
+            refused: None,
+            left_out: LeftOut::default(),
+            samples: 0,
+            first: None,
+        };
+        for (index, capture) in question.captures.iter().enumerate() {
+            let triads = used(item, question, capture);
+            let still = matches!(capture.about.pose, Pose::Still { .. });
+            if !triads.is_empty() && !capture.samples.is_empty() {
+                let parts: Vec<(Triad, Screening)> =
+                    triads.iter().map(|triad| (*triad, screen(&capture.samples, *triad, still))).collect();
+                found.take(capture, parts.iter().map(|(triad, part)| (triad.name(), part)));
+                for (triad, part) in parts.iter().filter(|(_, part)| part.left_out().total() > 0) {
+                    mend(&mut found.captures.to_mut()[index].samples, *triad, part, still);
+                }
+            }
+            if item == ItemId::CalibrationCheck && !capture.compensated.is_empty() {
+                let parts = [Output::Rate, Output::Force].map(|of| (of, screen_compensated(&capture.compensated, of)));
+                found.take(capture, parts.iter().map(|(of, part)| (of.name(), part)));
+                for (of, part) in parts.iter().filter(|(_, part)| part.left_out().total() > 0) {
+                    mend_compensated(&mut found.captures.to_mut()[index].compensated, *of, part, still);
+                }
+            }
+        }
+        found
+    }
+
+    fn take<'s>(&mut self, capture: &Capture, parts: impl Iterator<Item = (&'static str, &'s Screening)>) {
+        let mut whole: Option<Screening> = None;
+        for (name, part) in parts {
+            if let Err(refusal) = part.admit(Rows::ClockedSteps) {
+                let place = format!("{}, {name}", capture.about.label);
+                self.refused.get_or_insert(FigureError::Refused { place, refusal });
+            }
+            whole = Some(match whole {
+                Some(whole) => whole.and(part.clone()),
+                None => part.clone(),
+            });
+        }
+        let Some(whole) = whole else { return };
+        let LeftOut { failed_reads, spikes, stale, clipped } = whole.left_out();
+        self.left_out.failed_reads += failed_reads;
+        self.left_out.spikes += spikes;
+        self.left_out.stale += stale;
+        self.left_out.clipped += clipped;
+        self.samples += whole.rows();
+        if let Some(row) = whole.first_row() {
+            self.first.get_or_insert((capture.about.label.clone(), row));
+        }
+    }
+
+    /// The three shares; none where nothing was captured.
+    pub(super) fn measured(&self) -> Vec<(String, Value)> {
+        if self.samples == 0 {
+            return Vec::new();
+        }
+        let shares = shares(&self.left_out, self.samples);
+        NAMES
+            .iter()
+            .zip(shares)
+            .map(|(name, share)| ((*name).to_owned(), Value::number(share, Unit::Percent)))
+            .collect()
+    }
+
+    /// Adds shares and counts to what an analysis found.
+    pub(super) fn file(&self, findings: &mut Findings) {
+        findings.measured.extend(self.measured());
+        if self.samples == 0 {
+            return;
+        }
+        let LeftOut { failed_reads, spikes, stale, clipped } = self.left_out;
+        findings.detail(
+            KEY,
+            json!({
+                "used": self.samples - self.left_out.total(),
+                "left_out": { "failed_reads": failed_reads, "spikes": spikes, "stale": stale, "clipped": clipped },
+                "first": self.first.as_ref().map(|(label, row)| json!({ "capture": label, "sample": row })),
+            }),
+        );
+    }
+}
+
+/// The triads of a capture that an item works with.
+fn used(item: ItemId, question: &Question<'_>, capture: &Capture) -> Vec<Triad> {
+    let wanted = |sensor: &str| question.params.choices("sensors").is_ok_and(|list| list.contains(&sensor));
+    let still = matches!(capture.about.pose, Pose::Still { .. });
+    match item {
+        ItemId::SixPosition | ItemId::AccelBias => vec![Triad::Accel],
+        ItemId::GyroStill | ItemId::Rotation => vec![Triad::Gyro],
+        ItemId::GyroBias => vec![Triad::Gyro, Triad::Accel],
+        // The gyroscopes' g-sensitivity is taken out with the force that the accelerometers measure.
+        ItemId::BiasStability | ItemId::BiasRepeatability | ItemId::Resolution | ItemId::Allan | ItemId::Psd => {
+            if wanted("gyro") {
+                vec![Triad::Gyro, Triad::Accel]
+            } else {
+                vec![Triad::Accel]
+            }
+        }
+        ItemId::ScaleFactorRepeatability | ItemId::CrossCoupling => match still {
+            true if wanted("accel") => vec![Triad::Accel],
+            false if wanted("gyro") => vec![Triad::Gyro],
+            _ => Vec::new(),
+        },
+        ItemId::MagnetometerEllipse | ItemId::MagnetometerEllipsoid => vec![Triad::Mag],
+        _ => Vec::new(),
+    }
+}
+
+/// Samples at rest without those that are no measurements, and the shares of these, percent, in the order of [`NAMES`].
+#[must_use]
+pub fn sound_at_rest(samples: &[ImuSample]) -> (Vec<ImuSample>, [f64; 3]) {
+    let [gyro, accel] = [Triad::Gyro, Triad::Accel].map(|triad| screen(samples, triad, true));
+    let whole = gyro.and(accel);
+    let sound = samples.iter().enumerate().filter(|(row, _)| !left_out(whole.fault(*row)));
+    (sound.map(|(_, sample)| sample.clone()).collect(), shares(whole.left_out(), samples.len()))
+}
+
+/// A clipped sample stays: what is cut is told by the channel's saturation and noise.
+fn left_out(fault: Option<Fault>) -> bool {
+    !matches!(fault, None | Some(Fault::Clipped))
+}
+
+/// Screens one triad, which is one chip.
+fn screen(samples: &[ImuSample], triad: Triad, still: bool) -> Screening {
+    let channels =
+        [0, 1, 2].map(|axis| samples.iter().map(|sample| f64::from(triad.codes(sample)[axis])).collect::<Vec<f64>>());
+    screen_channels(&channels, still, Some(f64::from(SATURATION)))
+}
+
+fn screen_channels(channels: &[Vec<f64>; 3], still: bool, range_end: Option<f64>) -> Screening {
+    let layout = Layout { blocks: &[0..channels[0].len()], still, range_end };
+    Screening::of(&AXES, &[&channels[0], &channels[1], &channels[2]], &layout)
+}
+
+/// Values of one channel with what stands in place of samples that are left out.
+fn mended(values: &[f64], part: &Screening, still: bool) -> Vec<f64> {
+    let blocks = [0..values.len()];
+    if still { part.refilled(values, &blocks) } else { part.bridged(values, &blocks) }
+}
+
+fn mend(samples: &mut [ImuSample], triad: Triad, part: &Screening, still: bool) {
+    for axis in 0..3 {
+        let values: Vec<f64> = samples.iter().map(|sample| f64::from(triad.codes(sample)[axis])).collect();
+        for (row, value) in mended(&values, part, still).into_iter().enumerate().filter(|(row, _)| !part.keeps(*row)) {
+            triad.codes_mut(&mut samples[row])[axis] = value.round() as i32;
+        }
+    }
+}
+
+/// What the board itself made of its samples.
+#[derive(Debug, Clone, Copy)]
+enum Output {
+    Rate,
+    Force,
+}
+
+impl Output {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Rate => "rate",
+            Self::Force => "force",
+        }
+    }
+
+    fn of(self, sample: &CompensatedSample) -> &[i32; 3] {
+        match self {
+            Self::Rate => &sample.rate,
+            Self::Force => &sample.force,
+        }
+    }
+}
+
+fn screen_compensated(samples: &[CompensatedSample], of: Output) -> Screening {
+    let channels =
+        [0, 1, 2].map(|axis| samples.iter().map(|sample| f64::from(of.of(sample)[axis])).collect::<Vec<f64>>());
+    screen_channels(&channels, false, None)
+}
+
+fn mend_compensated(samples: &mut [CompensatedSample], of: Output, part: &Screening, still: bool) {
+    for axis in 0..3 {
+        let values: Vec<f64> = samples.iter().map(|sample| f64::from(of.of(sample)[axis])).collect();
+        for (row, value) in mended(&values, part, still).into_iter().enumerate().filter(|(row, _)| !part.keeps(*row)) {
+            let value = value.round() as i32;
+            match of {
+                Output::Rate => samples[row].rate[axis] = value,
+                Output::Force => samples[row].force[axis] = value,
+            }
+        }
+    }
+}
