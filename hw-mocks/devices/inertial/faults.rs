@@ -76,7 +76,7 @@ impl Default for TriadFaults {
 /// Conversions in which one sensor of the chip is upset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spikes {
-    /// Of all conversions.
+    /// Of all conversions: one in each run of `1 / share`.
     pub share: f64,
     /// What is added or subtracted, by chance, in the sensors' unit.
     pub size: f64,
@@ -85,22 +85,19 @@ pub struct Spikes {
 }
 
 impl Spikes {
-    /// The sensor that is upset now and what is added to it.
-    pub(super) fn draw(&self, dice: &mut Dice) -> Option<(usize, f64)> {
-        if dice.between(0.0, 1.0) >= self.share {
-            return None;
-        }
+    /// The sensor that is upset and what is added to it.
+    pub(super) fn draw(&self, dice: &mut Dice) -> (usize, f64) {
         // Six cases of one number: three sensors, two senses.
         let case = dice.between(0.0, 6.0) as usize;
         let axis = self.axis.map_or(case % 3, Axis::index);
-        Some((axis, if case < 3 { self.size } else { -self.size }))
+        (axis, if case < 3 { self.size } else { -self.size })
     }
 }
 
 /// Reads that fail: all channels of the chip then hold one value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FailedReads {
-    /// Of all reads.
+    /// Of all reads: one in each run of `1 / share`.
     pub share: f64,
     /// What is read instead.
     pub code: i32,
@@ -109,10 +106,54 @@ pub struct FailedReads {
 impl FailedReads {
     /// What a bus gives that nothing drives: zeros, ones, or an end of the converter's range.
     pub const CODES: [i32; 4] = [0, -1, SATURATION, -SATURATION - 1];
+}
 
-    /// Whether the read now fails, and what it gives then.
-    pub(super) fn draw(&self, dice: &mut Dice) -> Option<[i32; 3]> {
-        (dice.between(0.0, 1.0) < self.share).then_some([self.code; 3])
+/// Events of which one comes in each run of `1 / share` turns, at a place in the run that chance decides.
+///
+/// So many turns hold so many events, to one at either end: a fault near a limit is on the same side of it under every
+/// seed, and still comes when nobody expects it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Dispersed {
+    share: f64,
+    /// How much of the run has passed, and where in it the event lies.
+    passed: f64,
+    event: f64,
+}
+
+impl Dispersed {
+    pub(super) fn new(share: f64, dice: &mut Dice) -> Self {
+        Self { share, passed: 0.0, event: dice.between(0.0, 1.0) }
+    }
+
+    /// Whether the event comes at this turn.
+    pub(super) fn comes(&mut self, dice: &mut Dice) -> bool {
+        let from = self.passed;
+        self.passed += self.share;
+        let mut comes = (from..self.passed).contains(&self.event);
+        if self.passed >= 1.0 {
+            self.passed -= 1.0;
+            self.event = dice.between(0.0, 1.0);
+            comes |= self.event < self.passed;
+        }
+        comes
+    }
+}
+
+/// Reads as they fail.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Failing {
+    when: Dispersed,
+    codes: [i32; 3],
+}
+
+impl Failing {
+    pub(super) fn new(failed: &FailedReads, dice: &mut Dice) -> Self {
+        Self { when: Dispersed::new(failed.share, dice), codes: [failed.code; 3] }
+    }
+
+    /// What this read gives if it fails.
+    pub(super) fn read(&mut self, dice: &mut Dice) -> Option<[i32; 3]> {
+        self.when.comes(dice).then_some(self.codes)
     }
 }
 

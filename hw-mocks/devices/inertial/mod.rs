@@ -30,7 +30,7 @@ pub use truth::{TriadTruth, TrueCalibration, TrueSensors};
 
 use crate::noise::{Dice, Source};
 use crate::world::{Influence, STANDARD_GRAVITY};
-use faults::MOST_VIBRATIONS;
+use faults::{Failing, MOST_VIBRATIONS};
 use reader::Chip;
 use triad::Triad;
 
@@ -46,6 +46,8 @@ pub struct Sensors {
     /// Steps of slow noise since the bench was started; -1 before the first sample.
     step: i64,
     thermometers: [i16; 2],
+    /// Reads of all three chips that fail.
+    failing: Option<Failing>,
     /// For samples that no stream asks for.
     reader: Option<Reader>,
     white_dice: Dice,
@@ -75,7 +77,11 @@ impl Sensors {
     #[must_use]
     pub fn new(models: SensorModels, faults: SensorFaults, seed: u64) -> Self {
         let mut slow_dice = Dice::new(seed, Source::SensorSlow);
-        let mut part = |model, faults, lsb| Part { triad: Triad::new(model, faults, lsb, &mut slow_dice), held: None };
+        let mut upset_dice = Dice::new(seed, Source::SensorUpsets);
+        let mut part = |model, faults, lsb| Part {
+            triad: Triad::new(model, faults, lsb, &mut slow_dice, &mut upset_dice),
+            held: None,
+        };
         Self {
             models,
             faults,
@@ -90,7 +96,8 @@ impl Sensors {
             slow_dice,
             turn_on_dice: Dice::new(seed, Source::TurnOn),
             temperature_dice: Dice::new(seed, Source::Temperature),
-            upset_dice: Dice::new(seed, Source::SensorUpsets),
+            failing: faults.failed_reads.map(|failed| Failing::new(&failed, &mut upset_dice)),
+            upset_dice,
         }
     }
 
@@ -155,15 +162,15 @@ impl Sensors {
             });
             self.mag.convert(&mut reader.mag, &held, moment_s, white, upset);
         }
-        let all = self.faults.failed_reads.and_then(|failed| failed.draw(upset));
-        let mut codes = |part: &Part, chip: &Chip| {
-            let alone = part.triad.failed_reads().and_then(|failed| failed.draw(upset));
+        let all = self.failing.as_mut().and_then(|failing| failing.read(upset));
+        let mut codes = |part: &mut Part, chip: &Chip| {
+            let alone = part.triad.failed_read(upset);
             all.or(alone).unwrap_or(chip.codes)
         };
         ImuSample {
-            gyro: codes(&self.gyro, &reader.gyro),
-            accel: codes(&self.accel, &reader.accel),
-            mag: codes(&self.mag, &reader.mag),
+            gyro: codes(&mut self.gyro, &reader.gyro),
+            accel: codes(&mut self.accel, &reader.accel),
+            mag: codes(&mut self.mag, &reader.mag),
             gyro_temperature: self.thermometers[0],
             accel_temperature: self.thermometers[1],
         }

@@ -94,6 +94,9 @@ impl Chip {
     pub(super) fn shaken(&self, amplitudes: &[Vector3<f64>; MOST_VIBRATIONS], moment_s: f64) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (amplitude, (frequency_hz, factor, lag)) in amplitudes.iter().zip(&self.vibrations) {
+            if *frequency_hz == 0.0 {
+                continue;
+            }
             sum += amplitude * (factor * (TAU * (frequency_hz * moment_s).fract() - lag).sin());
         }
         sum

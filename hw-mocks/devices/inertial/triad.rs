@@ -3,7 +3,7 @@
 use gnc_protocol::stream::SATURATION;
 use nalgebra::{Matrix3, Vector3};
 
-use super::faults::{FailedReads, TriadFaults};
+use super::faults::{Dispersed, Failing, Spikes, TriadFaults};
 use super::model::{REFERENCE_C, TriadModel};
 use super::noise::SlowNoise;
 use super::truth::TriadTruth;
@@ -25,10 +25,18 @@ pub(super) struct Triad {
     altered: bool,
     /// Root of the density of the white noise now.
     white: Vector3<f64>,
+    spikes: Option<(Spikes, Dispersed)>,
+    failing: Option<Failing>,
 }
 
 impl Triad {
-    pub(super) fn new(model: TriadModel, faults: TriadFaults, lsb_per_unit: f64, slow_dice: &mut Dice) -> Self {
+    pub(super) fn new(
+        model: TriadModel,
+        faults: TriadFaults,
+        lsb_per_unit: f64,
+        slow_dice: &mut Dice,
+        upset_dice: &mut Dice,
+    ) -> Self {
         let alters = faults.stuck != [false; 3] || faults.dead != [false; 3] || faults.swapped.is_some();
         Self {
             model,
@@ -41,6 +49,8 @@ impl Triad {
             first: None,
             altered: alters || faults.range != Vector3::zeros(),
             white: Vector3::zeros(),
+            spikes: faults.spikes.map(|spikes| (spikes, Dispersed::new(spikes.share, upset_dice))),
+            failing: faults.failed_reads.map(|failed| Failing::new(&failed, upset_dice)),
         }
     }
 
@@ -73,9 +83,9 @@ impl Triad {
         &self.white
     }
 
-    /// Which reads of the chip fail, if any.
-    pub(super) fn failed_reads(&self) -> Option<FailedReads> {
-        self.faults.failed_reads
+    /// What this read of the chip gives if it fails.
+    pub(super) fn failed_read(&mut self, dice: &mut Dice) -> Option<[i32; 3]> {
+        self.failing.as_mut().and_then(|failing| failing.read(dice))
     }
 
     /// Response at a temperature.
@@ -113,7 +123,10 @@ impl Triad {
 
     /// One code of each sensor for what the converter sees.
     pub(super) fn convert(&mut self, mut seen: Vector3<f64>, dice: &mut Dice) -> [i32; 3] {
-        if let Some((axis, size)) = self.faults.spikes.and_then(|spikes| spikes.draw(dice)) {
+        if let Some((spikes, when)) = &mut self.spikes
+            && when.comes(dice)
+        {
+            let (axis, size) = spikes.draw(dice);
             seen[axis] += size;
         }
         let mut codes = [0; 3];

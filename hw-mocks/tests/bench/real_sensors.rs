@@ -91,6 +91,22 @@ fn assert_share(count: usize, of: usize, share: f64, what: &str) {
     assert!((count as f64 - expected).abs() < bound, "{what}: {count} of {of}, expected {expected} +- {bound}");
 }
 
+/// One event in each run of so many turns, at any place in the run: 1,600 places have the mean and the deviation of an
+/// even distribution.
+fn assert_one_in_each(run: usize, events: &[bool], what: &str) {
+    let places: Vec<f64> = events
+        .chunks_exact(run)
+        .map(|turns| {
+            assert_eq!(turns.iter().filter(|event| **event).count(), 1, "{what}");
+            turns.iter().position(|event| *event).unwrap() as f64 / run as f64
+        })
+        .collect();
+    let (n, mean) = (places.len() as f64, places.iter().sum::<f64>() / places.len() as f64);
+    let square = places.iter().map(|place| (place - mean).powi(2)).sum::<f64>() / n;
+    assert!((mean - 0.5).abs() < 4.5 / (12.0 * n).sqrt() + 1.0 / run as f64, "{what}: {mean}");
+    assert!((square - 1.0 / 12.0).abs() < 4.5 * (1.0 / 180.0 / n).sqrt() + 1.0 / run as f64, "{what}: {square}");
+}
+
 /// Both orders at both rates: 600 windowed pieces of three axes leave 2.4 %, the window's width 1 %.
 #[test]
 fn the_spectrum_is_that_of_the_filter() {
@@ -278,14 +294,13 @@ fn a_held_conversion_is_of_its_own_moment() {
 
 #[test]
 fn a_failed_read_is_of_a_whole_chip_or_of_all() {
-    const READS: usize = 40_000;
+    const READS: usize = 51_200;
     for code in FailedReads::CODES {
-        let failed = Some(FailedReads { share: 0.02, code });
+        let failed = Some(FailedReads { share: 1.0 / 32.0, code });
         let quiet = models(WHITE, None);
         let of_chip = gyro_faults(TriadFaults { failed_reads: failed, ..TriadFaults::default() });
         let read = samples(quiet, of_chip, 200.0, READS as u32);
-        let count = read.iter().filter(|sample| sample.gyro == [code; 3]).count();
-        assert_share(count, READS, 0.02, "one chip");
+        assert_one_in_each(32, &read.iter().map(|sample| sample.gyro == [code; 3]).collect::<Vec<_>>(), "one chip");
         let good = samples(quiet, SensorFaults::default(), 200.0, READS as u32);
         for (bad, good) in read.iter().zip(&good) {
             assert_eq!((bad.accel, bad.mag, bad.gyro_temperature), (good.accel, good.mag, good.gyro_temperature));
@@ -297,28 +312,30 @@ fn a_failed_read_is_of_a_whole_chip_or_of_all() {
         let none =
             |sample: &&ImuSample| sample.gyro != [code; 3] && sample.accel != [code; 3] && sample.mag != [code; 3];
         assert_eq!(read.iter().filter(all).count() + read.iter().filter(none).count(), READS);
-        assert_share(read.iter().filter(all).count(), READS, 0.02, "the bus");
+        assert_one_in_each(32, &read.iter().map(|sample| all(&sample)).collect::<Vec<_>>(), "the bus");
     }
 }
 
 #[test]
 fn spikes_have_their_share_size_and_axis() {
-    const COUNT: usize = 40_000;
+    const COUNT: usize = 51_200;
     let upset = |axis| {
-        let spikes = Some(Spikes { share: 0.01, size: 50.0, axis });
+        let spikes = Some(Spikes { share: 1.0 / 64.0, size: 50.0, axis });
         let faults = gyro_faults(TriadFaults { spikes, ..TriadFaults::default() });
         let read = samples(models(WHITE, None), faults, 200.0, COUNT as u32);
-        let spikes = |axis: usize, sign: f64| {
-            read.iter().filter(|sample| (f64::from(sample.gyro[axis]) / DPS - sign * 50.0).abs() < 1.0).count()
-        };
+        let is_spike =
+            |sample: &ImuSample, axis: usize, sign: f64| (f64::from(sample.gyro[axis]) / DPS - sign * 50.0).abs() < 1.0;
+        let any = |sample: &ImuSample| (0..3).any(|axis| is_spike(sample, axis, 1.0) || is_spike(sample, axis, -1.0));
+        assert_one_in_each(64, &read.iter().map(any).collect::<Vec<_>>(), "spikes");
+        let spikes = |axis, sign| read.iter().filter(|sample| is_spike(sample, axis, sign)).count();
         [0, 1, 2].map(|axis| [spikes(axis, 1.0), spikes(axis, -1.0)])
     };
     let y = upset(Some(Axis::Y));
     assert_eq!((y[0], y[2]), ([0, 0], [0, 0]));
-    assert_share(y[1][0], COUNT, 0.005, "up");
-    assert_share(y[1][1], COUNT, 0.005, "down");
+    assert_eq!(y[1][0] + y[1][1], COUNT / 64);
+    assert_share(y[1][0], COUNT / 64, 0.5, "up");
     for count in upset(None).into_iter().flatten() {
-        assert_share(count, COUNT, 0.01 / 6.0, "any axis");
+        assert_share(count, COUNT / 64, 1.0 / 6.0, "any axis");
     }
 }
 
