@@ -1,9 +1,9 @@
 //! Gyroscopes, accelerometers and magnetometer: `N = M f + b + noise`, for the gyroscopes with a g-sensitivity.
 //!
 //! [`model`] says what a good module is like and where its numbers come from, [`noise`] what its noise is, with a fast
-//! simulation of it alone, [`bandwidth`] what its filters do, [`faults`] what may be wrong; [`triad`] makes codes of what
-//! acts on three sensors; [`reader`] is what one stream of samples sees of them; here all nine of them give samples, as
-//! the board's clock passes their moments.
+//! simulation of it alone, [`bandwidth`] what its filters do, [`faults`] what may be wrong. [`triad`] makes codes of what
+//! three sensors of one chip feel; [`reader`] is what one stream of samples sees of the three chips; here all nine sensors
+//! give samples, as the board's clock passes their moments.
 //!
 //! The way of a sample: what acts, the sensors' response, bias and slow noise, white noise and filter, vibration, spikes,
 //! the converter with its range, and the read, which may fail or find an old conversion.
@@ -15,6 +15,7 @@ pub mod bandwidth;
 pub mod faults;
 pub mod model;
 pub mod noise;
+mod part;
 pub mod reader;
 pub mod triad;
 pub mod truth;
@@ -29,8 +30,9 @@ pub use reader::Reader;
 pub use truth::{TriadTruth, TrueCalibration, TrueSensors};
 
 use crate::noise::{Dice, Source};
-use crate::world::{Influence, STANDARD_GRAVITY};
-use faults::{Failing, MOST_VIBRATIONS};
+use crate::world::Influence;
+use faults::{Failing, MOST_VIBRATIONS, Vibration};
+use part::{Chance, Kind, Part};
 use reader::Chip;
 use triad::Triad;
 
@@ -38,7 +40,7 @@ use triad::Triad;
 #[derive(Debug, Clone)]
 pub struct Sensors {
     models: SensorModels,
-    faults: SensorFaults,
+    vibrations: [Vibration; MOST_VIBRATIONS],
     gyro: Part,
     accel: Part,
     mag: Part,
@@ -57,37 +59,22 @@ pub struct Sensors {
     upset_dice: Dice,
 }
 
-/// Three sensors and what they give, as long as neither they nor what acts on them changes.
-#[derive(Debug, Clone)]
-struct Part {
-    triad: Triad,
-    held: Option<Held>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Held {
-    influence: Influence,
-    field_of_y: Option<Vector3<f64>>,
-    output: Vector3<f64>,
-    shaken: [Vector3<f64>; MOST_VIBRATIONS],
-}
-
 impl Sensors {
     /// Sensors under a seed.
     #[must_use]
     pub fn new(models: SensorModels, faults: SensorFaults, seed: u64) -> Self {
         let mut slow_dice = Dice::new(seed, Source::SensorSlow);
         let mut upset_dice = Dice::new(seed, Source::SensorUpsets);
-        let mut part = |model, faults, lsb| Part {
-            triad: Triad::new(model, faults, lsb, &mut slow_dice, &mut upset_dice),
-            held: None,
-        };
+        let mut triad = |model, faults, lsb| Triad::new(model, faults, lsb, &mut slow_dice, &mut upset_dice);
+        let gyro = triad(models.gyro, faults.gyro, GYRO_LSB_PER_DPS);
+        let accel = triad(models.accel, faults.accel, ACCEL_LSB_PER_G);
+        let mag = triad(models.mag, faults.mag, MAG_LSB_PER_GAUSS);
         Self {
             models,
-            faults,
-            gyro: part(models.gyro, faults.gyro, GYRO_LSB_PER_DPS),
-            accel: part(models.accel, faults.accel, ACCEL_LSB_PER_G),
-            mag: part(models.mag, faults.mag, MAG_LSB_PER_GAUSS),
+            vibrations: faults.vibrations,
+            gyro: Part::new(Kind::Gyro { per_g: models.gyro_per_g }, gyro),
+            accel: Part::new(Kind::Accel, accel),
+            mag: Part::new(Kind::Mag { y_skew_s: faults.mag_y_skew_us * 1e-6 }, mag),
             powered_at_s: 0.0,
             step: -1,
             thermometers: [0; 2],
@@ -105,7 +92,7 @@ impl Sensors {
     pub fn power_on(&mut self, now_s: f64) {
         for part in [&mut self.gyro, &mut self.accel, &mut self.mag] {
             part.triad.power_on(&mut self.turn_on_dice);
-            part.held = None;
+            part.let_go();
         }
         (self.powered_at_s, self.reader) = (now_s, None);
     }
@@ -113,7 +100,7 @@ impl Sensors {
     /// A reader for one stream of samples; its filters have felt for long what they feel first.
     #[must_use]
     pub fn reader(&self, rate_hz: f64) -> Reader {
-        Reader::new(&self.models, &self.faults.vibrations, rate_hz)
+        Reader::new(&self.models, &self.vibrations, rate_hz)
     }
 
     /// Takes one sample of what acts at the moments that it is asked for: now, where a chip converted before that moment,
@@ -122,55 +109,17 @@ impl Sensors {
         let now = at(now_s);
         self.move_slowly(&now, now_s);
         let mut seen = |moment_s: f64| if moment_s == now_s { now } else { at(moment_s) };
-        let (per_g, vibrations, skew_s) = (self.models.gyro_per_g, self.faults.vibrations, self.skew_s());
-        let (white, upset) = (&mut self.white_dice, &mut self.upset_dice);
-        if let Some(moment_s) = reader.gyro.due(now_s) {
-            let influence = seen(moment_s);
-            let held = self.gyro.hold(&influence, None, |triad| {
-                let rate_dps = influence.rate_rps.map(f64::to_degrees);
-                let force_g = influence.force / STANDARD_GRAVITY;
-                let response = triad.response(influence.temperature_c);
-                (
-                    triad.output(&rate_dps, influence.temperature_c) + per_g * force_g,
-                    vibrations.map(|vibration| response * vibration.rate_dps + per_g * vibration.force_g),
-                )
-            });
-            self.gyro.convert(&mut reader.gyro, &held, moment_s, white, upset);
-        }
-        if let Some(moment_s) = reader.accel.due(now_s) {
-            let influence = seen(moment_s);
-            let held = self.accel.hold(&influence, None, |triad| {
-                let response = triad.response(influence.temperature_c);
-                (
-                    triad.output(&(influence.force / STANDARD_GRAVITY), influence.temperature_c),
-                    vibrations.map(|vibration| response * vibration.force_g),
-                )
-            });
-            self.accel.convert(&mut reader.accel, &held, moment_s, white, upset);
-        }
-        if let Some(moment_s) = reader.mag.due(now_s) {
-            let influence = seen(moment_s);
-            let field_of_y = (skew_s != 0.0).then(|| seen(moment_s + skew_s).field_gauss);
-            let held = self.mag.hold(&influence, field_of_y, |triad| {
-                let temperature_c = influence.temperature_c;
-                let response = triad.response(temperature_c);
-                let mut output = triad.output(&influence.field_gauss, temperature_c);
-                if let Some(field) = field_of_y {
-                    output.y = triad.output(&field, temperature_c).y;
-                }
-                (output, vibrations.map(|vibration| response * vibration.field_gauss))
-            });
-            self.mag.convert(&mut reader.mag, &held, moment_s, white, upset);
-        }
-        let all = self.failing.as_mut().and_then(|failing| failing.read(upset));
-        let mut codes = |part: &mut Part, chip: &Chip| {
-            let alone = part.triad.failed_read(upset);
-            all.or(alone).unwrap_or(chip.codes)
-        };
+        let mut chance = Chance { white: &mut self.white_dice, upset: &mut self.upset_dice };
+        let mut codes =
+            |part: &mut Part, chip: &mut Chip| part.read(chip, &mut seen, now_s, &self.vibrations, &mut chance);
+        let gyro = codes(&mut self.gyro, &mut reader.gyro);
+        let accel = codes(&mut self.accel, &mut reader.accel);
+        let mag = codes(&mut self.mag, &mut reader.mag);
+        let failed = self.failing.as_mut().and_then(|failing| failing.read(&mut self.upset_dice));
         ImuSample {
-            gyro: codes(&mut self.gyro, &reader.gyro),
-            accel: codes(&mut self.accel, &reader.accel),
-            mag: codes(&mut self.mag, &reader.mag),
+            gyro: failed.unwrap_or(gyro),
+            accel: failed.unwrap_or(accel),
+            mag: failed.unwrap_or(mag),
             gyro_temperature: self.thermometers[0],
             accel_temperature: self.thermometers[1],
         }
@@ -185,17 +134,11 @@ impl Sensors {
         sample
     }
 
-    /// How much later than the others the magnetometer's Y is sampled, s; 0 in a module without that fault.
-    fn skew_s(&self) -> f64 {
-        self.faults.mag_y_skew_us * 1e-6
-    }
-
     /// The magnetometer's analogue outputs, gauss as the sensors see it; they saturate where the codes do.
     #[must_use]
     pub fn analogue_gauss(&self, influence: &Influence) -> Vector3<f64> {
         let range_gauss = f64::from(SATURATION) / MAG_LSB_PER_GAUSS;
-        let output = self.mag.triad.output(&influence.field_gauss, influence.temperature_c);
-        output.map(|gauss| gauss.clamp(-range_gauss, range_gauss))
+        self.mag.output(influence).map(|gauss| gauss.clamp(-range_gauss, range_gauss))
     }
 
     /// The models, for tests that know the truth.
@@ -226,7 +169,7 @@ impl Sensors {
         let powered_s = (now_s - self.powered_at_s).max(0.0);
         for part in [&mut self.gyro, &mut self.accel, &mut self.mag] {
             part.triad.move_slowly(span_s, powered_s, influence.temperature_c, &mut self.slow_dice);
-            part.held = None;
+            part.let_go();
         }
         // Each kind has its own thermometer in its package; both read a little warm. They are read by themselves, once in a
         // step, so that a read of the sensors that fails leaves them alone.
@@ -234,29 +177,5 @@ impl Sensors {
             let reading_c = influence.temperature_c + warm_k + 0.02 * self.temperature_dice.normal();
             (reading_c * 100.0).round() as i16
         });
-    }
-}
-
-impl Part {
-    /// Output and amplitudes of vibrations, worked out again only where something changed.
-    fn hold(
-        &mut self,
-        influence: &Influence,
-        field_of_y: Option<Vector3<f64>>,
-        work_out: impl FnOnce(&Triad) -> (Vector3<f64>, [Vector3<f64>; MOST_VIBRATIONS]),
-    ) -> Held {
-        let still = |held: &Held| held.influence == *influence && held.field_of_y == field_of_y;
-        let held = self.held.filter(still).unwrap_or_else(|| {
-            let (output, shaken) = work_out(&self.triad);
-            Held { influence: *influence, field_of_y, output, shaken }
-        });
-        self.held = Some(held);
-        held
-    }
-
-    fn convert(&mut self, chip: &mut Chip, held: &Held, moment_s: f64, white: &mut Dice, upset: &mut Dice) {
-        let felt = chip.feel(&held.output, self.triad.white(), white);
-        let shaken = chip.shaken(&held.shaken, moment_s);
-        chip.codes = self.triad.convert(felt + shaken, upset);
     }
 }

@@ -83,9 +83,9 @@ impl Triad {
         &self.white
     }
 
-    /// What this read of the chip gives if it fails.
-    pub(super) fn failed_read(&mut self, dice: &mut Dice) -> Option<[i32; 3]> {
-        self.failing.as_mut().and_then(|failing| failing.read(dice))
+    /// The reads of the chip that fail, if any do.
+    pub(super) fn failing(&mut self) -> Option<&mut Failing> {
+        self.failing.as_mut()
     }
 
     /// Response at a temperature.
