@@ -33,8 +33,7 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusa
     if values.iter().all(|v| *v == values[0]) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: values[0] });
     }
-    let window: Vec<f64> =
-        (0..segment).map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / segment as f64).cos()).collect();
+    let window = hann(segment);
     let power: f64 = window.iter().map(|w| w * w).sum();
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
     let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());
@@ -65,6 +64,239 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusa
     }
     let frequency_hz = (0..=last).map(|k| k as f64 * rate_hz / segment as f64).collect();
     Ok(Psd { frequency_hz, density, segments: segments as usize })
+}
+
+/// Spectrum that single events do not raise: at each frequency the median over segments apart from each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spectrum {
+    /// Distance of the frequencies, Hz; the first is 0.
+    pub step_hz: f64,
+    /// One-sided density, unit squared per Hz.
+    pub density: Vec<f64>,
+    /// Relative standard deviation of one of them.
+    pub relative_sd: f64,
+}
+
+/// Level part of a spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plateau {
+    /// Density, unit squared per Hz: `2 N^2`.
+    pub density: f64,
+    /// Its relative standard deviation.
+    pub relative_sd: f64,
+    /// Where the level part begins, Hz.
+    pub from_hz: f64,
+    /// Where it ends, Hz.
+    pub to_hz: f64,
+}
+
+/// Segments of a spectrum at most, spread over the record: more would cost more time than the deviations.
+const SEGMENTS: usize = 64;
+const SHORTEST: usize = 32;
+const LONGEST: usize = 2048;
+
+/// Lines below this bin of a spectrum cannot be told from a wandering bias.
+const LOWEST_LINE: usize = 8;
+/// A line stands out this many times over its neighbours ...
+const STANDS_OUT: f64 = 3.0;
+/// ... and so many standard deviations.
+const OVER_SCATTER: f64 = 8.0;
+
+impl Spectrum {
+    /// Of a record; `None` below 16 segments of 32 samples.
+    #[must_use]
+    pub fn of(values: &[f64], rate_hz: f64) -> Option<Self> {
+        let segment = (values.len() / 16).checked_ilog2().map(|bits| 1_usize << bits)?.min(LONGEST);
+        if segment < SHORTEST {
+            return None;
+        }
+        let window = hann(segment);
+        let power: f64 = window.iter().map(|w| w * w).sum();
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
+        let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());
+        let mut scratch = transform.make_scratch_vec();
+        let count = (values.len() / segment).min(SEGMENTS);
+        let mut ordinates = vec![Vec::with_capacity(count); output.len()];
+        for index in 0..count {
+            let start = index * (values.len() / count);
+            let part = values.get(start..start + segment)?;
+            let mean = stats::mean(part);
+            input.iter_mut().zip(part).zip(&window).for_each(|((x, v), w)| *x = (v - mean) * w);
+            transform.process_with_scratch(&mut input, &mut output, &mut scratch).ok()?;
+            ordinates.iter_mut().zip(&output).for_each(|(o, c)| o.push(c.norm_sqr()));
+        }
+        // An ordinate is exponentially distributed; this is the mean of its median over so many segments.
+        let order = |r: usize| (count - r + 1..=count).map(|j| 1.0 / j as f64).sum::<f64>();
+        let median = f64::midpoint(order(count / 2 + count % 2), order(count / 2 + 1));
+        let scale = 2.0 / (rate_hz * power * median);
+        let density = ordinates.iter_mut().map(|o| stats::median(o) * scale).collect();
+        let relative_sd = 1.0 / (std::f64::consts::LN_2 * (count as f64).sqrt());
+        Some(Self { step_hz: rate_hz / segment as f64, density, relative_sd })
+    }
+
+    /// Of a Welch spectrum, nine of ten of whose segments count (overlap of 50 % under a Hann window).
+    #[must_use]
+    pub fn of_welch(psd: &Psd) -> Self {
+        let step_hz = psd.frequency_hz.get(1).copied().unwrap_or(f64::NAN);
+        Self { step_hz, density: psd.density.clone(), relative_sd: (0.9 * psd.segments as f64).powf(-0.5) }
+    }
+
+    /// Bin of the strongest line: what stands out over the median of its neighbours.
+    pub(crate) fn line(&self) -> Option<usize> {
+        let lines = (0..self.density.len()).filter(|k| self.beside(*k).is_some());
+        lines.max_by(|a, b| self.density[*a].total_cmp(&self.density[*b]))
+    }
+
+    /// The same with the median of the neighbours in place of each line.
+    #[must_use]
+    pub fn without_lines(&self) -> Self {
+        let mut density = self.density.clone();
+        for (k, level) in (0..density.len()).filter_map(|k| Some((k, self.beside(k)?))) {
+            // A Hann window spreads a line over two bins on each side.
+            let to = (k + 2).min(density.len() - 1);
+            density[k - 2..=to].fill(level);
+        }
+        Self { density, ..self.clone() }
+    }
+
+    /// Median of the neighbours of a bin that stands out.
+    fn beside(&self, k: usize) -> Option<f64> {
+        let end = self.density.len().checked_sub(1)?;
+        if k < LOWEST_LINE || k >= end {
+            return None;
+        }
+        let reach = (k / 4).min(16);
+        let level = stats::median(&mut self.density[k - reach..(k + reach + 1).min(end)].to_vec());
+        (self.density[k] > level * STANDS_OUT.max(1.0 + OVER_SCATTER * self.relative_sd)).then_some(level)
+    }
+
+    /// The level part: the widest part, by the ratio of its ends, that follows `level + bend f^2` within its scatter
+    /// (chi-square with p >= 0.05), without its upper octave. A low-pass of any order begins with `f^2`; what comes
+    /// after it is sixteen times smaller an octave below, where the scatter just hides it. `None` where no part spans two
+    /// octaves.
+    #[must_use]
+    pub fn plateau(&self) -> Option<Plateau> {
+        let groups = self.groups();
+        let mut best: Option<(f64, usize, usize)> = None;
+        for from in 0..groups.len() {
+            for to in from + 3..groups.len() {
+                let ratio = groups[to].end() as f64 / groups[from].first as f64;
+                if ratio < NARROWEST || best.is_some_and(|(widest, ..)| ratio <= widest) {
+                    continue;
+                }
+                if let Some(level) = self.level(&groups[from..=to])
+                    && stats::chi_square_probability(level.chi_square, (to - from - 1) as f64) <= 0.95
+                {
+                    best = Some((ratio, from, to));
+                }
+            }
+        }
+        let (_, from, to) = best?;
+        let highest = groups[to].end() / 2;
+        let part: Vec<Group> =
+            groups[from..=to].iter().copied().take_while(|g| to - from < 4 || g.end() <= highest).collect();
+        let level = self.level(&part)?;
+        let (first, last) = (part.first()?, part.last()?);
+        Some(Plateau {
+            density: level.density,
+            relative_sd: level.sd / level.density,
+            from_hz: first.first as f64 * self.step_hz,
+            to_hz: (last.end() - 1) as f64 * self.step_hz,
+        })
+    }
+
+    /// Weighted fit of `level + bend f^2`.
+    fn level(&self, groups: &[Group]) -> Option<Level> {
+        let mut bent = (stats::mean(&groups.iter().map(|g| g.density).collect::<Vec<_>>()), 0.0);
+        let mut level = None;
+        // The scatter is that of the fitted curve.
+        for _ in 0..4 {
+            let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            let sd = |g: &Group| self.sd_of(g.bins) * (bent.0 + bent.1 * g.square);
+            for g in groups {
+                let w = sd(g).powi(-2);
+                s += w;
+                sx += w * g.square;
+                sxx += w * g.square * g.square;
+                sy += w * g.density;
+                sxy += w * g.square * g.density;
+            }
+            let determinant = s * sxx - sx * sx;
+            let fit = ((sxx * sy - sx * sxy) / determinant, (s * sxy - sx * sy) / determinant);
+            let chi_square =
+                groups.iter().map(|g| ((g.density - fit.0 - fit.1 * g.square) / sd(g)).powi(2)).sum::<f64>();
+            if !chi_square.is_finite() || groups.iter().any(|g| fit.0 + fit.1 * g.square <= 0.0) || fit.0 <= 0.0 {
+                return None;
+            }
+            level = Some(Level { density: fit.0, sd: (sxx / determinant).sqrt(), chi_square });
+            bent = fit;
+        }
+        level
+    }
+
+    /// Quarters of an octave. The two lowest bins hold what is left of the mean, the last one has no mirror image.
+    fn groups(&self) -> Vec<Group> {
+        let last = self.density.len() - 1;
+        let mut groups = Vec::new();
+        let mut first = 2;
+        while first < last {
+            let bins = ((first as f64 * (2.0_f64.powf(0.25) - 1.0)).round() as usize).clamp(1, last - first);
+            let square = (first..first + bins).map(|k| (k as f64).powi(2)).sum::<f64>() / bins as f64;
+            groups.push(Group { first, bins, square, density: stats::mean(&self.density[first..first + bins]) });
+            first += bins;
+        }
+        groups
+    }
+
+    /// Relative standard deviation of the mean of neighbouring bins, which a Hann window makes depend on each other
+    /// (4/9 with the next one, 1/36 with the one after).
+    fn sd_of(&self, bins: usize) -> f64 {
+        let n = bins as f64;
+        let common = 1.0 + 2.0 * ((n - 1.0) * 4.0 / 9.0 + (n - 2.0).max(0.0) / 36.0) / n;
+        self.relative_sd * (common / n).sqrt()
+    }
+}
+
+/// Ratio of the ends of the narrowest part that counts as level.
+const NARROWEST: f64 = 4.0;
+
+/// Neighbouring bins.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    first: usize,
+    bins: usize,
+    /// Mean square of the bins' numbers.
+    square: f64,
+    /// Mean density.
+    density: f64,
+}
+
+impl Group {
+    fn end(&self) -> usize {
+        self.first + self.bins
+    }
+}
+
+/// Density at low frequencies.
+struct Level {
+    density: f64,
+    sd: f64,
+    chi_square: f64,
+}
+
+impl Plateau {
+    /// Coefficient N of white noise of this density, with its 68.3 % interval.
+    #[must_use]
+    pub fn n(&self) -> crate::allan::Coefficient {
+        let value = (self.density / 2.0).sqrt();
+        let (low, high) = stats::sd_interval(value, 2.0 / self.relative_sd.powi(2), stats::ONE_SIGMA);
+        crate::allan::Coefficient { value, low, high }
+    }
+}
+
+/// Periodic Hann window.
+fn hann(segment: usize) -> Vec<f64> {
+    (0..segment).map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / segment as f64).cos()).collect()
 }
 
 #[cfg(test)]

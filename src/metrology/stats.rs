@@ -44,6 +44,15 @@ pub fn chi_square_quantile(probability: f64, dof: f64) -> f64 {
     if dof > 1e6 { start } else { start - (chi_square.cdf(start) - probability) / chi_square.pdf(start) }
 }
 
+/// Probability that chi-square with `dof` degrees of freedom is at most `value`. NaN for `dof <= 0`.
+#[must_use]
+pub fn chi_square_probability(value: f64, dof: f64) -> f64 {
+    if dof.is_nan() || dof <= 0.0 {
+        return f64::NAN;
+    }
+    ChiSquared::new(dof).map_or(f64::NAN, |chi_square| chi_square.cdf(value.max(0.0)))
+}
+
 /// Quantile of the standard normal distribution.
 #[must_use]
 pub fn normal_quantile(probability: f64) -> f64 {

@@ -14,6 +14,8 @@ use hw_mocks::world::Influence;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filtered;
+use crate::host::Host;
+use crate::sensors::imu;
 
 const DPS: f64 = 20_000.0;
 const G: f64 = 160_000.0;
@@ -402,4 +404,34 @@ fn noise_grows_with_the_temperature() {
             assert!((got / expected - 1.0).abs() < 0.032, "{temperature_c}: {got} {expected}");
         }
     }
+}
+
+/// What a board states is in its stream: of 400 samples at 200 Hz, 12 of 3 %, one or two of 0.25 %.
+#[test]
+fn boards_of_real_sensors_stream_what_they_state() {
+    let stream = |name: &str| imu(&mut Host::powered(name), 200, 400);
+    let count = |name: &str, of: &dyn Fn(&ImuSample) -> bool| stream(name).iter().filter(|sample| of(sample)).count();
+    let all = |sample: &ImuSample, code| [sample.gyro, sample.accel, sample.mag] == [[code; 3]; 3];
+    assert!((11..=13).contains(&count("failed-reads", &|sample| sample.gyro == [0; 3] && !all(sample, 0))));
+    assert!((1..=2).contains(&count("failed-reads-few", &|sample| all(sample, -1))));
+    assert!((11..=13).contains(&count("mag-failed-reads", &|sample| sample.mag == [8_388_607; 3])));
+    let far = |sample: &ImuSample, axis: usize| {
+        (f64::from(sample.accel[axis]) / G - if axis == 2 { 1.0 } else { 0.0 }).abs() > 1.0
+    };
+    assert!((11..=13).contains(&count("accel-spikes", &|sample| (0..3).any(|axis| far(sample, axis)))));
+    assert!((1..=2).contains(&count("accel-spikes-few", &|sample| far(sample, 1))));
+    assert_eq!(count("accel-clips", &|sample| sample.accel[2] == 158_400), 400);
+    assert_eq!(count("accel-clips-beyond", &|sample| sample.accel[2] >= 164_800), 0);
+    for (name, stale) in [("gyro-updates-at-50-hz", 299..=300), ("gyro-updates-at-500-hz", 0..=0), ("good", 0..=0)] {
+        let held = stream(name).windows(2).filter(|pair| pair[0].gyro == pair[1].gyro).count();
+        assert!(stale.contains(&held), "{name}: {held}");
+    }
+    // 43 Hz has 86 periods in two seconds; noise leaves 0.002 deg/s and 0.08 mg of an amplitude.
+    let shaken = stream("vibration");
+    let passed = (filtered::power(43.0, 80.0, 2) * filtered::power_of_mean(43.0, 0.005)).sqrt();
+    let rate_dps = amplitude(&rates(&shaken, 0), 43.0 / 200.0);
+    assert!((rate_dps - 0.02 * passed).abs() < 0.009, "{rate_dps}");
+    let force_g =
+        amplitude(&shaken.iter().map(|sample| f64::from(sample.accel[1]) / G).collect::<Vec<_>>(), 43.0 / 200.0);
+    assert!((force_g - 0.002 * passed).abs() < 0.4e-3, "{force_g}");
 }

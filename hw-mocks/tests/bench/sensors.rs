@@ -74,7 +74,8 @@ fn turning_right_handed_reads_positive_and_turns_the_field_back() {
     assert!((seen.field_gauss - Vector3::new(-east, -north, seen.field_gauss.z)).norm() < 1e-9, "{}", seen.field_gauss);
 }
 
-fn imu(host: &mut Host, rate_hz: u16, count: u32) -> Vec<ImuSample> {
+/// Samples of the raw stream.
+pub(crate) fn imu(host: &mut Host, rate_hz: u16, count: u32) -> Vec<ImuSample> {
     host.frames.clear();
     host.ask(&StreamStart { stream: 1, rate_hz, count, samples_per_frame: 0 });
     let mut samples = Vec::new();

@@ -1,9 +1,11 @@
-//! Noise coefficients from the slopes of an Allan deviation.
+//! Noise coefficients, each with its interval or the reason why it is not given.
 
-use nalgebra::{DMatrix, DVector};
+use std::fmt;
 
-use super::{Noise, Point};
-use crate::linear;
+use super::fit::{self, B, FLAT, K, N, Q, R, Search, Solved};
+use super::lines::Line;
+use crate::psd::Plateau;
+use crate::stats;
 
 /// A coefficient with its 68.3 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,174 +18,252 @@ pub struct Coefficient {
     pub high: f64,
 }
 
+/// Why a coefficient is not given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Absence {
+    /// Coefficients are taken from the Allan deviation.
+    OtherDeviation,
+    /// The record has too few averaging times for a fit.
+    TooShort,
+    /// Chi-square rejects the nearest fit.
+    Rejected {
+        /// Chi-square of the nearest fit.
+        chi_square: f64,
+        /// Its degrees of freedom.
+        dof: usize,
+        /// Probability of a larger one.
+        p: f64,
+    },
+    /// The deviations lie on a curve without any scatter: one event makes all of them.
+    OneEvent {
+        /// Chi-square of the fit.
+        chi_square: f64,
+        /// Its degrees of freedom.
+        dof: usize,
+    },
+    /// The spectrum's plateau contradicts N.
+    Contradicted {
+        /// N of the deviations.
+        curve: f64,
+        /// N of the spectrum.
+        spectrum: f64,
+    },
+    /// The fit is as good without the term.
+    NotNeeded,
+    /// The term carries too little of the variance at each averaging time.
+    Hidden {
+        /// Its largest share.
+        share: f64,
+    },
+    /// Chance makes as much of it.
+    Chance {
+        /// The square of the coefficient over what chance makes of it.
+        odds: f64,
+    },
+    /// It exceeds what the lowest deviation allows.
+    AboveBound {
+        /// Value that was found.
+        value: f64,
+        /// Upper bound.
+        bound: f64,
+    },
+    /// The fit leaves out the averaging times at which the term shows.
+    LeftOut {
+        /// First averaging time used, s.
+        used_from_s: f64,
+    },
+}
+
+impl fmt::Display for Absence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OtherDeviation => write!(f, "coefficients come from adev or oadev only"),
+            Self::TooShort => write!(f, "the record has too few averaging times for a fit"),
+            Self::Rejected { chi_square, dof, p } => write!(
+                f,
+                "no fit holds: the nearest has chi-square {chi_square:.1} with {dof} degrees of freedom (p {p:.1e}); look at \
+                 the record for steps, spikes, drifting lines and temperature"
+            ),
+            Self::OneEvent { chi_square, dof } => write!(
+                f,
+                "the deviations lie on a slope without scatter (chi-square {chi_square:.1e} with {dof} degrees of freedom): \
+                 look for a spike in the record"
+            ),
+            Self::Contradicted { curve, spectrum } => write!(
+                f,
+                "the deviations give {curve:.4e}, the plateau of the spectrum {spectrum:.4e}: look for spikes in the record"
+            ),
+            Self::NotNeeded => write!(f, "the fit is as good without it"),
+            Self::Hidden { share } => write!(
+                f,
+                "it carries at most {:.0} % of the variance at any averaging time, {:.0} % are needed",
+                100.0 * share,
+                100.0 * SEEN
+            ),
+            Self::Chance { odds } => {
+                write!(f, "its square is {odds:.1} times what chance makes of it, {CHANCE:.0} are needed")
+            }
+            Self::AboveBound { value, bound } => {
+                write!(f, "the fit gives {value:.4e}, more than its upper bound of {bound:.4e}")
+            }
+            Self::LeftOut { used_from_s } => {
+                write!(f, "the sensor's memory hides it: the fit begins at {used_from_s} s")
+            }
+        }
+    }
+}
+
 /// Coefficients of IEEE Std 952, annex C, for a rate in unit u:
 /// `dev^2 = 3 Q^2 / tau^2 + N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 + R^2 tau^2 / 2`.
-/// `None` where the record does not show the term.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficients {
     /// Quantisation, u s.
-    pub q: Option<Coefficient>,
+    pub q: Result<Coefficient, Absence>,
     /// Random walk of the integral (angle, velocity), u sqrt(s): `dev` at 1 s.
-    pub n: Option<Coefficient>,
+    pub n: Result<Coefficient, Absence>,
     /// Bias instability, u: flat part / 0.664. Only where a flat part is seen.
-    pub b: Option<Coefficient>,
+    pub b: Result<Coefficient, Absence>,
     /// Random walk of the rate, u / sqrt(s): `dev` at 3 s.
-    pub k: Option<Coefficient>,
+    pub k: Result<Coefficient, Absence>,
     /// Ramp of the rate, u / s.
-    pub r: Option<Coefficient>,
-    /// Smallest deviation / 0.664: an upper bound of the bias instability, whether a flat part is seen or not.
+    pub r: Result<Coefficient, Absence>,
+    /// Smallest upper end of a 95 % interval of the deviations / 0.664: an upper bound of the bias instability, whether a
+    /// flat part is seen or not.
     pub b_upper_bound: Option<f64>,
 }
 
-/// `sqrt(2 ln 2 / pi)`.
-const FLAT: f64 = 0.664_282;
+impl Coefficients {
+    fn absent(why: Absence, b_upper_bound: Option<f64>) -> Self {
+        Self { q: Err(why), n: Err(why), b: Err(why), k: Err(why), r: Err(why), b_upper_bound }
+    }
+}
+
+impl Default for Coefficients {
+    /// Those of a deviation that has none.
+    fn default() -> Self {
+        Self::absent(Absence::OtherDeviation, None)
+    }
+}
+
+/// How well the coefficients follow the deviations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Whether the fit holds: chi-square does not reject it. Without that no coefficient is given.
+    pub holds: bool,
+    /// Chi-square of the deviations used, which are correlated.
+    pub chi_square: f64,
+    /// Its degrees of freedom.
+    pub dof: usize,
+    /// Probability of a larger one.
+    pub p: f64,
+    /// Names of the terms fitted.
+    pub terms: Vec<&'static str>,
+    /// First averaging time used, s.
+    pub used_from_s: f64,
+    /// Relative standard deviation that each deviation was given for the model's own error.
+    pub model_error: f64,
+    /// Lines that were taken off before.
+    pub lines: Vec<Line>,
+}
 
 /// A term must carry this part of the variance at some averaging time to be called seen ...
 const SEEN: f64 = 0.5;
 /// ... and exceed this many times what chance makes of it where it is absent. (Not its own standard deviation: a long
 /// averaging time has few degrees of freedom, so that this is always large, though the record may leave no doubt.)
 const CHANCE: f64 = 4.0;
+/// N of the deviations and of the spectrum contradict each other beyond so many standard deviations ...
+const CONTRADICTION: f64 = 5.0;
+/// ... and this part of it, for the plateau may bend a little.
+const BENT: f64 = 0.05;
 
-/// Coefficients of the five terms of `dev^2`.
-fn terms(tau_s: f64) -> [f64; 5] {
-    [3.0 / (tau_s * tau_s), 1.0 / tau_s, FLAT * FLAT, tau_s / 3.0, tau_s * tau_s / 2.0]
-}
-
-/// Weighted non-negative fit of the squared deviations. A term that the record does not show is left out, the least likely
-/// one first, and the rest is fitted again: it would take from a neighbour that is there.
-pub(super) fn fit(points: &[Point]) -> Coefficients {
-    let usable: Vec<&Point> = points.iter().filter(|p| p.edf.is_finite() && p.edf > 0.5 && p.dev > 0.0).collect();
-    let b_upper_bound = usable.iter().map(|p| p.dev / FLAT).reduce(f64::min);
-    let mut coefficients = Coefficients { b_upper_bound, ..Coefficients::default() };
-    if usable.len() < 2 {
-        return coefficients;
-    }
-    let correlated = DMatrix::from_fn(usable.len(), usable.len(), |a, b| correlation(usable[a], usable[b]));
-    let mut allowed = vec![0, 1, 2, 3, 4];
-    while !allowed.is_empty() {
-        let solved = Solved::of(&usable, &allowed);
-        let seen: Vec<Seen> = (0..solved.free.len()).map(|row| solved.seen(row, &usable, &correlated)).collect();
-        let least =
-            seen.iter().zip(&solved.free).filter(|(s, _)| !s.plain).min_by(|a, b| a.0.odds.total_cmp(&b.0.odds));
-        if let Some((_, least)) = least {
-            allowed.retain(|c| c != least);
-            continue;
+/// Coefficients of a fit at these averaging times, or why there are none.
+pub(super) fn of(
+    search: &Search,
+    tau_s: &[f64],
+    plateau: Option<&Plateau>,
+    b_upper_bound: Option<f64>,
+) -> Coefficients {
+    let solved = match search {
+        Search::Holds(solved) => solved,
+        Search::Rejected(s) => {
+            let why = Absence::Rejected { chi_square: s.chi_square, dof: s.dof, p: s.p };
+            return Coefficients::absent(why, b_upper_bound);
         }
-        let mut found = [None; 5];
-        for (s, &c) in seen.iter().zip(&solved.free) {
-            let square = solved.solution[c];
-            let (low, high) = ((square - s.sd).max(0.0).sqrt(), (square + s.sd).sqrt());
-            found[c] = Some(Coefficient { value: square.sqrt(), low, high });
+        Search::TooGood(s) => {
+            let why = Absence::OneEvent { chi_square: s.chi_square, dof: s.dof };
+            return Coefficients::absent(why, b_upper_bound);
         }
-        [coefficients.q, coefficients.n, coefficients.b, coefficients.k, coefficients.r] = found;
-        break;
-    }
-    coefficients
-}
-
-/// A fit with some of the terms.
-struct Solved {
-    solution: [f64; 5],
-    /// Terms above zero.
-    free: Vec<usize>,
-    /// How each of these follows from the squared deviations, in units of their scatter.
-    estimator: DMatrix<f64>,
-    /// Fitted squares.
-    model: Vec<f64>,
-}
-
-/// What speaks for a term.
-struct Seen {
-    /// Standard deviation of the square of the coefficient.
-    sd: f64,
-    /// That square over what chance makes of it where it is absent.
-    odds: f64,
-    plain: bool,
-}
-
-impl Solved {
-    /// Weights come from the fitted curve and the degrees of freedom of each point, so that points that happen to be low
-    /// do not weigh more.
-    fn of(points: &[&Point], allowed: &[usize]) -> Self {
-        let mut model: Vec<f64> = points.iter().map(|p| p.dev * p.dev).collect();
-        let mut solved =
-            Self { solution: [0.0; 5], free: Vec::new(), estimator: DMatrix::zeros(0, 0), model: Vec::new() };
-        for _ in 0..20 {
-            // Variance of a variance: 2 s^4 / edf.
-            let sigma: Vec<f64> = model.iter().zip(points).map(|(s2, p)| s2 * (2.0 / p.edf).sqrt()).collect();
-            let design = DMatrix::from_fn(points.len(), 5, |r, c| terms(points[r].tau_s)[c] / sigma[r]);
-            let data = DMatrix::from_fn(points.len(), 1, |r, _| points[r].dev.powi(2) / sigma[r]);
-            let (solution, free, cofactor) = non_negative(&design, &data, allowed);
-            let estimator = (design.select_columns(&free) * cofactor).transpose();
-            let now: Vec<f64> =
-                points.iter().map(|p| terms(p.tau_s).iter().zip(solution).map(|(t, s)| t * s).sum()).collect();
-            let settled = now.iter().zip(&model).all(|(a, b)| (a / b - 1.0).abs() < 1e-9);
-            model.clone_from(&now);
-            solved = Self { solution, free, estimator, model: now };
-            // Without a term nothing is left to weigh.
-            if settled || model.iter().any(|m| *m <= 0.0) {
-                break;
-            }
-        }
-        solved
-    }
-
-    /// Neighbouring deviations share their samples, so the data are correlated.
-    fn seen(&self, row: usize, points: &[&Point], correlated: &DMatrix<f64>) -> Seen {
-        let c = self.free[row];
-        let part = |r: usize| terms(points[r].tau_s)[c] * self.solution[c] / self.model[r];
-        let spread = |scatter: &dyn Fn(usize) -> f64| -> f64 {
-            let w = DVector::from_fn(points.len(), |r, _| self.estimator[(row, r)] * scatter(r));
-            (w.transpose() * correlated * &w)[0].max(0.0).sqrt()
-        };
-        let share = (0..points.len()).map(part).fold(0.0, f64::max);
-        let (sd, chance) = (spread(&|_| 1.0), spread(&|r| 1.0 - part(r)));
-        let odds = self.solution[c] / chance;
-        Seen { sd, odds, plain: share >= SEEN && odds > CHANCE }
-    }
-}
-
-/// Correlation of two overlapping Allan variances by how many octaves their averaging times are apart; from simulation
-/// (1500 records of 4096 samples), white, flicker and random walk of the rate.
-fn correlation(a: &Point, b: &Point) -> f64 {
-    const WHITE: [f64; 6] = [1.0, 0.52, 0.16, 0.04, 0.02, 0.0];
-    const FLICKER: [f64; 6] = [1.0, 0.68, 0.29, 0.11, 0.05, 0.02];
-    const WALK: [f64; 6] = [1.0, 0.89, 0.67, 0.47, 0.33, 0.23];
-    let table = |p: &Point| match p.noise {
-        Some(Noise::FlickerRate) => FLICKER,
-        Some(Noise::RateRandomWalk | Noise::FlickerWalk | Noise::RandomRun) => WALK,
-        _ => WHITE,
+        Search::TooFew => return Coefficients::absent(Absence::TooShort, b_upper_bound),
     };
-    let octaves = (a.tau_s / b.tau_s).log2().abs();
-    let at = |table: [f64; 6]| {
-        let k = (octaves as usize).min(5);
-        let (low, high) = (table[k], table.get(k + 1).copied().unwrap_or(0.0));
-        low + (high - low) * (octaves - k as f64).min(1.0)
-    };
-    (at(table(a)) * at(table(b))).sqrt()
+    let seen = |term| seen(solved, term, tau_s);
+    let b = seen(B).and_then(|b| match b_upper_bound {
+        Some(bound) if b.value > bound => Err(Absence::AboveBound { value: b.value, bound }),
+        _ => Ok(b),
+    });
+    let q = if solved.start == 0 { seen(Q) } else { Err(Absence::LeftOut { used_from_s: tau_s[solved.start] }) };
+    let found = Coefficients { q, n: seen(N), b, k: seen(K), r: seen(R), b_upper_bound };
+    match (found.n, plateau) {
+        // One event would be in all of them.
+        (Ok(n), Some(plateau)) if contradict(n, plateau.n()) => {
+            let why = Absence::Contradicted { curve: n.value, spectrum: plateau.n().value };
+            Coefficients::absent(why, b_upper_bound)
+        }
+        _ => found,
+    }
 }
 
-/// Least squares with solution >= 0, over all subsets of the columns: with five of them that is the plainest way, and
-/// it finds the optimum. Returns the solution, the free columns and the cofactor of these.
-fn non_negative(design: &DMatrix<f64>, data: &DMatrix<f64>, allowed: &[usize]) -> ([f64; 5], Vec<usize>, DMatrix<f64>) {
-    let mut best = ([0.0; 5], Vec::new(), DMatrix::zeros(0, 0));
-    let mut best_squares = f64::INFINITY;
-    for subset in 1_u32..1 << allowed.len() {
-        let columns: Vec<usize> =
-            allowed.iter().enumerate().filter(|(bit, _)| subset & (1 << bit) != 0).map(|(_, c)| *c).collect();
-        if columns.len() > design.nrows() {
-            continue;
-        }
-        let Ok(fit) = linear::least_squares("noise coefficients", &design.select_columns(&columns), data) else {
-            continue;
-        };
-        let squares = fit.residuals.norm_squared();
-        if fit.solution.iter().all(|s| *s >= 0.0) && squares < best_squares {
-            let mut solution = [0.0; 5];
-            columns.iter().zip(fit.solution.iter()).for_each(|(c, s)| solution[*c] = *s);
-            best_squares = squares;
-            best = (solution, columns, fit.cofactor);
-        }
+fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Absence> {
+    let (Some(sd), Some(odds)) = (solved.sd(term), solved.over_chance(term, tau_s)) else {
+        return Err(Absence::NotNeeded);
+    };
+    let share = solved.share(term, tau_s);
+    if share < SEEN {
+        return Err(Absence::Hidden { share: share.max(0.0) });
     }
-    best
+    if odds <= CHANCE {
+        return Err(Absence::Chance { odds });
+    }
+    // A square of so many degrees of freedom has this scatter.
+    let square = solved.squares[term];
+    let value = square.sqrt();
+    let (low, high) = stats::sd_interval(value, 2.0 * (square / sd).powi(2), stats::ONE_SIGMA);
+    Ok(Coefficient { value, low, high })
 }
+
+fn contradict(a: Coefficient, b: Coefficient) -> bool {
+    let sd = ((a.high - a.low) / 2.0).hypot((b.high - b.low) / 2.0);
+    (a.value - b.value).abs() > CONTRADICTION * sd + BENT * a.value.min(b.value)
+}
+
+/// What is told of a search; `None` where there were too few averaging times.
+pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, lines: &[Line]) -> Option<Fit> {
+    let (Search::Holds(s) | Search::Rejected(s) | Search::TooGood(s)) = search else { return None };
+    let term = |c: &usize| match *c {
+        Q if s.squares[Q] < 0.0 => "band limit",
+        Q if s.start > 0 => "memory",
+        Q => "Q",
+        N => "N",
+        B => "B",
+        K => "K",
+        _ => "R",
+    };
+    let lined = if lines.is_empty() { None } else { Some("line") };
+    Some(Fit {
+        holds: matches!(search, Search::Holds(_)) && !matches!(coefficients.n, Err(Absence::Contradicted { .. })),
+        chi_square: s.chi_square,
+        dof: s.dof,
+        p: s.p,
+        terms: s.fitted.iter().map(term).chain(lined).collect(),
+        used_from_s: tau_s[s.start],
+        model_error: s.model_error,
+        lines: lines.to_vec(),
+    })
+}
+
+/// Upper bound of B from one deviation with so many degrees of freedom.
+pub(super) fn bound(dev: f64, edf: f64) -> f64 {
+    stats::sd_interval(dev, edf, 0.95).1 / FLAT
+}
+
+/// Probability from which on a fit holds.
+pub const HOLDS: f64 = fit::HOLDS;

@@ -7,12 +7,21 @@
 mod coefficients;
 mod deviation;
 mod edf;
+mod fit;
+mod freedom;
+mod lines;
 mod noise;
 mod overlapping;
+mod scatter;
 
-pub use coefficients::{Coefficient, Coefficients};
+use std::borrow::Cow;
+
+pub use coefficients::{Absence, Coefficient, Coefficients, Fit, HOLDS};
+use fit::Search;
+pub use lines::Line;
 pub use noise::Noise;
 
+use crate::psd::{Plateau, Spectrum};
 use crate::{Refusal, series, stats};
 
 /// Which deviation.
@@ -85,16 +94,24 @@ pub struct Point {
 pub struct Analysis {
     /// One point for each averaging time, rising.
     pub points: Vec<Point>,
-    /// Noise coefficients; all `None` unless the deviation is [`Kind::Adev`] or [`Kind::Oadev`].
+    /// Noise coefficients; all [`Absence::OtherDeviation`] unless the deviation is [`Kind::Adev`] or [`Kind::Oadev`].
     pub coefficients: Coefficients,
+    /// How well they follow the deviations; `None` with another deviation, or a record too short for a fit.
+    pub fit: Option<Fit>,
+    /// Level part of the spectrum, which gives N once more; `None` with another deviation, or where no part is level.
+    pub plateau: Option<Plateau>,
 }
 
 /// Work above which a list of averaging times is refused: about a minute.
 const WORK_LIMIT: f64 = 1e11;
+/// A fit takes averaging times up to this part of the record: beyond it a deviation has hardly two degrees of freedom.
+const LONGEST_FITTED: usize = 4;
 
 /// Computes a deviation of the Allan family at the averaging times, with 68.3 % intervals (chi-square, degrees of
-/// freedom after Greenhall and Riley, *Uncertainty of Stability Variances Based on Finite Differences*, 2003; noise type
-/// by lag-1 autocorrelation, Riley and Greenhall 2004) and noise coefficients. `threads` is how many may be used.
+/// freedom after Greenhall and Riley, *Uncertainty of Stability Variances Based on Finite Differences*, 2003) and noise
+/// coefficients. The noises at an averaging time are those of the fit; with other deviations, or where no fit holds, they
+/// come from the lag-1 autocorrelation (Riley and Greenhall 2004). The fit takes the overlapping deviations at 1, 2, 4, ...
+/// samples, whatever averaging times are asked for. `threads` is how many may be used.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::Parameter`], [`Refusal::TooFew`], [`Refusal::Constant`].
@@ -130,23 +147,111 @@ pub fn analyse(
         return Err(Refusal::Parameter { name: "number of averaging times", value, expected });
     }
     let sums = deviation::mean_squares(&phase, &factors, kind, threads);
-    let noises = deviation::spread(&factors, threads, |m| noise::identify(&phase, m, kind.order()));
-    let mut points: Vec<Point> = Vec::with_capacity(factors.len());
-    for ((&m, (square, n)), noise) in factors.iter().zip(sums).zip(noises) {
+    let fitted = match kind {
+        Kind::Adev | Kind::Oadev => {
+            let rates = match input {
+                Input::Rate => Cow::Borrowed(values),
+                Input::Phase => values.windows(2).map(|w| (w[1] - w[0]) * rate_hz).collect(),
+            };
+            let known = if kind == Kind::Oadev { (&factors, &sums) } else { (&Vec::new(), &Vec::new()) };
+            Some(Fitted::of(rates, &phase, rate_hz, known, threads))
+        }
+        _ => None,
+    };
+    let known = fitted.as_ref().and_then(|fitted| fitted.known(rate_hz, kind, phase.len()));
+    let names = match known {
+        Some(_) => Vec::new(),
+        None => noise::names(&deviation::spread(&factors, threads, |m| noise::identify(&phase, m, kind.order()))),
+    };
+    let point = |(k, (&m, (square, n))): (usize, (&usize, (f64, usize)))| {
         let tau_s = m as f64 / rate_hz;
         let dev = square.sqrt() / tau_s;
-        // A record too short to tell at this averaging time is taken to go on as before.
-        let noise = noise.or(points.last().and_then(|p| p.noise));
-        let edf = edf::edf(kind, noise.unwrap_or(Noise::WhiteRate), m, phase.len());
+        let (noise, edf) = match &known {
+            Some(known) => {
+                let (noise, edf) = known.at(m);
+                (Some(noise), edf)
+            }
+            None => (names[k], edf::edf(kind, names[k].unwrap_or(Noise::WhiteRate), m, phase.len())),
+        };
         let unbiased = dev / edf::total_bias(kind, noise, m, phase.len()).sqrt();
         let (low, high) = stats::sd_interval(unbiased, edf, stats::ONE_SIGMA);
-        points.push(Point { tau_s, dev, n, edf, noise, low, high });
-    }
-    let coefficients = match kind {
-        Kind::Adev | Kind::Oadev => coefficients::fit(&points),
-        _ => Coefficients::default(),
+        Point { tau_s, dev, n, edf, noise, low, high }
     };
-    Ok(Analysis { points, coefficients })
+    let points: Vec<Point> = factors.iter().zip(sums).enumerate().map(point).collect();
+    let Some(fitted) = &fitted else {
+        return Ok(Analysis { points, coefficients: Coefficients::default(), fit: None, plateau: None });
+    };
+    // Within the sensor's memory the deviation falls below any flat part.
+    let shortest_s = fitted.used_from_s().max(MEMORY_SAMPLES / rate_hz);
+    let bounds = points.iter().filter(|p| p.edf.is_finite() && p.dev > 0.0 && p.tau_s >= shortest_s);
+    let b_upper_bound = bounds.map(|p| coefficients::bound(p.dev, p.edf)).reduce(f64::min);
+    let coefficients = coefficients::of(&fitted.search, &fitted.tau_s, fitted.plateau.as_ref(), b_upper_bound);
+    let fit = coefficients::fit(&fitted.search, &fitted.tau_s, &coefficients, &fitted.lines);
+    Ok(Analysis { points, coefficients, fit, plateau: fitted.plateau })
+}
+
+/// Averaging times of fewer samples say nothing about how small the flat part is.
+const MEMORY_SAMPLES: f64 = 8.0;
+
+/// The fit of a record, and what it rests on.
+struct Fitted {
+    tau_s: Vec<f64>,
+    search: Search,
+    lines: Vec<Line>,
+    /// Without the lines.
+    spectrum: Option<Spectrum>,
+    plateau: Option<Plateau>,
+}
+
+impl Fitted {
+    /// `known` are averaging factors whose sums are known already.
+    fn of(
+        mut rates: Cow<'_, [f64]>,
+        phase: &[f64],
+        rate_hz: f64,
+        known: (&Vec<usize>, &Vec<(f64, usize)>),
+        threads: usize,
+    ) -> Self {
+        let samples = rates.len();
+        let grid: Vec<usize> = (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
+        let tau_s: Vec<f64> = grid.iter().map(|m| *m as f64 / rate_hz).collect();
+        let mut spectrum = Spectrum::of(&rates, rate_hz);
+        let mut lines = Vec::new();
+        let mut cleaned = None;
+        if spectrum.as_ref().is_some_and(|s| s.line().is_some()) {
+            lines = lines::take_off(rates.to_mut(), rate_hz);
+            spectrum = Spectrum::of(&rates, rate_hz);
+            let mean = deviation::mean(&rates, threads);
+            cleaned = Some(deviation::integrate(&rates, mean, 1.0 / rate_hz, threads));
+        }
+        let sums = match (&cleaned, grid.iter().map(|m| known.0.binary_search(m).ok()).collect::<Option<Vec<_>>>()) {
+            (None, Some(places)) => places.into_iter().map(|place| known.1[place]).collect(),
+            _ => deviation::mean_squares(cleaned.as_deref().unwrap_or(phase), &grid, Kind::Oadev, threads),
+        };
+        let square = sums.iter().zip(&tau_s).map(|((square, _), tau_s)| square / (tau_s * tau_s)).collect();
+        let curve = fit::Curve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square };
+        let search = fit::search(&curve);
+        let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
+        Self { tau_s: curve.tau_s, search, lines, spectrum, plateau }
+    }
+
+    /// First averaging time of the fit, s.
+    fn used_from_s(&self) -> f64 {
+        if let Search::Holds(fit) = &self.search { self.tau_s[fit.start] } else { 0.0 }
+    }
+
+    fn known(&self, rate_hz: f64, kind: Kind, phases: usize) -> Option<freedom::Known<'_>> {
+        let Search::Holds(fit) = &self.search else { return None };
+        Some(freedom::Known {
+            fit,
+            used_from_s: self.used_from_s(),
+            lines: &self.lines,
+            spectrum: self.spectrum.as_ref(),
+            rate_hz,
+            kind,
+            phases,
+        })
+    }
 }
 
 /// Averaging factors in samples, rising, each with at least two differences.

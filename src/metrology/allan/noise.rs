@@ -63,17 +63,29 @@ impl fmt::Display for Noise {
 const LEAST: usize = 32;
 /// More decimated phases than this add nothing to a whole-numbered answer.
 const MOST: usize = 1 << 14;
+/// Standard deviations of a lag-1 correlation within which a name is not contradicted.
+const DOUBT: f64 = 3.0;
+
+/// What the lag-1 correlation says of the noise at an averaging time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Evidence {
+    likely: Noise,
+    /// Names that three standard deviations of the correlation do not exclude.
+    bluest: Noise,
+    reddest: Noise,
+}
 
 /// Lag-1 autocorrelation method (Riley and Greenhall, *Power law noise identification using the lag 1 autocorrelation*,
 /// 2004): the phase, decimated by m, is differenced until it is nearly stationary; the exponent follows from how often,
 /// and from what correlation is left. Each difference has its mean removed, which takes out offset and drift.
-pub(super) fn identify(phase: &[f64], m: usize, order: usize) -> Option<Noise> {
+pub(super) fn identify(phase: &[f64], m: usize, order: usize) -> Option<Evidence> {
     let length = phase.len().div_ceil(m).min(MOST);
     if length < LEAST {
         return None;
     }
     let mut z: Vec<f64> = phase.iter().step_by(m).take(length).copied().collect();
-    for differences in 1..=order {
+    let mut correlations = [0.0; 3];
+    for correlation in correlations.iter_mut().take(order) {
         for i in 0..z.len() - 1 {
             z[i] = z[i + 1] - z[i];
         }
@@ -83,16 +95,49 @@ pub(super) fn identify(phase: &[f64], m: usize, order: usize) -> Option<Noise> {
         if variance == 0.0 {
             return None;
         }
-        let r1 = z.windows(2).map(|w| (w[0] - mean) * (w[1] - mean)).sum::<f64>() / variance;
+        *correlation = z.windows(2).map(|w| (w[0] - mean) * (w[1] - mean)).sum::<f64>() / variance;
+    }
+    let doubt = DOUBT / (length as f64).sqrt();
+    let name = |shift: f64| named(&correlations[..order], shift);
+    Some(Evidence { likely: name(0.0), bluest: name(-doubt), reddest: name(doubt) })
+}
+
+/// The noise of which the correlations of the first, second ... differences, all shifted by so much, speak.
+fn named(correlations: &[f64], shift: f64) -> Noise {
+    let order = correlations.len();
+    for (before, r1) in correlations.iter().enumerate() {
+        let differences = before + 1;
+        let r1 = (r1 + shift).clamp(-0.99, 0.99);
         let delta = r1 / (1.0 + r1);
         if differences == 2 && (order == 2 || delta < 0.25) {
-            return Some(of_second_differences(r1));
+            return of_second_differences(r1);
         }
         if delta < 0.25 || differences == order {
-            return Some(Noise::of_alpha(2.0 - 2.0 * (delta + differences as f64), order));
+            return Noise::of_alpha(2.0 - 2.0 * (delta + differences as f64), order);
         }
     }
-    None
+    Noise::WhiteRate
+}
+
+/// Names along rising averaging times. Between 32 and 200 decimated phases a correlation scatters by more than a name is
+/// wide, so a name goes on until the record excludes it, and the colour turns no bluer than white unless the shortest
+/// averaging times show noise of the phase.
+pub(super) fn names(evidence: &[Option<Evidence>]) -> Vec<Option<Noise>> {
+    let first = evidence.iter().flatten().next().map(|e| e.likely);
+    let bluest = first.filter(|f| f.alpha() > 0).unwrap_or(Noise::WhiteRate);
+    let mut name: Option<Noise> = None;
+    evidence
+        .iter()
+        .map(|evidence| {
+            if let Some(e) = evidence {
+                let excluded = |n: Noise| n.alpha() > e.bluest.alpha() || n.alpha() < e.reddest.alpha();
+                if name.is_none_or(excluded) {
+                    name = Some(if e.likely.alpha() > bluest.alpha() { bluest } else { e.likely });
+                }
+            }
+            name
+        })
+        .collect()
 }
 
 /// The rate noise of second differences of a decimated phase. The method's `alpha = 2 - 2 (delta + 2)` holds for samples;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::allan::{self, Coefficient, Input, Kind, Taus};
+use gnc_metrology::allan::{self, Absence, Analysis, Coefficient, Input, Kind, Taus};
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
@@ -95,9 +95,6 @@ impl Allan {
             })
             .collect();
         let c = &analysis.coefficients;
-        let coefficient = |c: Option<Coefficient>| {
-            c.map_or(Value::Null, |c| json!({ "value": c.value, "low": c.low, "high": c.high }))
-        };
         let named = [
             ("Q", "u s", c.q),
             ("N", "u sqrt(s)", c.n),
@@ -113,15 +110,20 @@ impl Allan {
             .named(
                 "coefficients",
                 &["value", "low", "high", "unit u of the rate"],
-                named.iter().map(|(k, unit, c)| (*k, *unit, coefficient(*c))).collect(),
+                named.iter().map(|(k, unit, c)| (*k, *unit, c.map_or(Value::Null, interval))).collect(),
             )
-            .put("B_upper_bound", "smallest deviation / 0.664", json!(c.b_upper_bound))
-            .put("interval", "", "68.3 %")
-            .put("gate", "rows", gated.json());
+            .named(
+                "reasons",
+                &["reason", "why it is not given"],
+                named.iter().filter_map(|(k, _, c)| Some((*k, "", json!({ "reason": c.err()?.to_string() })))).collect(),
+            )
+            .put("B_upper_bound", "smallest upper end of a 95 % interval / 0.664", json!(c.b_upper_bound));
+        told(&mut report, &analysis);
+        report.put("interval", "", "68.3 %").put("gate", "rows", gated.json());
         let points = || analysis.points.iter().map(|p| (p.tau_s, p.dev));
         let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
         let mut series = vec![Series::new("deviation, 68.3 %", Mark::Bars(bars), points())];
-        let slopes: [(&str, Option<Coefficient>, Curve); 5] = [
+        let slopes: [(&str, Result<Coefficient, Absence>, Curve); 5] = [
             ("Q, slope -1", c.q, |c, t| 3.0_f64.sqrt() * c / t),
             ("N, slope -1/2", c.n, |c, t| c / t.sqrt()),
             ("B, flat", c.b, |c, _| 0.664_282 * c),
@@ -129,7 +131,7 @@ impl Allan {
             ("R, slope +1", c.r, |c, t| c * t / 2.0_f64.sqrt()),
         ];
         for (name, c, curve) in slopes {
-            if let Some(c) = c {
+            if let Ok(c) = c {
                 series.push(Series::line(name, points().map(|(t, _)| (t, curve(c.value, t)))));
             }
         }
@@ -137,4 +139,36 @@ impl Allan {
         let panel = Panel::new(title, "averaging time, s", "deviation", series).log();
         Ok(Outcome { report, panels: vec![panel] })
     }
+}
+
+fn interval(c: Coefficient) -> Value {
+    json!({ "value": c.value, "low": c.low, "high": c.high })
+}
+
+/// How well the fit holds, and N once more by the spectrum.
+fn told(report: &mut Report, analysis: &Analysis) {
+    let fit = analysis.fit.as_ref().map_or(Value::Null, |fit| {
+        let lines: Vec<Value> = fit
+            .lines
+            .iter()
+            .map(|line| json!({ "frequency_hz": line.frequency_hz, "amplitude": line.amplitude }))
+            .collect();
+        json!({
+            "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
+            "used_from_s": fit.used_from_s, "model_error": fit.model_error, "lines": lines,
+        })
+    });
+    let spectrum = analysis.plateau.as_ref().map_or(Value::Null, |plateau| {
+        let n = plateau.n();
+        json!({
+            "value": n.value, "low": n.low, "high": n.high, "from_hz": plateau.from_hz, "to_hz": plateau.to_hz,
+        })
+    });
+    let compared = match (analysis.coefficients.n, analysis.plateau) {
+        (Err(Absence::Contradicted { .. }), _) => "contradict each other",
+        (Ok(_), Some(_)) => "agree",
+        _ => "not compared",
+    };
+    report.put("fit", "", fit).put("N_psd", "u sqrt(s), by the plateau of the spectrum", spectrum);
+    report.put("N_and_N_psd", "", compared);
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_metrology::{psd, stability};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::gate::{GateColumns, Gated};
 use super::plot::{Panel, Series};
@@ -51,11 +51,17 @@ impl Psd {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let (values, gated) = self.source.read()?;
         let psd = psd::welch(&values, self.source.rate, self.segment)?;
+        let plateau = psd::Spectrum::of(&values, self.source.rate).and_then(|spectrum| spectrum.without_lines().plateau());
+        let n = plateau.map_or(Value::Null, |plateau| {
+            let n = plateau.n();
+            json!({ "value": n.value, "low": n.low, "high": n.high, "from_hz": plateau.from_hz, "to_hz": plateau.to_hz })
+        });
         let mut report = Report::new("psd");
         report
             .put("frequency_hz", "", json!(psd.frequency_hz))
             .put("density", "unit^2 / Hz, one-sided", json!(psd.density))
             .put("segments", "Hann, 50 % overlap", psd.segments)
+            .put("N_psd", "unit sqrt(s), by the plateau of the spectrum, 68.3 %", n)
             .put("gate", "rows", gated.json());
         let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied()).skip(1);
         let title = format!("Spectrum of {}", self.source.column);

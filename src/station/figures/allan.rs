@@ -3,7 +3,7 @@
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
-use gnc_metrology::allan::{self, Coefficient, Input, Kind, Taus};
+use gnc_metrology::allan::{self, Absence, Coefficient, Input, Kind, Taus};
 use gnc_metrology::{earth, stats};
 use serde_json::json;
 
@@ -22,7 +22,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let mut findings = Findings::new(json!({
         "equation": "overlapping Allan deviation; dev^2 = 3 Q^2/tau^2 + N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3 + R^2 tau^2/2",
         "rate_hz": rate_hz, "record_s": capture.samples.len() as f64 / rate_hz,
-        "interval": "68.3 %, chi-square with equivalent degrees of freedom (Greenhall), by the noise of each averaging time",
+        "interval": "68.3 %, chi-square with equivalent degrees of freedom (Greenhall), by the noises of the fit",
     }));
     let mut curves = serde_json::Map::new();
     for triad in &compensation.triads {
@@ -55,13 +55,32 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> serde_json::Value {
         })
         .collect();
     let c = &analysis.coefficients;
-    let coefficient = |c: Option<Coefficient>| c.map(|c| json!({ "value": c.value, "low": c.low, "high": c.high }));
-    json!({
-        "unit": unit.symbol(), "points": points,
-        "Q": coefficient(c.q), "N": coefficient(c.n), "B": coefficient(c.b), "K": coefficient(c.k), "R": coefficient(c.r),
+    let interval = |c: Coefficient| json!({ "value": c.value, "low": c.low, "high": c.high });
+    let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
+    let reasons: serde_json::Map<_, _> =
+        named.iter().filter_map(|(name, c)| Some(((*name).to_owned(), c.err()?.to_string().into()))).collect();
+    let fit = analysis.fit.as_ref().map(|fit| {
+        let lines: Vec<_> = fit
+            .lines
+            .iter()
+            .map(|line| json!({ "frequency_hz": line.frequency_hz, "amplitude": line.amplitude }))
+            .collect();
+        json!({
+            "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
+            "used_from_s": fit.used_from_s, "model_error": fit.model_error, "lines": lines,
+        })
+    });
+    let mut curve = json!({
+        "unit": unit.symbol(), "points": points, "reasons": reasons, "fit": fit,
+        "N_psd": analysis.plateau.map(|plateau| interval(plateau.n())),
         "B_upper_bound": c.b_upper_bound,
-        "B_upper_bound_label": "smallest deviation / 0.664: an upper bound, whether a flat part is seen or not",
-    })
+        "B_upper_bound_label":
+            "smallest upper end of a 95 % interval / 0.664: an upper bound, whether a flat part is seen or not",
+    });
+    for (name, c) in named {
+        curve[name] = c.map_or(serde_json::Value::Null, interval);
+    }
+    curve
 }
 
 fn estimate(coefficient: Coefficient, factor: f64, unit: Unit) -> Value {
@@ -69,8 +88,8 @@ fn estimate(coefficient: Coefficient, factor: f64, unit: Unit) -> Value {
     Value::estimate(value * factor, unit, Uncertainty::interval(low * factor, high * factor, stats::ONE_SIGMA))
 }
 
-fn absent(what: &str) -> Value {
-    Value::NotAvailable(format!("the record shows no {what}"))
+fn absent(what: &str, why: Absence) -> Value {
+    Value::NotAvailable(format!("the record shows no {what}: {why}"))
 }
 
 /// N: deg/h sqrt(s) in deg/sqrt(h), mg sqrt(s) in m/s/sqrt(h).
@@ -80,7 +99,7 @@ fn walks(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
         _ => ("velocity_random_walk", Unit::MetrePerSecondPerRootHour, 60.0 * earth::STANDARD_GRAVITY_MPS2 / 1e3),
     };
     for (axis, analysis) in AXES.iter().zip(found) {
-        let value = analysis.coefficients.n.map_or_else(|| absent("slope of -1/2"), |n| estimate(n, factor, unit));
+        let value = analysis.coefficients.n.map_or_else(|why| absent("slope of -1/2", why), |n| estimate(n, factor, unit));
         findings.put(format!("{name}_{axis}"), value);
     }
 }
@@ -88,12 +107,13 @@ fn walks(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
 fn floors(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
     let (name, unit) = (triad.name(), unit(triad));
     for (axis, analysis) in AXES.iter().zip(found) {
-        let value = analysis.coefficients.b.map_or_else(|| absent("flat part"), |b| estimate(b, 1.0, unit));
+        let value = analysis.coefficients.b.map_or_else(|why| absent("flat part", why), |b| estimate(b, 1.0, unit));
         findings.put(format!("bias_instability_{name}_{axis}"), value);
     }
     for (axis, analysis) in AXES.iter().zip(found) {
         let bound = analysis.coefficients.b_upper_bound;
-        let value = bound.map_or_else(|| absent("deviation"), |bound| Value::number(bound, unit));
+        let too_short = || Value::NotAvailable("the record is too short for a bound".into());
+        let value = bound.map_or_else(too_short, |bound| Value::number(bound, unit));
         findings.put(format!("bias_instability_bound_{name}_{axis}"), value);
     }
 }

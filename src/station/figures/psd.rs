@@ -10,12 +10,8 @@ use super::captures::{self, AXES, Triad};
 use super::stability::{self, Compensation};
 use super::{FigureError, Findings, Question};
 
-/// The white level is that of the upper three quarters of the band, above the wander of the bias.
-const WHITE_FROM: f64 = 0.25;
 /// Neighbouring frequencies that a line is compared with.
 const NEIGHBOURS: usize = 32;
-/// Windows of neighbouring segments overlap by half: with a Hann window nine of ten count (Welch 1967).
-const WORTH_OF_SEGMENT: f64 = 0.9;
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
@@ -39,14 +35,10 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let values: Vec<f64> = series.iter().map(|value| value[i]).collect();
             let channel = format!("{}_{axis}", triad.name());
             let found = psd::welch(&values, rate_hz, segment).map_err(FigureError::refused(channel.clone()))?;
-            let (level, bins) = white_level(&found);
+            // The level part below the sensor's low-pass and above the wander of the bias.
+            let level = psd::Spectrum::of_welch(&found).without_lines().plateau();
             let (line_hz, line) = strongest_line(&found);
-            // Densities scatter like chi-square; averaging over bins and segments makes them nearly normal.
-            let dof = 2.0 * WORTH_OF_SEGMENT * found.segments as f64 * bins as f64 / 1.5;
-            let (low, high) = stats::sd_interval(level.sqrt(), dof, probability);
-            let (unit, factor) = density_unit(*triad);
-            let interval = Uncertainty::interval(low * factor, high * factor, probability);
-            findings.put(format!("density_{channel}"), Value::estimate(level.sqrt() * factor, unit, interval));
+            findings.put(format!("density_{channel}"), density(level, *triad, probability));
             lines.push((format!("line_{channel}"), line));
             spectra.insert(channel, spectrum(&found, stability::unit(*triad), level, (line_hz, line)));
         }
@@ -66,15 +58,14 @@ fn density_unit(triad: Triad) -> (Unit, f64) {
     }
 }
 
-/// Mean density of the upper band without its lines, and the bins that count: the median frees it from lines, and the
-/// mean of what is near the median has its scatter.
-fn white_level(found: &psd::Psd) -> (f64, usize) {
-    let n = found.density.len();
-    // The last bin has no mirror image and is left out.
-    let upper = &found.density[(n as f64 * WHITE_FROM) as usize..n - 1];
-    let median = stats::median(&mut upper.to_vec());
-    let kept: Vec<f64> = upper.iter().copied().filter(|density| *density < 4.0 * median).collect();
-    (stats::mean(&kept), kept.len())
+fn density(level: Option<psd::Plateau>, triad: Triad, probability: f64) -> Value {
+    let Some(level) = level else {
+        return Value::NotAvailable("the spectrum has no level part of two octaves: longer segments reach lower".into());
+    };
+    let (unit, factor) = density_unit(triad);
+    let value = level.density.sqrt();
+    let (low, high) = stats::sd_interval(value, 2.0 / level.relative_sd.powi(2), probability);
+    Value::estimate(value * factor, unit, Uncertainty::interval(low * factor, high * factor, probability))
 }
 
 /// Largest density over the median of its neighbours, and its frequency.
@@ -94,10 +85,12 @@ fn strongest_line(found: &psd::Psd) -> (f64, f64) {
 }
 
 /// Its densities are those of 0, 1, 2 ... times the step.
-fn spectrum(found: &psd::Psd, unit: Unit, white: f64, (line_hz, line): (f64, f64)) -> serde_json::Value {
+fn spectrum(found: &psd::Psd, unit: Unit, white: Option<psd::Plateau>, (line_hz, line): (f64, f64)) -> serde_json::Value {
     json!({
         "unit": format!("({})^2/Hz", unit.symbol()), "segments": found.segments,
-        "frequency_step_hz": found.frequency_hz.get(1), "density": found.density, "white": white,
+        "frequency_step_hz": found.frequency_hz.get(1), "density": found.density,
+        "white": white.map(|white| white.density), "white_from_hz": white.map(|white| white.from_hz),
+        "white_to_hz": white.map(|white| white.to_hz),
         "strongest_line": { "frequency_hz": line_hz, "over_neighbours": line },
     })
 }

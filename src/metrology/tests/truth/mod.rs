@@ -13,6 +13,7 @@
 )]
 
 mod magnetometer;
+pub mod noise;
 
 #[allow(unused_imports, reason = "each test needs some of them")]
 pub use magnetometer::{directions, ellipse, ellipse_points, ellipsoid};

@@ -1,0 +1,310 @@
+//! The fit of noise terms to squared Allan deviations, and whether it holds.
+//!
+//! Every coefficient comes from generalised least squares of the squared deviations at 1, 2, 4, ... samples, with their
+//! covariance under the fitted curve. The fit holds where chi-square does not reject it.
+//!
+//! A low-pass, a hold or any other short memory of the sensor takes a constant off the variance of the angle: for white
+//! noise of coefficient N with memory, `var(angle) = N^2 t - C` as soon as the memory is over, and the deviation follows as
+//! `dev^2 = N^2 / tau - 3 C / (2 tau^2)`. So a band limit is a quantisation term of the other sign, whatever its order. Within
+//! the memory the curve differs by what is left of it, which falls exponentially: at twice the time it is squared. So one
+//! octave more than chi-square asks for is left out, and nothing remains of it.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::scatter::{Parts, Scatter};
+use crate::{linear, stats};
+
+/// Terms of `dev^2`: Q, N, B, K, R.
+pub(super) const TERMS: usize = 5;
+pub(super) const Q: usize = 0;
+pub(super) const N: usize = 1;
+pub(super) const B: usize = 2;
+pub(super) const K: usize = 3;
+pub(super) const R: usize = 4;
+
+/// `sqrt(2 ln 2 / pi)`.
+pub(super) const FLAT: f64 = 0.664_282;
+
+/// A fit holds from this probability of chi-square on.
+pub(super) const HOLDS: f64 = 0.001;
+/// A point belongs to the curve behind it unless it raises chi-square by more than chance does with this probability.
+const BELONGS: f64 = 0.02;
+/// Points that are asked whether they belong, one after the other.
+const ASKED: usize = 3;
+/// Below this probability the points lie closer to a curve than noise can: one event makes all of them.
+const TOO_GOOD: f64 = 1e-6;
+/// Where no fit holds by chance alone, the model itself is given this relative standard deviation at each point.
+const MODEL_ERROR: f64 = 0.03;
+/// A band limit is fitted from this many standard deviations on: where one is missed, it bends N.
+const BAND_LIMIT: f64 = 1.5;
+/// Quantisation is fitted from this many on.
+const QUANTISATION: f64 = 3.0;
+/// What a term must improve chi-square by to be fitted.
+const TERM_COST: f64 = 1.0;
+/// Too few degrees of freedom to be believed.
+const FEWEST_DOF: usize = 3;
+
+/// Coefficients of the terms.
+pub(super) fn terms(tau_s: f64) -> [f64; TERMS] {
+    [3.0 / (tau_s * tau_s), 1.0 / tau_s, FLAT * FLAT, tau_s / 3.0, tau_s * tau_s / 2.0]
+}
+
+/// Squared deviations at rising averaging times, and how they scatter.
+pub(super) struct Curve {
+    pub(super) tau_s: Vec<f64>,
+    pub(super) square: Vec<f64>,
+    pub(super) scatter: Scatter,
+}
+
+/// A fit.
+#[derive(Debug, Clone)]
+pub(super) struct Solved {
+    /// First point used.
+    pub(super) start: usize,
+    /// Squares of the coefficients. That of Q is negative for a band limit.
+    pub(super) squares: [f64; TERMS],
+    /// Terms that were fitted.
+    pub(super) fitted: Vec<usize>,
+    /// Covariance of their squares.
+    pub(super) covariance: DMatrix<f64>,
+    /// How they follow from the squared deviations used.
+    estimator: DMatrix<f64>,
+    /// Covariance of the squared deviations used.
+    points: DMatrix<f64>,
+    /// Whether the model was given an error of its own.
+    pub(super) model_error: f64,
+    pub(super) chi_square: f64,
+    pub(super) dof: usize,
+    /// Probability of a larger chi-square.
+    pub(super) p: f64,
+}
+
+/// What the search found.
+pub(super) enum Search {
+    Holds(Solved),
+    /// The nearest fit, which chi-square rejects.
+    Rejected(Solved),
+    /// The points lie on a curve without any scatter.
+    TooGood(Solved),
+    TooFew,
+}
+
+/// The simplest fit that holds: from the first point on; with quantisation; with a band limit, from the first point that
+/// belongs to the curve behind it and one octave more; the same again with an error of the model.
+pub(super) fn search(curve: &Curve) -> Search {
+    let mut nearest: Option<Solved> = None;
+    for model_error in [0.0, MODEL_ERROR] {
+        let fits = |banded: bool, starts: usize| -> Vec<Solved> {
+            (0..starts).map_while(|start| curve.solve(start, banded, model_error)).collect()
+        };
+        let plain = fits(false, 1 + ASKED);
+        let odds = curve.solve(0, true, model_error).and_then(|banded| banded.odds(Q)).unwrap_or(0.0);
+        if let Some(first) = plain.first() {
+            if model_error == 0.0 && first.dof > FEWEST_DOF && 1.0 - first.p < TOO_GOOD {
+                return Search::TooGood(first.clone());
+            }
+            if belongs(&plain) && (-BAND_LIMIT..QUANTISATION).contains(&odds) {
+                return Search::Holds(first.clone());
+            }
+        }
+        let banded = fits(true, curve.tau_s.len());
+        if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
+            return Search::Holds(first.clone());
+        }
+        for start in 0..banded.len() {
+            if belongs(&banded[start..])
+                && let Some(further) = banded.get(start + 1)
+                && further.p >= HOLDS
+            {
+                return Search::Holds(further.clone());
+            }
+        }
+        let all = plain.into_iter().chain(banded).filter(|fit| fit.dof >= FEWEST_DOF);
+        nearest = all.chain(nearest).max_by(|a, b| a.p.total_cmp(&b.p));
+    }
+    nearest.map_or(Search::TooFew, Search::Rejected)
+}
+
+/// Whether the first of these fits holds, and the points that only the first ones use belong to the curve behind them.
+fn belongs(fits: &[Solved]) -> bool {
+    let Some((first, behind)) = fits.split_first() else { return false };
+    let added = |(index, fit): (usize, &Solved)| {
+        let added = (first.chi_square - fit.chi_square).max(0.0);
+        1.0 - stats::chi_square_probability(added, (index + 1) as f64) >= BELONGS
+    };
+    first.dof >= FEWEST_DOF && first.p >= HOLDS && behind.iter().take(ASKED).enumerate().all(added)
+}
+
+impl Curve {
+    /// Generalised least squares from point `start` on. `None` with too few points or without any solution.
+    fn solve(&self, start: usize, banded: bool, model_error: f64) -> Option<Solved> {
+        let square = DVector::from_column_slice(self.square.get(start..)?);
+        let design = DMatrix::from_fn(square.len(), TERMS, |r, c| terms(self.tau_s[start + r])[c]);
+        let mut allowed: Vec<usize> = (usize::from(!banded)..TERMS).collect();
+        // The scatter is that of the fitted curve, so that points that happen to be low do not weigh more. It begins
+        // with that of white noise through the points.
+        let mut parts: Vec<Parts> = self.square.iter().map(|s| [0.0, *s, 0.0, 0.0]).collect();
+        let mut solved = None;
+        for round in 0..ROUNDS {
+            let covariance = self.covariance(start, &parts, model_error);
+            let cost = if round == CHOICE { TERM_COST } else { 0.0 };
+            let fit = Constrained::fit(&design, &square, &covariance, &allowed, cost)?;
+            parts = self.tau_s.iter().zip(&self.square).map(|(t, s)| fit.parts(*t, *s)).collect();
+            if round == CHOICE {
+                allowed.clone_from(&fit.columns);
+            }
+            solved = Some(fit);
+        }
+        let fit = solved?;
+        let dof = square.len().checked_sub(fit.columns.len()).filter(|dof| *dof > 0)?;
+        let points = self.covariance(start, &parts, model_error);
+        let model = &design * DVector::from_column_slice(&fit.squares);
+        let chi_square = chi_square(&square, &model, &points)?;
+        let estimator = fit.estimator;
+        Some(Solved {
+            start,
+            squares: fit.squares,
+            fitted: fit.columns,
+            covariance: &estimator * &points * estimator.transpose(),
+            estimator,
+            points,
+            model_error,
+            chi_square,
+            dof,
+            p: 1.0 - stats::chi_square_probability(chi_square, dof as f64),
+        })
+    }
+
+    fn covariance(&self, start: usize, parts: &[Parts], model_error: f64) -> DMatrix<f64> {
+        let mut covariance = self.scatter.covariance(start, parts);
+        for (r, parts) in parts[start..].iter().enumerate() {
+            // Twice the relative error of a deviation is that of its square.
+            covariance[(r, r)] += (2.0 * model_error * parts.iter().sum::<f64>()).powi(2);
+        }
+        covariance
+    }
+}
+
+/// Rounds of reweighting, and the one in which the terms are chosen: before it all take part, after it the chosen ones.
+const ROUNDS: usize = 9;
+const CHOICE: usize = 3;
+
+impl Solved {
+    fn row(&self, term: usize) -> Option<usize> {
+        self.fitted.iter().position(|f| *f == term)
+    }
+
+    /// A square over its standard deviation.
+    fn odds(&self, term: usize) -> Option<f64> {
+        self.sd(term).map(|sd| self.squares[term] / sd)
+    }
+
+    /// Standard deviation of the square of a coefficient.
+    pub(super) fn sd(&self, term: usize) -> Option<f64> {
+        self.row(term).map(|row| self.covariance[(row, row)].max(0.0).sqrt())
+    }
+
+    /// Largest share of the fitted square that a term has at an averaging time used.
+    pub(super) fn share(&self, term: usize, tau_s: &[f64]) -> f64 {
+        tau_s[self.start..].iter().map(|t| self.part(term, *t)).fold(0.0, f64::max)
+    }
+
+    /// The square of the coefficient over what chance makes of it where the term is absent.
+    pub(super) fn over_chance(&self, term: usize, tau_s: &[f64]) -> Option<f64> {
+        let row = self.row(term)?;
+        let weights = DVector::from_fn(self.estimator.ncols(), |r, _| {
+            self.estimator[(row, r)] * (1.0 - self.part(term, tau_s[self.start + r])).max(0.0)
+        });
+        let chance = (weights.transpose() * &self.points * &weights)[0].max(0.0).sqrt();
+        Some(self.squares[term] / chance)
+    }
+
+    fn part(&self, term: usize, tau_s: f64) -> f64 {
+        self.squares[term] * terms(tau_s)[term] / self.model(tau_s)
+    }
+
+    /// Fitted square at an averaging time.
+    pub(super) fn model(&self, tau_s: f64) -> f64 {
+        terms(tau_s).iter().zip(self.squares).map(|(t, s)| t * s).sum()
+    }
+
+    /// Parts of the noises in it.
+    pub(super) fn parts(&self, tau_s: f64) -> Parts {
+        parts(&self.squares, tau_s)
+    }
+}
+
+/// Parts of the noises in the fitted square. A band limit makes white noise less; a ramp counts as a walk, which scatters
+/// most.
+fn parts(squares: &[f64; TERMS], tau_s: f64) -> Parts {
+    let t = terms(tau_s);
+    let of = |term: usize| t[term] * squares[term];
+    [of(Q).max(0.0), of(N) + of(Q).min(0.0), of(B), of(K) + of(R)]
+}
+
+/// Chi-square of the points about the model. A squared deviation of few degrees of freedom is far from normal; its cube
+/// root is not (Wilson and Hilferty 1931).
+fn chi_square(square: &DVector<f64>, model: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<f64> {
+    let n = square.len();
+    let sd: Vec<f64> = (0..n).map(|r| covariance[(r, r)].sqrt()).collect();
+    let z = DVector::from_fn(n, |r, _| {
+        let a = (sd[r] / model[r]).powi(2) / 9.0;
+        ((square[r] / model[r]).cbrt() - (1.0 - a)) / a.sqrt()
+    });
+    let correlation = DMatrix::from_fn(n, n, |a, b| covariance[(a, b)] / (sd[a] * sd[b]));
+    let solved = correlation.cholesky()?.solve(&z);
+    Some(z.dot(&solved)).filter(|c| c.is_finite())
+}
+
+/// A fit with some of the terms.
+struct Constrained {
+    squares: [f64; TERMS],
+    columns: Vec<usize>,
+    estimator: DMatrix<f64>,
+}
+
+impl Constrained {
+    /// Least squares with solution >= 0, but for Q, which may have either sign and is always fitted where it is
+    /// allowed. Over all subsets of the columns: with five of them that is the plainest way, and it finds the optimum.
+    fn fit(
+        design: &DMatrix<f64>,
+        square: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        allowed: &[usize],
+        cost: f64,
+    ) -> Option<Self> {
+        let lower = covariance.clone().cholesky()?.l();
+        let white = |m: &DMatrix<f64>| lower.solve_lower_triangular(m);
+        let (whitened, data) = (white(design)?, white(&DMatrix::from_column_slice(square.len(), 1, square.as_slice()))?);
+        let mut best: Option<(f64, Self)> = None;
+        for subset in 1_u32..1 << allowed.len() {
+            let columns: Vec<usize> =
+                allowed.iter().enumerate().filter(|(bit, _)| subset & (1 << bit) != 0).map(|(_, c)| *c).collect();
+            if columns.len() > square.len() || (allowed.contains(&Q) && !columns.contains(&Q)) {
+                continue;
+            }
+            let part = whitened.select_columns(&columns);
+            let Ok(fit) = linear::least_squares("noise coefficients", &part, &data) else { continue };
+            let squares = fit.residuals.norm_squared() + cost * columns.len() as f64;
+            let allowed = columns.iter().zip(fit.solution.iter()).all(|(c, s)| *c == Q || *s >= 0.0);
+            if !allowed || best.as_ref().is_some_and(|(least, _)| *least <= squares) {
+                continue;
+            }
+            let mut solution = [0.0; TERMS];
+            columns.iter().zip(fit.solution.iter()).for_each(|(c, s)| solution[*c] = *s);
+            if (0..design.nrows()).any(|r| (0..TERMS).map(|c| design[(r, c)] * solution[c]).sum::<f64>() <= 0.0) {
+                continue;
+            }
+            // From whitened data; those themselves are `lower^-1` times the squared deviations.
+            let estimator = (lower.tr_solve_lower_triangular(&(part * fit.cofactor))?).transpose();
+            best = Some((squares, Self { squares: solution, columns, estimator }));
+        }
+        best.map(|(_, fit)| fit)
+    }
+
+    /// Where the fit is none, before its first point, the points speak for themselves.
+    fn parts(&self, tau_s: f64, square: f64) -> Parts {
+        let parts = parts(&self.squares, tau_s);
+        if parts.iter().all(|p| *p >= 0.0) { parts } else { [0.0, square, 0.0, 0.0] }
+    }
+}

@@ -1,0 +1,100 @@
+//! Degrees of freedom of a deviation, from the noises of which the fit makes it.
+
+use super::fit::Solved;
+use super::lines::Line;
+use super::scatter::{BASIS, Parts, window};
+use super::{Kind, Noise, edf};
+use crate::psd::Spectrum;
+
+/// What is known of a record whose fit holds.
+pub(super) struct Known<'a> {
+    pub(super) fit: &'a Solved,
+    /// First averaging time of the fit, s.
+    pub(super) used_from_s: f64,
+    pub(super) lines: &'a [Line],
+    /// Spectrum without the lines, where a band limit or a line was seen.
+    pub(super) spectrum: Option<&'a Spectrum>,
+    pub(super) rate_hz: f64,
+    pub(super) kind: Kind,
+    pub(super) phases: usize,
+}
+
+/// Up to this part of a segment of the spectrum its frequencies are close enough to show the window of an averaging time.
+const OF_SEGMENT: usize = 16;
+
+impl Known<'_> {
+    /// Noise that dominates at an averaging factor, and the degrees of freedom there.
+    pub(super) fn at(&self, m: usize) -> (Noise, f64) {
+        let tau_s = m as f64 / self.rate_hz;
+        let mut parts = if tau_s < self.used_from_s { [0.0; BASIS.len()] } else { self.fit.parts(tau_s) };
+        let total: f64 = parts.iter().sum();
+        if total.is_nan() || total <= 0.0 {
+            parts = [0.0, 1.0, 0.0, 0.0];
+        }
+        let of = |noise| edf::edf(self.kind, noise, m, self.phases);
+        let noise = dominant(&parts);
+        let total: f64 = parts.iter().sum();
+        // Relative standard deviations add up: the noises have nearly the same correlation between the differences.
+        let sd: f64 = BASIS
+            .iter()
+            .zip(parts)
+            .filter(|(_, part)| *part > 0.0)
+            .map(|(noise, part)| part / total * (2.0 / of(*noise)).sqrt())
+            .sum();
+        let mut variance = sd * sd;
+        if parts[0] <= 0.0 && self.kind == Kind::Oadev {
+            variance = variance.max(2.0 / of(Noise::WhiteRate));
+        }
+        if self.kind == Kind::Oadev
+            && let Some(spectrum) = self.spectrum
+        {
+            // Within the sensor's memory no power law holds; there the spectrum itself says how the deviation scatters.
+            let short = m * OF_SEGMENT < 2 * spectrum.density.len();
+            let noise = if short { Some(self.measured(spectrum, m)) } else { None };
+            if tau_s < self.used_from_s
+                && let Some((_, measured)) = noise
+            {
+                variance = measured;
+            }
+            if !self.lines.is_empty() {
+                let square = noise.map_or_else(|| self.fit.model(tau_s), |(square, _)| square);
+                variance = self.with_lines(spectrum, m, square, variance);
+            }
+        }
+        (noise, 2.0 / variance)
+    }
+
+    /// Squared deviation and its relative variance by a spectrum: `(1 / n) int S^2 H^2 / (int S H)^2`.
+    fn measured(&self, spectrum: &Spectrum, m: usize) -> (f64, f64) {
+        let step = 1.0 / (2 * (spectrum.density.len() - 1)) as f64;
+        let (mut level, mut squares) = (0.0, 0.0);
+        for (k, density) in spectrum.density.iter().enumerate().skip(1) {
+            let sh = density * self.rate_hz * window(m, k as f64 * step);
+            level += sh * step;
+            squares += sh * sh * step;
+        }
+        // The square of a density that scatters is too large by its variance.
+        squares /= 1.0 + spectrum.relative_sd.powi(2);
+        (level, squares / (self.phases - 1) as f64 / (level * level))
+    }
+
+    /// Relative variance of a squared deviation of noise and lines: the lines themselves do not scatter, only the noise
+    /// beside them does, `(2 / n) S(f) (A^2 / 2) H^2` each.
+    fn with_lines(&self, spectrum: &Spectrum, m: usize, square: f64, variance: f64) -> f64 {
+        let (mut total, mut scatter) = (square, variance * square * square);
+        for line in self.lines {
+            let h = window(m, line.frequency_hz / self.rate_hz);
+            let power = line.amplitude * line.amplitude / 2.0;
+            let bin = (line.frequency_hz / spectrum.step_hz).round() as usize;
+            let density = spectrum.density.get(bin).copied().unwrap_or(0.0) * self.rate_hz;
+            total += power * h;
+            scatter += 2.0 * density * power * h * h / (self.phases - 1) as f64;
+        }
+        scatter / (total * total)
+    }
+}
+
+fn dominant(parts: &Parts) -> Noise {
+    let largest = parts.iter().zip(BASIS).max_by(|a, b| a.0.total_cmp(b.0));
+    largest.map_or(Noise::WhiteRate, |(_, noise)| noise)
+}
