@@ -53,6 +53,8 @@ pub enum Source {
     TablePosition = 20,
     /// Simulations of noise alone.
     Bootstrap = 21,
+    /// Spikes and failed reads of the inertial sensors and the magnetometer.
+    SensorUpsets = 22,
 }
 
 /// One stream of chance.

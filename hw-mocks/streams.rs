@@ -6,6 +6,7 @@ use gnc_protocol::stream::{Format, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, St
 use gnc_protocol::wire::{Wire, Writer};
 
 use crate::devices::calibration::Compensation;
+use crate::devices::inertial::Reader;
 use crate::requests::samples_per_frame;
 use crate::sampling::SamplingFaults;
 
@@ -31,6 +32,8 @@ pub(crate) struct Stream {
     pub(crate) compensation: Option<Compensation>,
     /// What is wrong with the samples' times.
     pub(crate) sampling: SamplingFaults,
+    /// What it sees of the sensors, from its first sample on.
+    pub(crate) reader: Option<Reader>,
 }
 
 impl Stream {
@@ -51,6 +54,7 @@ impl Stream {
             tick,
             compensation: None,
             sampling: SamplingFaults::default(),
+            reader: None,
         }
     }
 

@@ -12,7 +12,7 @@ use crate::devices::gnss::{EPOCHS_HZ, LATENCY_S};
 use crate::devices::inertial::noise::STEP_S;
 use crate::requests::{self, samples_per_frame};
 use crate::streams::{Stream, format_of, stream_bytes};
-use crate::world::Influence;
+use crate::world::{Influence, World};
 
 impl SimulatedBoard {
     pub(super) fn start_stream(&mut self, start: &StreamStart) -> Result<Payload, Fault> {
@@ -127,20 +127,6 @@ impl SimulatedBoard {
         self.still = None;
     }
 
-    /// What acts on the module. While it lies still only its temperature moves, and that as slowly as the sensors' own
-    /// noise: both are worked out once in a step.
-    fn influence(&mut self, now_s: f64) -> Influence {
-        let step = (now_s / STEP_S) as i64;
-        match self.still {
-            Some((known, influence)) if known == step => influence,
-            _ => {
-                let influence = self.world.influence(now_s);
-                self.still = self.world.motion.is_still(now_s).then_some((step, influence));
-                influence
-            }
-        }
-    }
-
     fn run_stream(&mut self, index: usize) {
         // Taken out while it runs, since its samples come from the rest of the board.
         let mut stream = self.streams.swap_remove(index);
@@ -155,13 +141,14 @@ impl SimulatedBoard {
     }
 
     fn run_imu(&mut self, stream: &mut Stream) {
-        let (rate_hz, skew_s) = (stream.rate_hz() as f64, self.module.sensors.skew_s());
+        let rate_hz = stream.rate_hz() as f64;
         while !stream.is_complete() && stream.next_imu_ns() <= self.now_ns {
             let time_ns = stream.next_imu_ns();
             let now_s = self.true_s(time_ns);
-            let influence = self.influence(now_s);
-            let field_of_y = (skew_s != 0.0).then(|| self.world.influence(now_s + skew_s).field_gauss);
-            let sample = self.module.sensors.sample_skewed(&influence, field_of_y, now_s, rate_hz);
+            let sensors = &mut self.module.sensors;
+            let reader = stream.reader.get_or_insert_with(|| sensors.reader(rate_hz));
+            let (world, still) = (&self.world, &mut self.still);
+            let sample = sensors.read(reader, |moment_s| influence(world, still, moment_s), now_s);
             let time_us = self.board_us(stream.next_told_ns());
             let full = match &stream.compensation {
                 Some(compensation) => {
@@ -207,6 +194,20 @@ impl SimulatedBoard {
             stream.drop_frame(&frame);
         } else {
             self.samples.push_back(Output::Stream(stream.id, frame));
+        }
+    }
+}
+
+/// What acts on the module. While it lies still only its temperature moves, and that as slowly as the sensors' own noise:
+/// both are worked out once in a step.
+fn influence(world: &World, still: &mut Option<(i64, Influence)>, now_s: f64) -> Influence {
+    let step = (now_s / STEP_S) as i64;
+    match still {
+        Some((known, influence)) if *known == step => *influence,
+        _ => {
+            let influence = world.influence(now_s);
+            *still = world.motion.is_still(now_s).then_some((step, influence));
+            influence
         }
     }
 }

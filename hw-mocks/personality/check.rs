@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use toml::Spanned;
 
+use super::sensors::vibrations;
 use super::{Load, Model, RebootTrigger, raw};
 use crate::can_faults::{CanRates, CanWireFaults};
 use crate::devices::ad::Rails;
@@ -70,7 +71,7 @@ pub(super) fn number(
     Err(mistake(spanned, format!("{name} {number} is not in {low} to {high}")))
 }
 
-fn integer(value: &Spanned<u32>, name: &str, low: u32, high: u32) -> Result<u32, Mistake> {
+pub(super) fn integer(value: &Spanned<u32>, name: &str, low: u32, high: u32) -> Result<u32, Mistake> {
     let number = *value.get_ref();
     if (low..=high).contains(&number) {
         return Ok(number);
@@ -180,6 +181,8 @@ impl raw::Personality {
                 accel: self.accel.faults(1e-3)?,
                 mag: self.mag.faults(1.0)?,
                 mag_y_skew_us: number(self.mag.y_skew_us.as_ref(), "y_skew_us", -1e6, 1e6, 0.0)?,
+                vibrations: vibrations(&self.vibration)?,
+                failed_reads: self.imu.failed_reads.as_ref().map(raw::FailedReads::check).transpose()?,
             },
             calibration: self.calibration.check()?,
             gnss: self.gnss.check()?,

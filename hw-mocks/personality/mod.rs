@@ -79,6 +79,24 @@
 //! swapped_axes = ["x", "z"]
 //! noise_factor = 20.0
 //! offset_dps = [0.0, 0.0, 1.0]
+//! bandwidth_hz = 80.0                  # of the chip's low-pass; 0: none. Noise and motion pass it
+//! bandwidth_order = 2                  # or 1; without it as in a good module, where there is one, else 2
+//! update_rate_hz = 100.0               # a stream that reads more often finds the last conversion again
+//! noise_per_k = [0.01, 0.0, 0.0]       # the white noise grows by the exponential of this a kelvin; as it is at 25 degC
+//! clip_low_dps = -inf                  # the converter ends there; inf is none
+//! clip_high_dps = [inf, 150.0, inf]
+//! spikes = { share = 1e-4, size_dps = 50.0, axis = "x" } # one in each 10,000 conversions, somewhere in them; size in g
+//!                                      # and gauss alike; without an axis any of the three; up or down by chance
+//! failed_reads = { share = 0.001, code = 0 } # of this chip, all its channels at once; or -1, 8388607, -8388608
+//!
+//! [imu]                                # gyroscopes, accelerometers and magnetometer are a chip each; this is their bus
+//! failed_reads = { share = 0.001, code = -1 } # of all three at once
+//!
+//! [[vibration]]                        # what shakes the module: sines, in phase in all that feel them; at most four
+//! frequency_hz = 87.0
+//! rate_dps = [0.0, 0.0, 0.5]           # amplitudes along its axes
+//! force_g = [0.1, 0.0, 0.0]
+//! field_gauss = [0.0, 0.0, 0.0]
 //!
 //! [calibration]
 //! lost_bit = { byte = 100, bit = 3, after_power_cycle = true } # of every one that is stored

@@ -26,6 +26,8 @@ pub(super) struct Personality {
     pub(super) gyro: Triad,
     pub(super) accel: Triad,
     pub(super) mag: Triad,
+    pub(super) imu: Imu,
+    pub(super) vibration: Vec<Vibration>,
     pub(super) calibration: Calibration,
     pub(super) gnss: Gnss,
     pub(super) ad: Ad,
@@ -213,6 +215,47 @@ pub(super) struct Triad {
     pub(super) noise_factor: Option<Spanned<f64>>,
     #[serde(alias = "offset_dps", alias = "offset_g", alias = "offset_gauss")]
     pub(super) offset: Option<[Spanned<f64>; 3]>,
+    pub(super) bandwidth_hz: Option<Spanned<f64>>,
+    pub(super) bandwidth_order: Option<Spanned<u32>>,
+    pub(super) update_rate_hz: Option<Spanned<f64>>,
+    pub(super) noise_per_k: Option<Spanned<PerAxis>>,
+    #[serde(alias = "clip_low_dps", alias = "clip_low_g", alias = "clip_low_gauss")]
+    pub(super) clip_low: Option<Spanned<PerAxis>>,
+    #[serde(alias = "clip_high_dps", alias = "clip_high_g", alias = "clip_high_gauss")]
+    pub(super) clip_high: Option<Spanned<PerAxis>>,
+    pub(super) spikes: Option<Spikes>,
+    pub(super) failed_reads: Option<FailedReads>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Spikes {
+    pub(super) share: Spanned<f64>,
+    #[serde(alias = "size_dps", alias = "size_g", alias = "size_gauss")]
+    pub(super) size: Spanned<f64>,
+    pub(super) axis: Option<Spanned<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FailedReads {
+    pub(super) share: Spanned<f64>,
+    pub(super) code: Spanned<i32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Imu {
+    pub(super) failed_reads: Option<FailedReads>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Vibration {
+    pub(super) frequency_hz: Spanned<f64>,
+    pub(super) rate_dps: Option<[Spanned<f64>; 3]>,
+    pub(super) force_g: Option<[Spanned<f64>; 3]>,
+    pub(super) field_gauss: Option<[Spanned<f64>; 3]>,
 }
 
 #[derive(Debug, Default, Deserialize)]

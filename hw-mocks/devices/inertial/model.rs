@@ -14,14 +14,16 @@
 //! | misalignment | up to 1.6 mrad | up to 1.4 mrad | as above; above the published coupling, which holds after compensation |
 //! | g-sensitivity | up to 0.012 deg/s/g | - | as above |
 //! | temperature | 0.0008 deg/s/K | 0.03 mg/K, scale 30 ppm/K | small enough for the published hour after settling |
+//! | bandwidth | 80 Hz, two poles | 80 Hz, two poles | industrial gyroscopes with a digital output: the ADXRS453 is of the kind |
 //!
 //! The magnetometer has 60 microgauss of white noise at 200 Hz (half the published resolution), up to 0.02 gauss of
-//! hard iron, 1.5 % of soft iron, 3 microgauss of slow noise with 20 s of correlation, 10 microgauss/K. A sample stands for
-//! the mean over its interval, so white noise grows with the root of the rate. Codes are those of a 24-bit converter: they
-//! saturate, they do not wrap.
+//! hard iron, 1.5 % of soft iron, 3 microgauss of slow noise with 20 s of correlation, 10 microgauss/K, and no bandwidth
+//! below any rate. A sample stands for the mean over its interval, so white noise grows with the root of the rate, as far
+//! as the bandwidth lets it. Codes are those of a 24-bit converter: they saturate, they do not wrap.
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::bandwidth::{Bandwidth, Order};
 use super::noise::AxisNoise;
 
 /// Temperature at which the fixed errors are stated.
@@ -35,6 +37,9 @@ const ACCEL_WHITE: f64 = 0.1e-3;
 /// Slow noise of the magnetometer, gauss, and its zero per kelvin: usual for magnetoresistive parts with set and reset.
 const MAG_SLOW: f64 = 3e-6;
 const MAG_PER_K: f64 = 10e-6;
+
+/// Low-pass of the inertial chips.
+const INDUSTRIAL: Bandwidth = Bandwidth { cutoff_hz: 80.0, order: Order::Second };
 
 /// Bias stability and repeatability of a kind of sensors, X, Y, Z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +87,12 @@ pub struct TriadModel {
     pub bias_per_k: f64,
     /// Relative change of the response per kelvin.
     pub response_per_k: f64,
+    /// The white noise's deviation grows as the exponential of this and of the kelvins above 25 degC.
+    pub noise_per_k: Vector3<f64>,
+    /// Low-pass in the chip; `None`: none that matters.
+    pub bandwidth: Option<Bandwidth>,
+    /// Conversions of the chip; `None`: as many as are read.
+    pub update_rate_hz: Option<f64>,
 }
 
 impl TriadModel {
@@ -105,6 +116,9 @@ impl TriadModel {
             noise,
             bias_per_k: 0.0008,
             response_per_k: 0.0,
+            noise_per_k: Vector3::zeros(),
+            bandwidth: Some(INDUSTRIAL),
+            update_rate_hz: None,
         }
         .with_published(&published.scaled(1.0 / 3600.0))
     }
@@ -119,6 +133,9 @@ impl TriadModel {
             noise,
             bias_per_k: 0.03e-3,
             response_per_k: 30e-6,
+            noise_per_k: Vector3::zeros(),
+            bandwidth: Some(INDUSTRIAL),
+            update_rate_hz: None,
         }
         .with_published(&published.scaled(1e-3))
     }
@@ -133,6 +150,9 @@ impl TriadModel {
             noise: [AxisNoise { white, slow: MAG_SLOW, correlation_s: 20.0, ..AxisNoise::default() }; 3],
             bias_per_k: MAG_PER_K,
             response_per_k: 0.0,
+            noise_per_k: Vector3::zeros(),
+            bandwidth: None,
+            update_rate_hz: None,
         }
     }
 }

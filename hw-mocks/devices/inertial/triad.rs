@@ -3,76 +3,11 @@
 use gnc_protocol::stream::SATURATION;
 use nalgebra::{Matrix3, Vector3};
 
+use super::faults::{Dispersed, Failing, Spikes, TriadFaults};
 use super::model::{REFERENCE_C, TriadModel};
 use super::noise::SlowNoise;
 use super::truth::TriadTruth;
 use crate::noise::Dice;
-use crate::world::Axis;
-
-/// What is wrong with a triad. In the sensors' unit; zeros and `None` are good sensors.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TriadFaults {
-    /// The converter of an axis repeats its first code for ever.
-    pub stuck: [bool; 3],
-    /// An axis gives no signal: its code is 0.
-    pub dead: [bool; 3],
-    /// Two axes arrive in each other's place.
-    pub swapped: Option<(Axis, Axis)>,
-    /// White noise is so many times the model's.
-    pub noise_factor: f64,
-    /// Added to the bias.
-    pub offset: Vector3<f64>,
-    /// The bias runs away by this in an hour, from each power-on on.
-    pub drift_per_h: Vector3<f64>,
-    /// The bias wanders by this up and down, as a sine from each power-on on.
-    pub wander: Vector3<f64>,
-    /// Period of that.
-    pub wander_s: f64,
-    /// Relative deviation of the scale factor from power-on to power-on.
-    pub scale_turn_on: Vector3<f64>,
-    /// Deviation of the response of X to the Y axis from power-on to power-on.
-    pub coupling_turn_on: f64,
-    /// Inputs along the axis smaller than this give nothing.
-    pub deadband: Vector3<f64>,
-    /// The signal moves in steps of this size; noise comes behind.
-    pub step: Vector3<f64>,
-    /// Outputs beyond this read as the end of the converter.
-    pub range: Vector3<f64>,
-}
-
-impl Default for TriadFaults {
-    fn default() -> Self {
-        let none = Vector3::zeros();
-        Self {
-            stuck: [false; 3],
-            dead: [false; 3],
-            swapped: None,
-            noise_factor: 1.0,
-            offset: none,
-            drift_per_h: none,
-            wander: none,
-            wander_s: 60.0,
-            scale_turn_on: none,
-            coupling_turn_on: 0.0,
-            deadband: none,
-            step: none,
-            range: none,
-        }
-    }
-}
-
-/// Faults of all sensors of a module.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct SensorFaults {
-    /// Gyroscopes.
-    pub gyro: TriadFaults,
-    /// Accelerometers.
-    pub accel: TriadFaults,
-    /// Magnetometer.
-    pub mag: TriadFaults,
-    /// The magnetometer's Y is sampled so much later than the rest.
-    pub mag_y_skew_us: f64,
-}
 
 /// Three sensors of one kind.
 #[derive(Debug, Clone)]
@@ -88,12 +23,20 @@ pub(super) struct Triad {
     first: Option<[i32; 3]>,
     /// Whether codes need a second look.
     altered: bool,
-    white_lsb: Vector3<f64>,
-    white_rate_hz: f64,
+    /// Root of the density of the white noise now.
+    white: Vector3<f64>,
+    spikes: Option<(Spikes, Dispersed)>,
+    failing: Option<Failing>,
 }
 
 impl Triad {
-    pub(super) fn new(model: TriadModel, faults: TriadFaults, lsb_per_unit: f64, slow_dice: &mut Dice) -> Self {
+    pub(super) fn new(
+        model: TriadModel,
+        faults: TriadFaults,
+        lsb_per_unit: f64,
+        slow_dice: &mut Dice,
+        upset_dice: &mut Dice,
+    ) -> Self {
         let alters = faults.stuck != [false; 3] || faults.dead != [false; 3] || faults.swapped.is_some();
         Self {
             model,
@@ -105,8 +48,9 @@ impl Triad {
             response: model.response,
             first: None,
             altered: alters || faults.range != Vector3::zeros(),
-            white_lsb: Vector3::zeros(),
-            white_rate_hz: 0.0,
+            white: Vector3::zeros(),
+            spikes: faults.spikes.map(|spikes| (spikes, Dispersed::new(spikes.share, upset_dice))),
+            failing: faults.failed_reads.map(|failed| Failing::new(&failed, upset_dice)),
         }
     }
 
@@ -120,21 +64,40 @@ impl Triad {
         self.first = None;
     }
 
-    /// Slow noise and drift: `span_s` have passed, the module is under power for `powered_s`.
-    pub(super) fn move_slowly(&mut self, span_s: f64, powered_s: f64, dice: &mut Dice) {
+    /// Slow noise, drift and what the temperature makes of white noise: `span_s` have passed, the module is under power
+    /// for `powered_s`.
+    pub(super) fn move_slowly(&mut self, span_s: f64, powered_s: f64, temperature_c: f64, dice: &mut Dice) {
         for slow in &mut self.slow {
             slow.step(span_s, dice);
         }
         let turns = powered_s / self.faults.wander_s;
         self.drift =
             self.faults.drift_per_h * (powered_s / 3600.0) + self.faults.wander * (turns * std::f64::consts::TAU).sin();
+        let warmer_k = temperature_c - REFERENCE_C;
+        let factor = (self.model.noise_per_k * warmer_k).map(f64::exp) * self.faults.noise_factor;
+        self.white = Vector3::from_fn(|axis, _| self.model.noise[axis].white * factor[axis]);
+    }
+
+    /// Root of the density of the white noise: deviation of a mean over one second.
+    pub(super) fn white(&self) -> &Vector3<f64> {
+        &self.white
+    }
+
+    /// The reads of the chip that fail, if any do.
+    pub(super) fn failing(&mut self) -> Option<&mut Failing> {
+        self.failing.as_mut()
+    }
+
+    /// Response at a temperature.
+    pub(super) fn response(&self, temperature_c: f64) -> Matrix3<f64> {
+        self.response * (1.0 + self.model.response_per_k * (temperature_c - REFERENCE_C))
     }
 
     /// Response and bias at a temperature.
     pub(super) fn truth(&self, temperature_c: f64) -> TriadTruth {
         let warmer_k = temperature_c - REFERENCE_C;
         TriadTruth {
-            response: self.response * (1.0 + self.model.response_per_k * warmer_k),
+            response: self.response(temperature_c),
             bias: self.model.bias
                 + self.faults.offset
                 + self.turn_on
@@ -145,7 +108,7 @@ impl Triad {
         }
     }
 
-    /// The sensors' output without white noise, in their unit.
+    /// The sensors' output without white noise, vibration and filter, in their unit.
     pub(super) fn output(&self, input: &Vector3<f64>, temperature_c: f64) -> Vector3<f64> {
         let truth = self.truth(temperature_c);
         let felt = Vector3::from_fn(|axis, _| self.feel(input[axis], axis));
@@ -158,17 +121,18 @@ impl Triad {
         if step > 0.0 { (felt / step).round() * step } else { felt }
     }
 
-    /// One code of each sensor. Noise is drawn for every axis, whatever its faults, so that a fault of one axis
-    /// leaves the noise of the others as it was.
-    pub(super) fn convert(&mut self, output: &Vector3<f64>, rate_hz: f64, dice: &mut Dice) -> [i32; 3] {
-        if self.white_rate_hz != rate_hz {
-            self.white_rate_hz = rate_hz;
-            let factor = self.faults.noise_factor * rate_hz.sqrt() * self.lsb_per_unit;
-            self.white_lsb = Vector3::from_fn(|axis, _| self.model.noise[axis].white * factor);
+    /// One code of each sensor for what the converter sees.
+    pub(super) fn convert(&mut self, mut seen: Vector3<f64>, dice: &mut Dice) -> [i32; 3] {
+        if let Some((spikes, when)) = &mut self.spikes
+            && when.comes(dice)
+        {
+            let (axis, size) = spikes.draw(dice);
+            seen[axis] += size;
         }
         let mut codes = [0; 3];
         for (axis, code) in codes.iter_mut().enumerate() {
-            let value = output[axis] * self.lsb_per_unit + self.white_lsb[axis] * dice.normal();
+            // Of limits that are in the wrong order the upper one counts.
+            let value = seen[axis].max(self.faults.clip_low[axis]).min(self.faults.clip_high[axis]) * self.lsb_per_unit;
             // Half away from zero; a cast keeps what is out of range at the end of it.
             *code = ((value + 0.5_f64.copysign(value)) as i32).clamp(-SATURATION - 1, SATURATION);
         }

@@ -11,6 +11,8 @@ mod can;
 #[cfg(test)]
 mod faults;
 #[cfg(test)]
+mod filtered;
+#[cfg(test)]
 mod gnss;
 #[cfg(test)]
 mod host;
@@ -22,6 +24,8 @@ mod memories;
 mod personalities;
 #[cfg(test)]
 mod pty;
+#[cfg(test)]
+mod real_sensors;
 #[cfg(test)]
 mod sensor_faults;
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Personality files: what comes with the library is well formed, what is wrong is refused with its place.
 
 use hw_mocks::devices::inertial::SensorModels;
+use hw_mocks::devices::inertial::bandwidth::Order;
 use hw_mocks::devices::inertial::model::PUBLISHED;
-use hw_mocks::{Personality, boards};
+use hw_mocks::{Options, Personality, boards};
 
 use crate::host::Host;
 
@@ -65,7 +66,7 @@ fn boards_for_acceptance_say_how_they_end() {
             other => panic!("{name}: {other}"),
         }
     }
-    assert_eq!(bad, 16);
+    assert_eq!(bad, 20);
 }
 
 /// The files of the five modules hold the figures of the table.
@@ -129,4 +130,44 @@ fn units_in_names_are_those_of_the_sensor() {
     for text in ["[accel]\noffset_g = [0.0, 0.0, 0.025]\n", "[gyro]\noffset_dps = [1, 0, 0]\n"] {
         assert!(Personality::from_toml("mine", text).is_ok(), "{text}");
     }
+}
+
+#[test]
+fn what_real_sensors_do_is_checked() {
+    refused("[gyro]\nbandwidth_hz = -3\n", "mine:2:16: bandwidth_hz -3 is not in 0.1 to 100000");
+    refused("[gyro]\nbandwidth_order = 3\n", "mine:2:19: bandwidth_order 3 is not in 1 to 2");
+    refused("[mag]\nbandwidth_order = 1\n", "mine:2:19: bandwidth_order has no bandwidth_hz beside it");
+    refused("[accel]\nupdate_rate_hz = 0\n", "mine:2:18: update_rate_hz 0 is not in 0.01 to 100000");
+    refused("[accel]\nclip_low_g = nan\n", "mine:2:14: clip_low NaN is no number");
+    refused(
+        "[accel]\nclip_low_g = [-inf, -inf, 2.0]\nclip_high_g = [inf, inf, 1.0]\n",
+        "mine:3:15: clip_high is not above clip_low",
+    );
+    refused(
+        "[gyro]\nspikes = { share = 0.1, size_dps = 1, axis = \"w\" }\n",
+        "mine:2:46: axis \"w\" is not one of x, y, z",
+    );
+    refused("[gyro]\nspikes = { share = 1.1, size_dps = 1 }\n", "mine:2:20: share 1.1 is not in 0 to 1");
+    refused(
+        "[mag]\nfailed_reads = { share = 0.1, code = 7 }\n",
+        "mine:2:38: code 7 is not one of 0, -1, 8388607, -8388608",
+    );
+    refused("[imu]\nfailed_reads = { share = -0.1, code = 0 }\n", "mine:2:26: share -0.1 is not in 0 to 1");
+    refused("[[vibration]]\nfrequency_hz = inf\n", "mine:2:16: frequency_hz inf is not in 0.001 to 100000");
+    let five = "[[vibration]]\nfrequency_hz = 10\n".repeat(5);
+    refused(&five, "mine:10:16: more than 4 vibrations");
+    let bandwidth = |text: &str| {
+        let personality = Personality::from_toml("mine", text).unwrap();
+        Host::with(&Options { personality, ..Options::default() })
+            .bench
+            .truth()
+            .sensors
+            .gyro
+            .bandwidth
+            .map(|known| (known.cutoff_hz, known.order))
+    };
+    assert_eq!(bandwidth(""), Some((80.0, Order::Second)));
+    assert_eq!(bandwidth("[gyro]\nbandwidth_hz = 0\n"), None);
+    assert_eq!(bandwidth("[gyro]\nbandwidth_order = 1\n"), Some((80.0, Order::First)));
+    assert_eq!(bandwidth("[gyro]\nbandwidth_hz = 25\n"), Some((25.0, Order::Second)));
 }

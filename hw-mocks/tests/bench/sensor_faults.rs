@@ -1,6 +1,5 @@
 //! Each sensor fault has the size and the place that its board states, and leaves all else as it was.
 
-use gnc_protocol::stream::ImuSample;
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadFaults};
 use hw_mocks::world::{Influence, Site, World};
 use hw_mocks::{Axis, Direction, Sign};
@@ -19,13 +18,14 @@ fn still(rate_dps: f64, force_x_g: f64) -> Influence {
     }
 }
 
-/// Modules without any noise, so that a fault stands alone.
+/// Modules without any noise and bandwidth, so that a fault stands alone.
 fn silent(faults: SensorFaults) -> Sensors {
     let mut models = SensorModels::default();
     for triad in [&mut models.gyro, &mut models.accel, &mut models.mag] {
         triad.noise = Default::default();
         triad.response = Matrix3::identity();
         triad.bias = Vector3::zeros();
+        triad.bandwidth = None;
     }
     models.gyro_per_g = Matrix3::zeros();
     let mut sensors = Sensors::new(models, faults, 5);
@@ -128,11 +128,11 @@ fn a_skew_is_an_angle_that_grows_with_the_rate() {
     let mut sensors = silent(SensorFaults { mag_y_skew_us: 100.0, ..SensorFaults::default() });
     let mut world = World::new(Site::default(), std::time::Duration::ZERO, 25.0);
     world.set_turn(Axis::Z, 5400.0, 0.0);
+    let mut reader = sensors.reader(1000.0);
     let (mut in_phase, mut across, mut x_square) = (0.0, 0.0, 0.0);
     for index in 0..1000 {
         let now_s = f64::from(index) / 1000.0;
-        let field_of_y = Some(world.influence(now_s + sensors.skew_s()).field_gauss);
-        let sample: ImuSample = sensors.sample_skewed(&world.influence(now_s), field_of_y, now_s, 1000.0);
+        let sample = sensors.read(&mut reader, |moment_s| world.influence(moment_s), now_s);
         // Y a quarter of a turn later is X: with x = cos and y = -sin the product has the mean sin(skew) / 2.
         let (x, y) = (f64::from(sample.mag[0]), f64::from(sample.mag[1]));
         in_phase += x * y;

@@ -10,6 +10,7 @@ use hw_mocks::world::{Influence, Site, World, attitude};
 use hw_mocks::{Axis, Sign};
 use nalgebra::Vector3;
 
+use crate::filtered;
 use crate::host::Host;
 
 const G: f64 = 9.80665;
@@ -73,7 +74,8 @@ fn turning_right_handed_reads_positive_and_turns_the_field_back() {
     assert!((seen.field_gauss - Vector3::new(-east, -north, seen.field_gauss.z)).norm() < 1e-9, "{}", seen.field_gauss);
 }
 
-fn imu(host: &mut Host, rate_hz: u16, count: u32) -> Vec<ImuSample> {
+/// Samples of the raw stream.
+pub(crate) fn imu(host: &mut Host, rate_hz: u16, count: u32) -> Vec<ImuSample> {
     host.frames.clear();
     host.ask(&StreamStart { stream: 1, rate_hz, count, samples_per_frame: 0 });
     let mut samples = Vec::new();
@@ -120,12 +122,13 @@ fn sensors_at_rest_read_the_truth_within_their_noise() {
         let (mean, deviation) = mean_and_deviation(&samples, |s| s.gyro[axis]);
         // Bounds: five deviations of the slow bias (4 deg/h) and of the white noise's mean, and the temperature.
         assert!((mean / 20_000.0 - gyro).abs() < 5.0 * 0.0012 + 0.004, "gyro {axis}: {} {gyro}", mean / 20_000.0);
-        // 9 deg/h sqrt(s) at 200 Hz is 0.0354 deg/s.
-        assert!((deviation / 20_000.0 / 0.035_36 - 1.0).abs() < 0.06, "gyro {axis}: {deviation}");
+        // 9 deg/h sqrt(s), in means over 5 ms behind two poles at 80 Hz.
+        let passed = filtered::variance(0.005, 80.0, 2).sqrt();
+        assert!((deviation / 20_000.0 / (0.0025 * passed) - 1.0).abs() < 0.06, "gyro {axis}: {deviation}");
         let accel = row(&models.accel.response, &force_g) + models.accel.bias[axis];
         let (mean, deviation) = mean_and_deviation(&samples, |s| s.accel[axis]);
         assert!((mean / 160_000.0 - accel).abs() < 5.0 * 0.3e-3, "accel {axis}: {} {accel}", mean / 160_000.0);
-        assert!((deviation / 160_000.0 / 1.414e-3 - 1.0).abs() < 0.06, "accel {axis}: {deviation}");
+        assert!((deviation / 160_000.0 / (0.1e-3 * passed) - 1.0).abs() < 0.06, "accel {axis}: {deviation}");
         let mag = row(&models.mag.response, &truth.influence.field_gauss) + models.mag.bias[axis];
         let (mean, deviation) = mean_and_deviation(&samples, |s| s.mag[axis]);
         assert!((mean / 1.25e6 - mag).abs() < 5e-6, "mag {axis}: {} {mag}", mean / 1.25e6);
@@ -136,16 +139,22 @@ fn sensors_at_rest_read_the_truth_within_their_noise() {
 }
 
 /// White noise from first differences (Allan deviation at one sample), which drifts cannot raise: it grows with the
-/// root of the rate.
+/// root of the rate where there is no bandwidth, and as the filter's closed form says where there is one.
 #[test]
 fn white_noise_follows_the_density_at_every_rate() {
     let mut host = Host::powered("good");
     for (rate_hz, count) in [(50, 4000), (1000, 8000)] {
         let samples = imu(&mut host, rate_hz, count);
-        let sum: f64 = samples.windows(2).map(|pair| f64::from(pair[1].accel[1] - pair[0].accel[1]).powi(2)).sum();
-        let allan_g = (sum / (2.0 * f64::from(count - 1))).sqrt() / 160_000.0;
-        let expected_g = 0.1e-3 * f64::from(rate_hz).sqrt();
-        assert!((allan_g / expected_g - 1.0).abs() < 0.05, "{rate_hz} Hz: {allan_g} {expected_g}");
+        let allan = |pick: fn(&ImuSample) -> i32| {
+            let square = |pair: &[ImuSample]| f64::from(pick(&pair[1]) - pick(&pair[0])).powi(2);
+            (samples.windows(2).map(square).sum::<f64>() / (2.0 * f64::from(count - 1))).sqrt()
+        };
+        let expected_gauss = 60e-6 * (f64::from(rate_hz) / 200.0).sqrt();
+        let mag_gauss = allan(|sample| sample.mag[1]) / 1.25e6;
+        assert!((mag_gauss / expected_gauss - 1.0).abs() < 0.05, "{rate_hz} Hz: {mag_gauss} {expected_gauss}");
+        let expected_g = 0.1e-3 * filtered::allan_variance(1.0 / f64::from(rate_hz), 80.0, 2).sqrt();
+        let accel_g = allan(|sample| sample.accel[1]) / 160_000.0;
+        assert!((accel_g / expected_g - 1.0).abs() < 0.05, "{rate_hz} Hz: {accel_g} {expected_g}");
     }
 }
 

@@ -1,0 +1,188 @@
+//! What may be wrong with the sensors, with what they are fixed to, and with the bus that they are read over.
+
+use gnc_protocol::stream::SATURATION;
+use nalgebra::Vector3;
+
+use crate::noise::Dice;
+use crate::world::Axis;
+
+/// Vibrations of one module, at most: more tell nothing that these do not, and each costs a sine a sample.
+pub const MOST_VIBRATIONS: usize = 4;
+
+/// What is wrong with a triad. In the sensors' unit; zeros and `None` are good sensors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TriadFaults {
+    /// The converter of an axis repeats its first code for ever.
+    pub stuck: [bool; 3],
+    /// An axis gives no signal: its code is 0.
+    pub dead: [bool; 3],
+    /// Two axes arrive in each other's place.
+    pub swapped: Option<(Axis, Axis)>,
+    /// White noise is so many times the model's.
+    pub noise_factor: f64,
+    /// Added to the bias.
+    pub offset: Vector3<f64>,
+    /// The bias runs away by this in an hour, from each power-on on.
+    pub drift_per_h: Vector3<f64>,
+    /// The bias wanders by this up and down, as a sine from each power-on on.
+    pub wander: Vector3<f64>,
+    /// Period of that.
+    pub wander_s: f64,
+    /// Relative deviation of the scale factor from power-on to power-on.
+    pub scale_turn_on: Vector3<f64>,
+    /// Deviation of the response of X to the Y axis from power-on to power-on.
+    pub coupling_turn_on: f64,
+    /// Inputs along the axis smaller than this give nothing.
+    pub deadband: Vector3<f64>,
+    /// The signal moves in steps of this size; noise comes behind.
+    pub step: Vector3<f64>,
+    /// Outputs beyond this read as the end of the converter.
+    pub range: Vector3<f64>,
+    /// Outputs below this read as this.
+    pub clip_low: Vector3<f64>,
+    /// Outputs above this read as this.
+    pub clip_high: Vector3<f64>,
+    /// Some conversions are upset.
+    pub spikes: Option<Spikes>,
+    /// Some reads of the chip fail.
+    pub failed_reads: Option<FailedReads>,
+}
+
+impl Default for TriadFaults {
+    fn default() -> Self {
+        let none = Vector3::zeros();
+        Self {
+            stuck: [false; 3],
+            dead: [false; 3],
+            swapped: None,
+            noise_factor: 1.0,
+            offset: none,
+            drift_per_h: none,
+            wander: none,
+            wander_s: 60.0,
+            scale_turn_on: none,
+            coupling_turn_on: 0.0,
+            deadband: none,
+            step: none,
+            range: none,
+            clip_low: Vector3::repeat(f64::NEG_INFINITY),
+            clip_high: Vector3::repeat(f64::INFINITY),
+            spikes: None,
+            failed_reads: None,
+        }
+    }
+}
+
+/// Conversions in which one sensor of the chip is upset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spikes {
+    /// Of all conversions: one in each run of `1 / share`.
+    pub share: f64,
+    /// What is added or subtracted, by chance, in the sensors' unit.
+    pub size: f64,
+    /// The sensor; `None`: any of the three, by chance.
+    pub axis: Option<Axis>,
+}
+
+impl Spikes {
+    /// The sensor that is upset and what is added to it.
+    pub(super) fn draw(&self, dice: &mut Dice) -> (usize, f64) {
+        // Six cases of one number: three sensors, two senses.
+        let case = dice.between(0.0, 6.0) as usize;
+        let axis = self.axis.map_or(case % 3, Axis::index);
+        (axis, if case < 3 { self.size } else { -self.size })
+    }
+}
+
+/// Reads that fail: all channels of the chip then hold one value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FailedReads {
+    /// Of all reads: one in each run of `1 / share`.
+    pub share: f64,
+    /// What is read instead.
+    pub code: i32,
+}
+
+impl FailedReads {
+    /// What a bus gives that nothing drives: zeros, ones, or an end of the converter's range.
+    pub const CODES: [i32; 4] = [0, -1, SATURATION, -SATURATION - 1];
+}
+
+/// Events of which one comes in each run of `1 / share` turns, at a place in the run that chance decides.
+///
+/// So many turns hold so many events, to one at either end: a fault near a limit is on the same side of it under every
+/// seed, and still comes when nobody expects it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Dispersed {
+    share: f64,
+    /// How much of the run has passed, and where in it the event lies.
+    passed: f64,
+    event: f64,
+}
+
+impl Dispersed {
+    pub(super) fn new(share: f64, dice: &mut Dice) -> Self {
+        Self { share, passed: 0.0, event: dice.between(0.0, 1.0) }
+    }
+
+    /// Whether the event comes at this turn.
+    pub(super) fn comes(&mut self, dice: &mut Dice) -> bool {
+        let from = self.passed;
+        self.passed += self.share;
+        let mut comes = (from..self.passed).contains(&self.event);
+        if self.passed >= 1.0 {
+            self.passed -= 1.0;
+            self.event = dice.between(0.0, 1.0);
+            comes |= self.event < self.passed;
+        }
+        comes
+    }
+}
+
+/// Reads as they fail.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Failing {
+    when: Dispersed,
+    codes: [i32; 3],
+}
+
+impl Failing {
+    pub(super) fn new(failed: &FailedReads, dice: &mut Dice) -> Self {
+        Self { when: Dispersed::new(failed.share, dice), codes: [failed.code; 3] }
+    }
+
+    /// What this read gives if it fails.
+    pub(super) fn read(&mut self, dice: &mut Dice) -> Option<[i32; 3]> {
+        self.when.comes(dice).then_some(self.codes)
+    }
+}
+
+/// A sinusoid that the module is shaken with: the same one in all sensors that feel it, in phase.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Vibration {
+    /// 0: none.
+    pub frequency_hz: f64,
+    /// Amplitude of the angular rate, in the module's axes.
+    pub rate_dps: Vector3<f64>,
+    /// Amplitude of the specific force.
+    pub force_g: Vector3<f64>,
+    /// Amplitude of the magnetic field.
+    pub field_gauss: Vector3<f64>,
+}
+
+/// Faults of all sensors of a module.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SensorFaults {
+    /// Gyroscopes.
+    pub gyro: TriadFaults,
+    /// Accelerometers.
+    pub accel: TriadFaults,
+    /// Magnetometer.
+    pub mag: TriadFaults,
+    /// The magnetometer's Y is sampled so much later than the rest.
+    pub mag_y_skew_us: f64,
+    /// What the module is shaken with.
+    pub vibrations: [Vibration; MOST_VIBRATIONS],
+    /// Some reads of all three chips fail at once.
+    pub failed_reads: Option<FailedReads>,
+}
