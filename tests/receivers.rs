@@ -34,7 +34,8 @@ fn failed(record: &Value, item: &str) -> Vec<String> {
     names
 }
 
-fn check(receiver: &Path) {
+/// What is wrong with the judgement of a receiver, if anything is.
+fn check(receiver: &Path) -> Option<String> {
     let name = receiver.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(receiver).expect("a receiver");
     let personality = Personality::with_files(&name, &text, &mut beside(receiver)).expect("a personality");
@@ -44,17 +45,19 @@ fn check(receiver: &Path) {
     let run = place.functional(&sim, &["--sim-speed", "max", "--only", "identity,gnss"]);
     let record = place.record();
     let context = format!("{name}\n{}{}", run.stdout, run.stderr);
-    assert_eq!(record["outcome"], expected.outcome.as_str(), "{context}");
     let mut figures = expected.figures.clone();
     figures.sort();
-    assert_eq!(failed(&record, "gnss"), figures, "{context}");
+    let (outcome, found) = (&record["outcome"], failed(&record, "gnss"));
+    let right = *outcome == expected.outcome.as_str() && found == figures;
+    (!right).then(|| format!("{context}\n{outcome} {found:?} should be {} {figures:?}\n", expected.outcome.as_str()))
 }
 
 #[test]
 fn every_receiver_is_judged_by_its_reason() {
     let receivers = receivers();
     assert!(receivers.len() > 30, "{receivers:?}");
-    receivers.iter().for_each(|receiver| check(receiver));
+    let wrong: Vec<String> = receivers.iter().filter_map(|receiver| check(receiver)).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// What the item `gnss` measures of a receiver under some limits, each with its name, and the code of the run.

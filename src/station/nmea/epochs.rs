@@ -92,7 +92,12 @@ impl Epochs {
             return None;
         }
         let open = &self.open;
-        let other_time = open.time.zip(solution.time).is_some_and(|(open, new)| !open.is(new));
+        let other_time = match (open.time, solution.time) {
+            (Some(open), Some(new)) => !open.is(new),
+            // GLL was without a time before version 2 of NMEA 0183.
+            (None, None) => false,
+            _ => !open.solutions.is_empty() && solution.source != Source::Gll,
+        };
         let same = |other: &Solution| (other.source, other.talker) == (solution.source, solution.talker);
         let again = open.solutions.iter().any(same) && self.counts(solution.source);
         let ended = if other_time || again { self.close() } else { None };
@@ -112,7 +117,9 @@ impl Epochs {
             return None;
         }
         let geometry = self.active.close();
-        let again = self.last_time.zip(open.time).is_some_and(|(last, now)| last.is(now));
+        // Before its first fix a receiver's clock may stand.
+        let again = chosen.quality == Quality::Satellites
+            && self.last_time.zip(open.time).is_some_and(|(last, now)| last.is(now));
         self.last_time = open.time;
         if again {
             self.repeated = self.repeated.saturating_add(1);

@@ -10,6 +10,8 @@ use chrono::NaiveDate;
 use super::fault::Fault;
 
 const DAY_MS: u32 = 86_400_000;
+/// A field may be as long as a sentence.
+const SHOWN: usize = 24;
 /// Decimals of a time differ between the sentences of one epoch.
 const SAME_MS: u32 = 10;
 
@@ -22,6 +24,11 @@ impl Time {
     pub(super) fn is(self, other: Self) -> bool {
         self.0.abs_diff(other.0) < SAME_MS
     }
+}
+
+/// As much of a field as a fault quotes.
+fn shown(text: &str) -> String {
+    text.chars().take(SHOWN).collect()
 }
 
 /// The fields of a sentence of one kind.
@@ -56,8 +63,8 @@ impl<'a> Fields<'a> {
         self.get(at).chars().next().map(|letter| letter.to_ascii_uppercase())
     }
 
-    fn wrong(&self, what: &'static str, text: &str) -> Fault {
-        Fault::Number { sentence: self.sentence, what, text: text.to_owned() }
+    pub(super) fn wrong(&self, what: &'static str, text: &str) -> Fault {
+        Fault::Number { sentence: self.sentence, what, text: shown(text) }
     }
 
     /// A number, were it below zero. `nan`, `inf` and exponents are none.
@@ -163,23 +170,23 @@ impl<'a> Fields<'a> {
         let value = value.ok_or_else(|| self.wrong(what, text))?;
         let digits = text.find('.').unwrap_or(text.len());
         if digits != needed {
-            return Err(Fault::Digits { sentence, what, text: text.to_owned(), digits, needed });
+            return Err(Fault::Digits { sentence, what, text: shown(text), digits, needed });
         }
         // Of the text, since 100 degrees less in one number cost digits of the minutes.
         let (degrees, minutes) = text.split_at(digits - 2);
         let minutes: f64 = minutes.parse().map_err(|_| self.wrong(what, text))?;
         if minutes >= 60.0 {
-            return Err(Fault::Minutes { sentence, what, text: text.to_owned() });
+            return Err(Fault::Minutes { sentence, what, text: shown(text) });
         }
         let degrees: f64 = degrees.parse().map_err(|_| self.wrong(what, text))?;
         let angle_deg = degrees + minutes / 60.0;
         if angle_deg > f64::from(most_deg) || !value.is_finite() {
-            return Err(Fault::Beyond { sentence, what, text: text.to_owned(), most_deg });
+            return Err(Fault::Beyond { sentence, what, text: shown(text), most_deg });
         }
         match self.letter(at + 1) {
             Some(letter) if letter == positive => Ok(angle_deg),
             Some(letter) if letter == negative => Ok(-angle_deg),
-            _ => Err(Fault::Hemisphere { sentence, what, text: self.get(at + 1).to_owned() }),
+            _ => Err(Fault::Hemisphere { sentence, what, text: shown(self.get(at + 1)) }),
         }
     }
 }

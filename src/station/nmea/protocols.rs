@@ -184,8 +184,7 @@ fn rtcm_length(bytes: &[u8]) -> Length {
 
 fn rtcm_good(frame: &[u8]) -> bool {
     let (summed, checksum) = frame.split_at(frame.len() - 3);
-    // The length of zero is a filler that chance finds as well.
-    summed.len() > 3 && CRC_24Q.checksum(summed).to_be_bytes()[1..] == *checksum
+    CRC_24Q.checksum(summed).to_be_bytes()[1..] == *checksum
 }
 
 /// CRC, id, length of all in fours (Septentrio reference guide, SBF block header).

@@ -95,7 +95,7 @@ pub(super) fn read(body: &str) -> Result<Option<Sentence>, Fault> {
         "GNS" => gns(*talker, text).map(Some),
         "RMC" => rmc(*talker, text).map(Some),
         "GLL" => gll(*talker, text).map(Some),
-        "GSA" => gsa(*talker, text).map(Some),
+        "GSA" => gsa(*talker, text),
         "VTG" => vtg(text),
         "ZDA" => zda(text),
         _ => Ok(None),
@@ -178,31 +178,29 @@ fn empty(source: Source, talker: [u8; 2], time: Option<Time>) -> Solution {
 }
 
 /// Selection, dimensions, satellites, three dilutions, and since version 4.11 the system.
-fn gsa(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, Fault> {
     let fields = Fields::new("GSA", text, 2)?;
     let dimensions = match fields.whole(1, "dimensions")? {
         Some(dimensions @ 1..=3) => dimensions,
-        None => 1,
-        Some(_) => {
-            let text = fields.get(1).to_owned();
-            return Err(Fault::Number { sentence: fields.sentence, what: "dimensions", text });
-        }
+        None => return Ok(None),
+        Some(_) => return Err(fields.wrong("dimensions", fields.get(1))),
     };
-    // Some list more satellites than twelve, and have no field for the system.
-    let slots = fields.len().saturating_sub(5).max(GSA_SLOTS);
-    let slots = if slots == GSA_SLOTS + 1 { GSA_SLOTS } else { slots };
+    // Some list more satellites than twelve. A dilution has a point, and the number of a system has none.
+    let (last, slots) = (fields.len() - 1, |others| fields.len().saturating_sub(others).max(GSA_SLOTS));
+    let has_system = last == 17 || (last > 17 && !fields.get(last).is_empty() && !fields.get(last).contains('.'));
+    let slots = if has_system { slots(6) } else { slots(5) };
     let satellites = (2..2 + slots).map(|at| fields.whole(at, "satellite"));
     let satellites = satellites.filter_map(Result::transpose).collect::<Result<Vec<u32>, Fault>>()?;
     let dilution = |index: usize, what| fields.amount(2 + slots + index, what);
     dilution(0, "PDOP")?;
-    Ok(Sentence::Active(Active {
-        // The number is one digit, in hexadecimal where there are more systems than ten.
+    Ok(Some(Sentence::Active(Active {
+        // One digit, in hexadecimal where there are more systems than ten.
         system: (talker, fields.letter(5 + slots).and_then(|digit| digit.to_digit(16))),
         dimensions,
         satellites: satellites.into_iter().filter(|number| *number > 0).collect(),
         hdop: dilution(1, "HDOP")?,
         vdop: dilution(2, "VDOP")?,
-    }))
+    })))
 }
 
 /// Course T, course M, knots N, km/h K.

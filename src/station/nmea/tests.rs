@@ -160,7 +160,8 @@ fn several_gsa_are_one() {
             "GPGSA,A,3,01,02,03,04,05,06,07,08,09,10,,,1.5,0.9,1.27",
             "BDGSA,A,2,1,2,3,4,,,,,,,,,,,",
         ],
-        // Twenty-four satellites in one.
+        // Room for twenty-four satellites in one, without the system and with it.
+        vec!["GPGSA,A,3,1,2,3,4,5,6,7,8,9,10,11,12,13,14,,,,,,,,,,,1.5,0.9,1.27,1"],
         vec!["GPGSA,A,3,1,2,3,4,5,6,7,8,9,10,11,12,13,14,,,,,,,,,,,1.5,0.9,1.27"],
     ];
     for gsa in &many {
@@ -210,6 +211,23 @@ fn the_same_moment_again_is_none_of_its_own() {
     let first = gga("GP", 0, 1);
     let (epochs, sentences) = of(&[&first, GSA_3D, &first, GSA_3D, &first, GSA_3D]);
     assert_eq!((epochs.len(), sentences.counts().repeated), (1, 1));
+    // Before the first fix a clock may stand.
+    let none = gga("GP", 0, 0);
+    let (epochs, sentences) = of(&[&none, &none, &none, &gga("GP", 1, 1)]);
+    assert_eq!((epochs.len(), sentences.counts().repeated), (3, 0));
+}
+
+/// The time of day is empty until it is known; the first epoch that knows it is not said twice.
+#[test]
+fn time_begins_at_some_epoch() {
+    let unknown = ["GPRMC,,V,,,,,,,,,,N", "GPGGA,,,,,,0,00,99.99,,M,,M,,", "GPGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99"];
+    let (first, second) = ([rmc("GP", 0, 'A'), gga("GP", 0, 1)], [rmc("GP", 1, 'A'), gga("GP", 1, 1)]);
+    let bodies: Vec<&str> = unknown.into_iter().chain(unknown).collect();
+    let bodies: Vec<&str> =
+        bodies.into_iter().chain(first.iter().map(String::as_str)).chain(second.iter().map(String::as_str)).collect();
+    let (epochs, sentences) = of(&bodies);
+    assert_eq!((epochs.len(), sentences.counts()), (3, Counts::default()));
+    assert!(epochs[2].has_fix() && epochs[2].date.is_some());
 }
 
 #[test]

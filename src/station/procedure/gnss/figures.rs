@@ -7,7 +7,7 @@ use gnc_executive::quantity::Unit;
 use super::Heard;
 use crate::figures::Findings;
 use crate::figures::clock::BoardClock;
-use crate::nmea::{Epoch, Fix};
+use crate::nmea::{Epoch, Fault, Fix};
 use crate::procedure::Trouble;
 use crate::runner::report::Report;
 use crate::statistics::mean;
@@ -106,8 +106,9 @@ async fn said(heard: &Heard, report: &Report<'_>) -> Result<(), Trouble> {
 fn without_fix(heard: &Heard) -> String {
     let sentences = &heard.sentences;
     match (&heard.without_fix, sentences.fault(), sentences.foreign()) {
-        (_, Some(fault), _) => format!("none ({fault})"),
-        (Some(epoch), None, _) => epoch.fix.name().to_owned(),
+        // Of sentences that cannot be no epoch comes, or one that is void.
+        (None, Some(fault), _) | (_, Some(fault @ Fault::Void { .. }), _) => format!("none ({fault})"),
+        (Some(epoch), ..) => epoch.fix.name().to_owned(),
         (None, None, foreign) if foreign.is_empty() => "none (no sentence heard)".to_owned(),
         (None, None, foreign) => format!("none (no sentence heard, but frames: {foreign})"),
     }
@@ -208,6 +209,22 @@ mod tests {
         assert_eq!(week_rollovers(date(2026, 11, 22) - chrono::TimeDelta::days(7168)), 1);
         assert_eq!(week_rollovers(date(1999, 8, 22)), 2);
         assert_eq!(week_rollovers(date(2025, 12, 31)), 1);
+    }
+
+    /// The worst of all counts; a GSA that has not come yet is none.
+    #[test]
+    fn the_worst_epoch_counts() {
+        use Fix::{DimensionsUnknown, ThreeD, TwoD};
+        let of = |fixes: &[Fix], lost| {
+            let epochs: Vec<Epoch> = fixes.iter().map(|fix| Epoch { fix: *fix, ..Epoch::default() }).collect();
+            fix_type(&epochs, lost)
+        };
+        assert_eq!(of(&[ThreeD, ThreeD], 0), "3D");
+        assert_eq!(of(&[ThreeD, TwoD, DimensionsUnknown], 0), "2D");
+        assert_eq!(of(&[DimensionsUnknown, DimensionsUnknown, ThreeD], 0), "3D");
+        assert_eq!(of(&[DimensionsUnknown, ThreeD, DimensionsUnknown], 0), "dimensions unknown");
+        assert_eq!(of(&[DimensionsUnknown; 2], 0), "dimensions unknown");
+        assert_eq!(of(&[ThreeD, ThreeD], 1), "lost");
     }
 
     #[test]
