@@ -6,7 +6,7 @@ use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;
 use gnc_station::board::stream::Losses;
-use gnc_station::capture::{About, Capture, Pose, Receiver};
+use gnc_station::capture::{About, Capture, Pose, Receiver, Timing};
 use gnc_station::figures::{Findings, Question, analyse};
 use hw_mocks::devices::inertial::model::{PUBLISHED, Published};
 use hw_mocks::devices::inertial::noise::{AxisNoise, FLICKER_S};
@@ -97,6 +97,7 @@ impl Module {
             first_us: 0,
             compensated: Vec::new(),
             losses: Losses { received: samples.len() as u32, ..Losses::default() },
+            timing: Timing::even(RATE_HZ, 0, samples.len()),
             samples,
             receiver: Receiver::default(),
         }

@@ -75,11 +75,11 @@ fn samples_off_the_boards_own_time_calibrate_nothing() {
         assert_eq!(rotation["outcome"], "errored", "{context}");
         let error = &rotation["attempts"][0]["error"];
         let text = error["text"].as_str().expect("a reason");
-        let seen = format!("{:.4} Hz where 1000 Hz were asked for", 1000.0 * (1.0 + error_ppm * 1e-6));
-        // The resolution of a second and a half is a ppm: the last digit is not compared.
-        let beginning = &seen[..seen.find('.').expect("a point") + 3];
         assert!(text.contains("capture `x+") && text.contains("Hz where 1000 Hz were asked for"), "{context}");
-        assert!(text.contains(beginning), "{beginning}: {context}");
+        let seen_ppm = text.split("asked for: ").nth(1).and_then(|rest| rest.split(" ppm").next());
+        let seen_ppm: f64 = seen_ppm.and_then(|number| number.parse().ok()).expect("a number");
+        // A second tells a ppm; on CAN a sixteenth of it lies between two times.
+        assert!((seen_ppm - error_ppm).abs() < 1.5, "{context}");
         assert!(error["hint"].as_str().is_some_and(|hint| hint.contains("section 10")), "{context}");
         let folder = place.runs().remove(0);
         let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
@@ -103,11 +103,13 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
         let half = (value["uncertainty"]["high"].as_f64().expect("high")
             - value["uncertainty"]["low"].as_f64().expect("low"))
             / 2.0;
-        (value["value"].as_f64().expect("a number"), half, record)
+        // The limit is in percent, and so is the figure.
+        (value["value"].as_f64().expect("a number") * 1e4, half * 1e4, record)
     };
     let (slow, half, record) = scale(TURNS, -30.0);
     let (fast, _, _) = scale(TURNS, 30.0);
-    assert!((fast - slow - 60.0).abs() < 5.0, "{slow} {fast}");
+    // The noise of a turn at rest is 4 ppm, and two of them differ by six.
+    assert!((fast - slow - 60.0).abs() < 25.0, "{slow} {fast}");
     assert!(half > 50.0, "{half}");
     let unknown = measured(&record, "rotation", "sample_rate_error");
     assert!(
@@ -116,7 +118,7 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
 
     let (slow, half, record) = scale(WITH_PULSES, -30.0);
     let (fast, _, _) = scale(WITH_PULSES, 30.0);
-    assert!((fast - slow).abs() < 5.0, "{slow} {fast}");
+    assert!((fast - slow).abs() < 25.0, "{slow} {fast}");
     assert!(half < 20.0, "{half}");
     for (id, name) in [("gnss", "board_clock_error"), ("rotation", "sample_rate_error")] {
         let clock = measured(&record, id, name)["value"].as_f64().expect("a number");
@@ -200,7 +202,7 @@ fn older_records_are_looked_at_too() {
     };
     let good = compute(&file);
     assert_eq!(good.code, Some(0), "{}{}", good.stdout, good.stderr);
-    for (error_ppm, seen) in [(30.0, "1000.03"), (-5000.0, "995.00")] {
+    for (error_ppm, seen) in [(30.0, "1000.03"), (-5000.0, "995.0")] {
         with_other_times(&file, &other, error_ppm);
         let refused = compute(&other);
         assert_eq!(refused.code, Some(2), "{}{}", refused.stdout, refused.stderr);
@@ -213,5 +215,5 @@ fn older_records_are_looked_at_too() {
     fs::copy(&other, &file).expect("room");
     let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
     assert_eq!(again.code, Some(1), "{}{}", again.stdout, again.stderr);
-    assert!(again.stdout.contains("was passed, is errored") && again.stdout.contains("995.00"), "{}", again.stdout);
+    assert!(again.stdout.contains("was passed, is errored") && again.stdout.contains("995.0"), "{}", again.stdout);
 }

@@ -10,7 +10,7 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_station::board::stream::Losses;
-use gnc_station::capture::{About, Capture, Pose, Receiver, Said};
+use gnc_station::capture::{About, Capture, Pose, Receiver, Said, Timing};
 use gnc_station::figures::{Question, analyse};
 use gnc_station::nmea::{Counts, Epoch, Sentences};
 use libfuzzer_sys::fuzz_target;
@@ -91,6 +91,7 @@ fn figures(bytes: &[u8]) {
         compensated: Vec::new(),
         losses: Losses::default(),
         receiver: Receiver { said, pulses_ns },
+        timing: Timing::new(200),
     };
     let place = SitePlace { latitude_deg: 34.2321, longitude_deg: 108.9154, height_m: 412.0 };
     let site = Site { place: Some(place), ..Site::default() };

@@ -31,6 +31,9 @@ pub struct SampleClock {
     least: i128,
     most: i128,
     before: i128,
+    /// The last time that is none of the grid of the one before it, and its departure: what follows a frame's own time is
+    /// worked out and tells nothing of the rate. At first the first one.
+    told: (Stamp, i128),
     /// The largest change of the departure from one time to the next, in the same unit, and the sample behind it.
     step: (i128, Stamp),
     /// The first time that is not beyond the one before it: that one, and the sample.
@@ -55,8 +58,8 @@ pub struct SampleRate {
 pub enum ClockFault {
     /// The samples came at another rate.
     #[error(
-        "by the board's own time the samples came at {seen_hz:.4} Hz where {asked_hz} Hz were asked for: {error_ppm:+.1} ppm, \
-         {off_us:.0} us in {span_s:.3} s, and {allowed_us} us may be"
+        "by the board's own time the samples came at {seen_hz:.4} Hz where {asked_hz} Hz were asked for: {error_ppm:+.1} ppm \
+         (+-{bound_ppm:.1}), {off_us:.0} us in {span_s:.3} s, and {allowed_us} us may be"
     )]
     Rate {
         /// Samples a second that were asked for.
@@ -65,6 +68,8 @@ pub enum ClockFault {
         seen_hz: f64,
         /// Relative difference.
         error_ppm: f64,
+        /// What the resolution of the times leaves open of it, either way.
+        bound_ppm: f64,
         /// Seconds between the first and the last time.
         span_s: f64,
         /// How far the times leave the grid, in microseconds.
@@ -139,6 +144,7 @@ impl SampleClock {
             least: 0,
             most: 0,
             before: 0,
+            told: (none, 0),
             step: (0, none),
             back: None,
         }
@@ -164,7 +170,7 @@ impl SampleClock {
     pub fn stamp(&mut self, number: u32, time_ns: u64) {
         let stamp = Stamp { number, time_ns };
         if self.stamps == 0 {
-            (self.first, self.last) = (stamp, stamp);
+            (self.first, self.last, self.told) = (stamp, stamp, (stamp, 0));
         } else if number <= self.last.number {
             return;
         }
@@ -173,8 +179,12 @@ impl SampleClock {
         if step.abs() > self.step.0.abs() {
             self.step = (step, stamp);
         }
-        if self.stamps > 0 && time_ns <= self.last.time_ns {
+        // Not against the last one, which may be worked out: of a clock that runs fast it lies ahead of the next frame.
+        if self.stamps > 0 && time_ns <= self.told.0.time_ns {
             self.back.get_or_insert((self.last.time_ns, stamp));
+        }
+        if step.abs() > RESOLUTION_NS * i128::from(self.allowed_us()) * i128::from(self.rate_hz) {
+            self.told = (stamp, departure);
         }
         (self.least, self.most) = (self.least.min(departure), self.most.max(departure));
         (self.before, self.last) = (departure, stamp);
@@ -190,13 +200,15 @@ impl SampleClock {
     /// The rate from the first to the last time; `None` unless two samples have a time and it went on between them.
     #[must_use]
     pub fn rate(&self) -> Option<SampleRate> {
-        let span_s = self.span_s();
+        // A clock that keeps the grid tells all of its times.
+        let (last, departure) = if self.told.0 == self.first { (self.last, self.before) } else { self.told };
+        let span_s = (i128::from(last.time_ns) - i128::from(self.first.time_ns)) as f64 * 1e-9;
         if span_s <= 0.0 {
             return None;
         }
         // From the departure, whose digits are exact, and not from the quotient of two large numbers.
-        let asked_s = f64::from(self.last.number - self.first.number) / f64::from(self.rate_hz);
-        let off_s = self.before as f64 / f64::from(self.rate_hz) * 1e-9;
+        let asked_s = f64::from(last.number - self.first.number) / f64::from(self.rate_hz);
+        let off_s = departure as f64 / f64::from(self.rate_hz) * 1e-9;
         let error = -off_s / (asked_s + off_s);
         Some(SampleRate {
             rate_hz: f64::from(self.rate_hz) * (1.0 + error),
@@ -243,6 +255,7 @@ impl SampleClock {
                 asked_hz: self.rate_hz,
                 seen_hz: rate.rate_hz,
                 error_ppm: rate.error_ppm,
+                bound_ppm: rate.bound_ppm,
                 span_s: rate.span_s,
                 off_us: us(off),
                 allowed_us: self.allowed_us(),
@@ -319,9 +332,28 @@ mod tests {
     #[test]
     fn the_fault_names_both_rates() {
         let fault = board(1000, -5000.0, 10_001, 10, 0.0).check(10_001).unwrap_err();
-        let text = "by the board's own time the samples came at 995.0000 Hz where 1000 Hz were asked for: -5000.0 ppm, \
-                    50251 us in 10.050 s, and 1 us may be";
+        let text = "by the board's own time the samples came at 995.0000 Hz where 1000 Hz were asked for: -5000.0 ppm \
+                    (+-0.1), 50251 us in 10.050 s, and 1 us may be";
         assert_eq!(fault.to_string(), text);
+    }
+
+    /// As a file has it: each sample of a frame has a time, worked out from that of the frame. The last ones tell nothing.
+    #[test]
+    fn times_within_a_frame_do_not_water_the_rate_down() {
+        let mut clock = SampleClock::new(1000);
+        for frame in 0..10_u32 {
+            // 995 samples a second in frames of 100.
+            clock.frame(frame * 100, u64::from(frame) * 100_503, 100);
+        }
+        let rate = clock.rate().unwrap();
+        assert!((rate.error_ppm + 5000.0).abs() < 10.0, "{rate:?}");
+        assert!(matches!(clock.check(1000), Err(ClockFault::Rate { .. })), "{:?}", clock.check(1000));
+        // 5 % fast over CAN: the last time that is worked out lies ahead of the next one that is told, and nothing went back.
+        let mut clock = SampleClock::new(1000);
+        for frame in 0..20_u32 {
+            clock.frame(frame * 64, u64::from(frame) * 60_952, 64);
+        }
+        assert!(matches!(clock.check(1280), Err(ClockFault::Rate { .. })), "{:?}", clock.check(1280));
     }
 
     #[test]

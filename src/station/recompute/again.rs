@@ -385,6 +385,8 @@ fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Op
         Outcome::Aborted => Outcome::Aborted,
         _ if error.is_none() => item.attempt_outcome(measured),
         _ if violates => Outcome::Failed,
+        // What was good and cannot be worked out any more is not known to be good.
+        was if was.is_good() => Outcome::Errored,
         other => other,
     }
 }
