@@ -7,7 +7,8 @@
 //!   of full scale): the largest distance from the line over `|K| w_max`. The print's F_m is an output, with the output
 //!   at rest taken off; here it is that of the line, so that no single point decides.
 //! - *nonlinearity over the output* (IEEE Std 528: linearity error in percent of output): the largest distance over `|K w_j|`
-//!   of the same point. It does not exist at rest, and at small rates it is noise more than anything else.
+//!   of the same point. It does not exist at rest, below a thousandth of the largest input; at small rates it is noise more
+//!   than anything else.
 //! - *asymmetry* (GJB 2426A: `|K+ - K-|` over the mean of both; IEEE Std 528 divides by K of the whole range, which differs
 //!   by the square of it): lines through the points of each sense alone.
 //! - *repeatability* (GJB 2426A): sample standard deviation (n - 1) of the K of each cycle over their mean.
@@ -28,6 +29,9 @@ pub const EQUATION: &str = "x = scale_factor rate + offset";
 
 /// A point that misses the line by more than this part of the full scale has a wrong sign or rows, or the sensor is none.
 pub const RESIDUAL_LIMIT: f64 = 0.05;
+
+/// Inputs below this part of the largest one count as rest, where a distance over the output says nothing.
+const REST: f64 = 1e-3;
 
 /// Different rates that a line with a residual needs.
 const FEWEST: usize = 3;
@@ -50,26 +54,48 @@ pub struct Point {
     pub rows: usize,
 }
 
-/// Means of neighbouring rows of equal rate and cycle. A rate that comes again later is a point of its own.
-///
-/// # Errors
-/// [`Refusal::Lengths`], [`Refusal::NotFinite`].
-pub fn points(rates: &[f64], outputs: &[f64], cycles: Option<&[f64]>) -> Result<Vec<Point>, Refusal> {
-    series::channels(&["rate", "output"], &[rates, outputs])?;
-    if let Some(cycles) = cycles {
-        series::channels(&["rate", "cycle"], &[rates, cycles])?;
-    }
-    let cycle = |row: usize| cycles.map_or(0.0, |cycles| cycles[row]);
-    let mut points = Vec::new();
-    let mut first = 0;
-    for row in 1..=rates.len() {
-        if row == rates.len() || rates[row] != rates[first] || cycle(row) != cycle(first) {
-            let output = stats::mean(&outputs[first..row]);
-            points.push(Point { rate: rates[first], output, cycle: cycle(first), row: first + 1, rows: row - first });
-            first = row;
+/// Rows of a record; the columns have one length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rows<'a> {
+    /// Input of each row.
+    pub rates: &'a [f64],
+    /// Output of each row.
+    pub outputs: &'a [f64],
+    /// Number of the power cycle, where there are several.
+    pub cycles: Option<&'a [f64]>,
+    /// Number of the point, where the inputs are measured and differ from row to row.
+    pub points: Option<&'a [f64]>,
+}
+
+impl Rows<'_> {
+    /// Means of neighbouring rows of one point: of equal number where points are numbered, else of equal rate; and of one
+    /// cycle. A rate that comes again later is a point of its own.
+    ///
+    /// # Errors
+    /// [`Refusal::Lengths`], [`Refusal::NotFinite`].
+    pub fn means(&self) -> Result<Vec<Point>, Refusal> {
+        let same_point = self.points.unwrap_or(self.rates);
+        series::channels(
+            &["rate", "output", "cycle", "point"],
+            &[self.rates, self.outputs, self.cycles.unwrap_or(self.rates), same_point],
+        )?;
+        let cycle = |row: usize| self.cycles.map_or(1.0, |cycles| cycles[row]);
+        let mut points = Vec::new();
+        let mut first = 0;
+        for row in 1..=self.rates.len() {
+            if row == self.rates.len() || same_point[row] != same_point[first] || cycle(row) != cycle(first) {
+                points.push(Point {
+                    rate: stats::mean(&self.rates[first..row]),
+                    output: stats::mean(&self.outputs[first..row]),
+                    cycle: cycle(first),
+                    row: first + 1,
+                    rows: row - first,
+                });
+                first = row;
+            }
         }
+        Ok(points)
     }
-    Ok(points)
 }
 
 /// How the points are judged.
@@ -323,11 +349,11 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
         .collect();
     on_line(&residuals, (k * largest_rate).abs(), options.residual)?;
 
-    let curve = curve(&residuals, k, full_scale);
+    let curve = curve(&residuals, k, full_scale, largest_rate);
     let lack_of_fit = lack_of_fit(&residuals, &curve, &cycles);
     let reach = lack_of_fit.as_ref().ok().map(|test| reach(&curve, test));
     let of_full_scale = |_: &CurvePoint| Some(1.0 / (k * full_scale).abs());
-    let of_output = |p: &CurvePoint| (p.rate != 0.0).then(|| 1.0 / (k * p.rate).abs());
+    let of_output = |p: &CurvePoint| p.of_output.map(|_| 1.0 / (k * p.rate).abs());
     let squares: f64 = residuals.iter().map(|(_, r)| r * r).sum();
     Ok(ScaleFactor {
         scale_factor,
@@ -402,7 +428,7 @@ fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<()
     }
 }
 
-fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64) -> Vec<CurvePoint> {
+fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64, largest_rate: f64) -> Vec<CurvePoint> {
     let mut sorted = residuals.to_vec();
     sorted.sort_by(|a, b| a.0.rate.total_cmp(&b.0.rate));
     sorted
@@ -416,7 +442,7 @@ fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64) -> Vec<CurvePoint>
                 residual,
                 visits: visits.len(),
                 of_full_scale: residual / (k * full_scale).abs(),
-                of_output: (rate != 0.0).then(|| residual / (k * rate).abs()),
+                of_output: (rate.abs() > REST * largest_rate).then(|| residual / (k * rate).abs()),
             }
         })
         .collect()

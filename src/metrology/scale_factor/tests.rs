@@ -11,13 +11,13 @@ const OUTPUTS: [[f64; 9]; 3] = [
 const T_OF_14: f64 = 3.2727427095929515;
 
 fn of(rates: &[f64], outputs: &[f64]) -> Vec<Point> {
-    points(rates, outputs, None).unwrap()
+    Rows { rates, outputs, cycles: None, points: None }.means().unwrap()
 }
 
 fn of_cycles(count: usize) -> Vec<Point> {
     let rows = (0..count).flat_map(|c| (0..9).map(move |j| (RATES[j], OUTPUTS[c][j], c as f64 + 1.0)));
     let (rates, (outputs, cycles)): (Vec<f64>, (Vec<f64>, Vec<f64>)) = rows.map(|(r, o, c)| (r, (o, c))).unzip();
-    points(&rates, &outputs, Some(&cycles)).unwrap()
+    Rows { rates: &rates, outputs: &outputs, cycles: Some(&cycles), points: None }.means().unwrap()
 }
 
 #[track_caller]
@@ -102,13 +102,32 @@ fn a_parabola_by_hand() {
     close(reversed.asymmetry.unwrap().relative, 0.03);
 }
 
+/// Measured rates differ from row to row: numbered points are averaged in rate and output.
+#[test]
+fn numbered_points() {
+    let rows = Rows {
+        rates: &[9.0, 11.0, -9.5, -10.5, 0.0, 2e-3],
+        outputs: &[19.0, 21.0, -19.0, -21.0, 0.5, 0.5],
+        cycles: None,
+        points: Some(&[1.0, 1.0, 2.0, 2.0, 3.0, 3.0]),
+    };
+    let found = rows.means().unwrap();
+    let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.rows)).collect();
+    assert_eq!(seen, [(10.0, 20.0, 2), (-10.0, -20.0, 2), (1e-3, 0.5, 2)]);
+    // A ten-thousandth of the full scale is rest.
+    let found = fit(&found, &Options::default()).unwrap();
+    assert_eq!(found.curve.iter().map(|p| p.of_output.is_some()).collect::<Vec<_>>(), [true, false, true]);
+    assert_eq!(found.nonlinearity_output.rate.abs(), 10.0);
+}
+
 /// Rows of a rate in a block are one point, whatever their number; visits in two blocks are two.
 #[test]
 fn rows_become_points() {
     let found = of(&[1.0, 1.0, 2.0, 1.0], &[3.0, 5.0, 7.0, 9.0]);
     let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.row, p.rows)).collect();
     assert_eq!(seen, [(1.0, 4.0, 1, 2), (2.0, 7.0, 3, 1), (1.0, 9.0, 4, 1)]);
-    let split = points(&[1.0, 1.0], &[3.0, 5.0], Some(&[1.0, 2.0])).unwrap();
+    let rows = Rows { rates: &[1.0, 1.0], outputs: &[3.0, 5.0], cycles: Some(&[1.0, 2.0]), points: None };
+    let split = rows.means().unwrap();
     assert_eq!(split.iter().map(|p| (p.cycle, p.row)).collect::<Vec<_>>(), [(1.0, 1), (2.0, 2)]);
 }
 
@@ -138,7 +157,8 @@ fn refusals() {
     check(&[-1.0, 1.0, -1.0], &[1.0, 2.0, 3.0], "2 different rates, needs at least 3");
     check(&[0.0, -0.0, 1.0], &[1.0, 2.0, 3.0], "2 different rates, needs at least 3");
     check(&[1.0, 2.0, 3.0], &[7.0; 3], "output: all 3 samples are 7");
-    assert_eq!(points(&[1.0, f64::NAN], &[7.0; 2], None).unwrap_err().to_string(), "rate: sample 1 is NaN");
+    let not_finite = Rows { rates: &[1.0, f64::NAN], outputs: &[7.0; 2], cycles: None, points: None };
+    assert_eq!(not_finite.means().unwrap_err().to_string(), "rate: sample 1 is NaN");
     // A rate with the wrong sign: sums by hand give the line 0.5 + 0.5 w, full scale 1, residual 2.5.
     check(
         &[-2.0, -1.0, 0.0, 1.0, 2.0, -2.0],

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options};
+use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options, Rows};
 use serde_json::{Value, json};
 
 use super::plot::{Panel, Series};
@@ -14,9 +14,12 @@ use super::{ComputeError, Outcome};
 /// Relative figures are given in parts per million.
 const PPM: f64 = 1e6;
 
+/// More points than a table is set to are samples with measured rates.
+const MANY_POINTS: usize = 100;
+
 #[derive(Debug, Args)]
 pub(super) struct ScaleFactor {
-    /// Columns rate,x: one row a rate, or many in a block, which are averaged; optional column cycle
+    /// Columns rate,x: one row a rate, or many in a block, which are averaged; optional columns cycle, point
     file: PathBuf,
     /// Column of the output
     #[arg(long, value_name = "NAME", default_value = "x")]
@@ -36,15 +39,29 @@ impl ScaleFactor {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         // Means at settled rates are cut out of a longer record: their times say nothing.
         let table = Table::open(&self.file)?.untimed();
-        let has_cycle = table.has("cycle");
+        let (has_cycle, has_point) = (table.has("cycle"), table.has("point"));
         let mut names = vec![self.input.as_str(), self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
-        let columns = table.read(&Wanted { numbers: &names, ..Wanted::default() })?;
-        let cycles = has_cycle.then(|| columns.numbers[2].as_slice());
-        let points = scale_factor::points(&columns.numbers[0], &columns.numbers[1], cycles)?;
+        names.extend(has_point.then_some("point"));
+        let columns = table.read(&Wanted { numbers: &names, ..Wanted::default() })?.numbers;
+        let rows = Rows {
+            rates: &columns[0],
+            outputs: &columns[1],
+            cycles: has_cycle.then(|| columns[2].as_slice()),
+            points: has_point.then(|| columns[2 + usize::from(has_cycle)].as_slice()),
+        };
+        let points = rows.means()?;
         let options = Options { full_scale: self.full_scale, residual: self.residual / 100.0 };
         let found = scale_factor::fit(&points, &options)?;
-        Ok(Outcome { report: self.report(&found), panels: self.panels(&found) })
+        let mut report = self.report(&found);
+        if points.len() > MANY_POINTS && points.iter().all(|p| p.rows == 1) {
+            report.put(
+                "note",
+                "",
+                "every row has a rate of its own: number the points in a column point to average them",
+            );
+        }
+        Ok(Outcome { report, panels: self.panels(&found) })
     }
 
     fn report(&self, c: &scale_factor::ScaleFactor) -> Report {
@@ -117,8 +134,12 @@ impl ScaleFactor {
                 &["rate", "output", "line", "residual", "of_full_scale_ppm", "of_output_ppm", "visits"],
                 points.collect(),
             )
-            .rows("cycles", &["cycle", "points", "scale_factor", "offset"], cycles.collect())
-            .rows("suspects", &["rate", "cycle", "row", "studentised_residual"], suspects.collect());
+            .rows("cycles", &["cycle", "points", "scale_factor", "offset"], cycles.collect());
+        if c.suspects.is_empty() {
+            report.put("suspects", "no point stands out", json!([]));
+        } else {
+            report.rows("suspects", &["rate", "cycle", "row", "studentised_residual"], suspects.collect());
+        }
         report
     }
 

@@ -333,7 +333,7 @@ fn scale_factors() {
     // Gains of 0, 20 and -10 ppm: n - 1 gives 15.3.
     assert!((number("/repeatability/relative_ppm") - 15.275).abs() < 1.0);
     assert_eq!((json["points"].as_array().unwrap().len(), json["suspects"].as_array().unwrap().len()), (11, 0));
-    // A cubic term of 0.001 LSB at full scale over 300^3 is 27,000 LSB x 1e-6: seen by the test of the line.
+    // A cubic term of 27 LSB at the full scale of 60,000.
     let bent = gives("scale-factor", &table(head, rated(3, 20, 1e-6)), "lack_of_fit.p");
     assert!(bent["lack_of_fit"]["p"].as_f64().unwrap() < 1e-6, "{bent:#}");
     assert!(bent["nonlinearity_full_scale"]["ppm"].as_f64().unwrap() > 50.0);
@@ -353,11 +353,18 @@ fn scale_factors_of_one_cycle_and_refusals() {
     // Other names, and times with gaps, which say nothing here.
     let timed = rows.iter().enumerate().map(|(k, row)| format!("{},{row}", k * k));
     gives("scale-factor --input table --column wx", &table("t,table,wx", timed), "scale_factor");
+    // Rates as an encoder measures them, with the points numbered and without.
+    let measured = |k: usize| (60.0 * (k / 50) as f64 - 300.0) + 0.01 * noise(k);
+    let sample = |k: usize| format!("{},{},{}", k / 50, measured(k), 200.0 * measured(k) + noise(9 * k));
+    let numbered = gives("scale-factor", &table("point,rate,x", (0..550).map(sample)), "scale_factor");
+    assert!(numbered["points"].as_array().unwrap().len() == 11 && numbered.get("note").is_none());
+    let unnumbered = (0..550).map(|k| sample(k).split_once(',').unwrap().1.to_owned());
+    gives("scale-factor", &table("rate,x", unnumbered), "note");
     refuses("scale-factor", &table("rate,x", rows[..2].to_vec()), "2 different rates, needs at least 3");
     refuses("scale-factor", &table("rate,x", ["1,5", "2,5", "3,5"].map(str::to_owned)), "output: all 3 samples are 5");
     let wrong = rows.iter().map(|row| row.strip_prefix("-300,").map_or(row.clone(), |x| format!("300,{x}")));
     refuses("scale-factor", &table("rate,x", wrong), "(row 1) misses the line by");
-    refuses("scale-factor --full-scale -1", &table("rate,x", rows.clone()), "full scale is -1");
+    refuses("scale-factor --full-scale 0", &table("rate,x", rows.clone()), "full scale is 0");
     cannot_read("scale-factor", &table("rate,y", rows), ":1:1: no column `x`; the header has rate, y");
 }
 
