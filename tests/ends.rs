@@ -157,7 +157,7 @@ fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
 
     assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, Some(0));
     let said = log(&place.runs()[1]);
-    assert!(said.contains("02-rotation/attempt-1.mcap was cut off after"), "{said}");
+    assert!(said.contains("02-rotation/attempt-1.mcap was cut off and has its end now"), "{said}");
     assert_eq!(reader::verify(&killed), Vec::<String>::new());
     assert!(log(&killed).contains("its end was written when the run was sealed"), "{}", log(&killed));
     let told = read_json(&killed.join("cut-off.json"));
