@@ -4,12 +4,15 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
+use std::os::fd::AsFd as _;
 use std::path::Path;
 use std::process::{Child, ChildStdout, Stdio};
 use std::time::Instant;
 
-use gnc_station::store::{chain, reader};
-use gnc_tests::{Board, Place, functional_plan, read_json};
+use gnc_station::store::{captures, chain, reader};
+use gnc_tests::{Board, Place, functional_plan, read_json, repository};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -26,7 +29,10 @@ struct Running {
 
 impl Running {
     fn start(place: &Place, more: &[&str]) -> Self {
-        let plan = functional_plan();
+        Self::of_plan(place, &functional_plan(), more)
+    }
+
+    fn of_plan(place: &Place, plan: &Path, more: &[&str]) -> Self {
         let args = ["--auto", &plan.to_string_lossy(), "--serial-number", "SIM-0001", "--events"].map(str::to_owned);
         let args = args.into_iter().chain(more.iter().map(|arg| (*arg).to_owned()));
         let mut child = place.station(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the station");
@@ -72,6 +78,24 @@ fn with_board(board: &Board) -> Place {
     place
 }
 
+/// Until a file in a folder of a run's is longer than that; the run's folder is there, the file's need not be.
+fn until_longer(file: &Path, bytes: u64) {
+    let folder = file.parent().expect("a folder");
+    let inotify = Inotify::init(InitFlags::IN_CLOEXEC).expect("inotify");
+    let watch = |folder: &Path| inotify.add_watch(folder, AddWatchFlags::IN_CREATE | AddWatchFlags::IN_MODIFY).is_ok();
+    assert!(folder.parent().is_some_and(watch), "a watch");
+    // Before each look, so that nothing is missed between a look and the wait.
+    while {
+        watch(folder);
+        !fs::metadata(file).is_ok_and(|meta| meta.len() > bytes)
+    } {
+        let minute = PollTimeout::from(60_000u16);
+        let ready = poll(&mut [PollFd::new(inotify.as_fd(), PollFlags::POLLIN)], minute).expect("poll");
+        assert!(ready > 0, "nothing was written to {} for a minute", file.display());
+        inotify.read_events().expect("events");
+    }
+}
+
 fn log(run: &Path) -> String {
     fs::read_to_string(run.join("log.txt")).expect("log.txt")
 }
@@ -111,6 +135,51 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     // It is said once.
     assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
     assert!(!log(&place.runs()[2]).contains("was interrupted"));
+}
+
+/// Killed in a capture: the next start writes the end that the raw file lacks, says so in the record, and what was
+/// captured before is as it was.
+#[test]
+fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
+    let place = Place::new(STATION);
+    let plan = repository().join("tests/raw/short.toml");
+    let mut running = Running::of_plan(&place, &plan, &["--sim", "--sim-speed", "20"]);
+    running.until(r#""kind":"item_started","item":"rotation""#);
+    let killed = place.runs().pop().expect("a run");
+    let [whole, cut] = ["01-six-position", "02-rotation"].map(|item| killed.join(item).join("attempt-1.mcap"));
+    let before = fs::read(&whole).expect("positions");
+    // What was captured is on disk once a second.
+    until_longer(&cut, 20_000);
+    running.signal(Signal::SIGKILL);
+    assert_eq!(running.end().0, None);
+    let original = fs::read(&cut).expect("turns");
+    assert!(captures::read(&cut).expect("it is read as far as it goes").cut_off);
+
+    assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, Some(0));
+    let said = log(&place.runs()[1]);
+    assert!(said.contains("02-rotation/attempt-1.mcap was cut off and has its end now"), "{said}");
+    assert_eq!(reader::verify(&killed), Vec::<String>::new());
+    assert!(log(&killed).contains("its end was written when the run was sealed"), "{}", log(&killed));
+    let told = read_json(&killed.join("cut-off.json"));
+    assert_eq!(told["files"].as_array().map(Vec::len), Some(1), "{told}");
+    let told = &told["files"][0];
+    assert_eq!(
+        (&told["file"], &told["original_bytes"]),
+        (&"02-rotation/attempt-1.mcap".into(), &original.len().into())
+    );
+    let report = fs::read_to_string(killed.join("report.html")).expect("a report");
+    assert!(report.contains(told["original_sha256"].as_str().expect("a digest")), "the report has it too");
+
+    assert_eq!(fs::read(&whole).expect("positions"), before, "what had an end was left alone");
+    let ended = fs::read(&cut).expect("turns");
+    let kept = usize::try_from(told["kept_bytes"].as_u64().expect("a length")).expect("short");
+    let torn = fs::read(killed.join("02-rotation/attempt-1.mcap.torn")).unwrap_or_default();
+    assert_eq!([&ended[..kept], &torn].concat(), original, "nothing was lost");
+    assert_ne!(&ended[ended.len() - 8..], &original[original.len() - 8..]);
+    assert_eq!(&ended[ended.len() - 8..], b"\x89MCAP0\r\n");
+    assert!(captures::read(&cut).expect("a capture").cut_off, "it still says so");
+    let run = place.run(["recompute".as_ref(), killed.as_os_str()]);
+    assert!(run.code == Some(0) && run.stdout.contains("the same, bit for bit"), "{}{}", run.stdout, run.stderr);
 }
 
 /// A second station on the same folder leaves a run alone that goes on.

@@ -10,11 +10,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
+use gnc_executive::printable::printable;
 
 pub(crate) use self::table::labels;
 use self::table::{Kind, Table};
 use crate::capture::Capture;
 use crate::cli::{complain, refuse};
+use crate::raw::RawRecord;
 use crate::records;
 use crate::runner::chain;
 use crate::store::captures::{self, CapturesError};
@@ -76,10 +78,9 @@ pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>)
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let out = out.map_or_else(|| PathBuf::from(format!("{name}-export")), Path::to_owned);
     match all(&folder, &out, format) {
-        Ok(cut_off) => {
-            for path in cut_off {
-                let try_this = "what stands before the end is exported";
-                complain(format_args!("{} was cut off", path.display()), try_this);
+        Ok(doubts) => {
+            for Doubt { what, try_this } in doubts {
+                complain(what, try_this);
             }
             ExitCode::SUCCESS
         }
@@ -87,8 +88,34 @@ pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>)
     }
 }
 
-/// Exports every raw file; gives those that have no end.
-fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<PathBuf>, ExportError> {
+/// What whoever uses an export has to know of a file.
+struct Doubt {
+    what: String,
+    try_this: &'static str,
+}
+
+/// What a file and its captures lack.
+fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
+    let cut_off = record.cut_off.then(|| Doubt {
+        what: format!("{} was cut off", file.display()),
+        try_this: "what stands before the end is exported",
+    });
+    let lossy = record.captures.iter().filter(|capture| capture.losses.any()).map(|capture| {
+        let lost = u64::from(capture.losses.on_board) + u64::from(capture.losses.on_line);
+        let label = printable(&capture.about.label);
+        Doubt {
+            what: format!(
+                "{}: capture `{label}` lost {lost} samples, which `number` and `t_s` do not count",
+                file.display()
+            ),
+            try_this: "take the number and the time of each sample from the MCAP file, or leave the capture out",
+        }
+    });
+    cut_off.into_iter().chain(lossy).collect()
+}
+
+/// Exports every raw file; gives what there is to know of them.
+fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportError> {
     let files = captures::files(folder)?;
     if files.is_empty() {
         return Err(ExportError::Nothing { folder: folder.to_owned() });
@@ -97,7 +124,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<PathBuf>, Export
         return Err(ExportError::Exists { path: out.to_owned() });
     }
     on(fs::create_dir_all(out), "create", out)?;
-    let mut cut_off = Vec::new();
+    let mut found = Vec::new();
     let mut told = io::stdout().lock();
     for file in files {
         let record = captures::read(&file)?;
@@ -120,9 +147,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<PathBuf>, Export
             let samples: usize = captures.iter().map(|capture| kind.samples(capture)).sum();
             let _ = writeln!(told, "{}: {} captures, {samples} samples", path.display(), captures.len());
         }
-        if record.cut_off {
-            cut_off.push(file);
-        }
+        found.extend(doubts(&file, &record));
     }
-    Ok(cut_off)
+    Ok(found)
 }

@@ -25,7 +25,7 @@ pub(crate) use ending::{CutOff, Survey};
 pub use reader::{RawError, RawRecord, Unfinished, read};
 pub use writer::{Piece, RawWriter, pieces};
 
-/// Numbers of the channels, which are those of their schemas as well.
+/// Numbers of the channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Topic {
     Capture = 1,

@@ -123,7 +123,7 @@ fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> Str
     let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
     let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
     let serial_number = &record.serial_number;
-    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_words())).collect();
+    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
     format!("was interrupted{during}{last}; {ended}it is sealed as that, and {serial_number} has to be tested again")
 }
 

@@ -48,6 +48,12 @@ pub(super) struct CutOffFile {
 }
 
 impl CutOffFile {
+    /// A word for who starts the next run.
+    pub(super) fn in_short(&self) -> String {
+        let now = if self.damaged.is_some() { "is damaged: it is left as it was" } else { "has its end now" };
+        format!("{} was cut off and {now}", printable(&self.file))
+    }
+
     /// A sentence for people.
     pub(super) fn in_words(&self) -> String {
         let Self { file, original_bytes, original_sha256, kept_bytes, torn, damaged } = self;
@@ -127,12 +133,19 @@ fn look(folder: &RunFolder) -> Result<Report, StoreError> {
 /// Puts the end behind what stays, unless that was done.
 fn end(folder: &RunFolder, found: &CutOffFile) -> Result<(), StoreError> {
     let path = folder.path().join(&found.file);
+    let other = || on(Err(io::Error::other("it is not the file that was looked at")), "end", &path);
+    // What an earlier start filed may have been changed since.
+    if !captures::files(folder.path())?.contains(&path) {
+        return other();
+    }
     let survey = match survey(&path) {
         Ok(None) => return Ok(()),
-        Ok(Some(survey)) if survey.kept_bytes() == found.kept_bytes => survey,
-        Ok(Some(_)) => return on(Err(io::Error::other("it is another file than was looked at")), "end", &path),
+        Ok(Some(survey)) => survey,
         Err(error) => return on(Err(io::Error::other(error)), "end", &path),
     };
+    if survey.kept_bytes() != found.kept_bytes || digest::of_file(&path)? != found.original_sha256 {
+        return other();
+    }
     let was = raw::CutOff { original_bytes: found.original_bytes, original_sha256: found.original_sha256.clone() };
     let end = on(survey.end(&was).map_err(io::Error::other), "end", &path)?;
     let mut source = on(File::open(&path), "read", &path)?.take(found.kept_bytes);

@@ -28,8 +28,7 @@ fn killed() -> Vec<u8> {
     }
     // Dropping it would write an end, which a kill does not.
     std::mem::forget(out);
-    let bytes = shared.0.borrow().clone();
-    bytes
+    shared.0.borrow().clone()
 }
 
 fn was(bytes: &[u8]) -> CutOff {

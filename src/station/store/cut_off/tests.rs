@@ -120,3 +120,23 @@ fn a_damaged_file_stays_as_it_is() {
     assert!(fs::read(folder.path().join(RAW)).unwrap() == damaged);
     assert_eq!(complete(&run).unwrap(), report);
 }
+
+/// What an earlier start filed is not believed: a file outside, or another one in its place.
+#[test]
+fn only_the_file_that_was_looked_at_gets_its_end() {
+    let original = &whole()[..whole().len() - 3];
+    let (done, run_folder) = run(original);
+    complete(&run_folder).unwrap();
+    let told = fs::read_to_string(done.path().join(CUT_OFF)).unwrap();
+
+    let (folder, run_folder) = run(&whole()[..whole().len() - 4]);
+    fs::write(folder.path().join(CUT_OFF), &told).unwrap();
+    let refused = chain(&complete(&run_folder).unwrap_err());
+    assert!(refused.ends_with("it is not the file that was looked at"), "{refused}");
+
+    let outside = tempfile::NamedTempFile::with_suffix(".mcap").unwrap();
+    fs::write(outside.path(), original).unwrap();
+    fs::write(folder.path().join(CUT_OFF), told.replace(RAW, &outside.path().to_string_lossy())).unwrap();
+    assert!(complete(&run_folder).is_err());
+    assert!(fs::read(outside.path()).unwrap() == original, "another folder's file was changed");
+}
