@@ -47,6 +47,7 @@ fn a_calibrated_module_gets_its_passport() {
     let folder = folder(&place);
     let passport = read_json(&folder.join("passport.json"));
     it_tells_the_truth(&passport);
+    compute_says_the_same(&place, &folder, &passport);
     its_texts_stay_texts(&folder, &passport);
     it_belongs_to_the_sealed_record(&place, &folder, &passport);
 }
@@ -69,6 +70,38 @@ fn it_tells_the_truth(passport: &Value) {
             near(format!("/gyro/M_g/{i}/{j}"), truth.gyro.response[(i, j)], 1e-3);
             near(format!("/gyro/K_g_full_dps_per_g/{i}/{j}"), truth.gyro_per_g[(i, j)], 5e-3);
         }
+    }
+}
+
+/// `compute` on the raw samples of the run finds the biases of items and passport, with their sign.
+fn compute_says_the_same(place: &Place, folder: &Path, passport: &Value) {
+    let compute = |item: &str, words: &[&str]| -> Value {
+        let items = fs::read_dir(folder.join("items")).expect("items").map(|entry| entry.expect("an item").path());
+        let of_item = items.filter(|path| path.to_string_lossy().ends_with(item)).next().expect(item);
+        let file = of_item.join("attempt-1.mcap");
+        let words = ["compute", words[0], file.to_str().expect("UTF-8"), "--json"]
+            .into_iter()
+            .chain(words[1..].iter().copied());
+        let ended = place.run(words);
+        assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+        serde_json::from_str(&ended.stdout).expect("JSON")
+    };
+    let near = |name: &str, value: f64, expected: f64, within: f64| {
+        assert!((value - expected).abs() < within, "{name}: {value}, passport {expected}");
+    };
+    let six = compute("six-position", &["six-position", "--gravity", "9.80665"]);
+    // Counts for one rad/s of the nominal gyroscope.
+    let response = (20_000.0 * 1.0_f64.to_degrees()).to_string();
+    let still = compute("six-position", &["gyro-still", "--latitude", "34.2", "--response", &response]);
+    let turned = compute("rotation", &["rotation", "--rate", "1000", "--turns", "3"]);
+    for i in 0..3 {
+        // The item knows the gravity of the place, 0.1 % away, and the gyroscopes' own scale factors, 0.2 % away.
+        let (accel_mg, gyro_dps) =
+            (number(passport, &format!("/accel/b_a_mg/{i}")), number(passport, &format!("/gyro/b_g_dps/{i}")));
+        near("accelerometer", number(&six, &format!("/bias_mg/{i}")), accel_mg, 0.02);
+        near("still gyroscope", number(&still, &format!("/bias_rps/{i}")).to_degrees(), gyro_dps, 1e-3);
+        // At the attitude of the turns g-sensitivity adds some 0.01 deg/s to 0.05 and more.
+        near("turned gyroscope", number(&turned, &format!("/bias_rps/{i}")).to_degrees(), gyro_dps, 0.03);
     }
 }
 

@@ -198,7 +198,7 @@ pub enum LimitError {
         dimension: Dimension,
     },
     /// A unit of another dimension.
-    #[error("{quantity} is {}, but this measurement is {}", article(quantity.dimension()), article(*dimension))]
+    #[error("{quantity} is {}, but this measurement is {}", quantity.dimension().with_article(), dimension.with_article())]
     WrongDimension {
         /// The quantity as written.
         quantity: Quantity,
@@ -275,12 +275,9 @@ impl LimitError {
             LimitError::NoOperator { .. } => {
                 "a limit is one of: <= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text".to_owned()
             }
-            LimitError::Quantity { source, dimension } => match source {
-                QuantityError::UnknownUnit { .. } if !source.hint().starts_with("did you mean") => units(*dimension),
-                _ => source.hint(),
-            },
+            LimitError::Quantity { source, dimension } => source.hint(*dimension),
             LimitError::MissingUnit { dimension, .. } | LimitError::WrongDimension { dimension, .. } => {
-                units(*dimension)
+                dimension.hint()
             }
             LimitError::LowAboveHigh { .. } => "write the smaller one first".to_owned(),
             LimitError::NegativeTolerance { .. } => {
@@ -371,22 +368,6 @@ fn of_dimension(quantity: Quantity, dimension: Dimension) -> Result<Quantity, Li
     } else {
         Err(LimitError::WrongDimension { quantity, dimension })
     }
-}
-
-/// Which units a dimension is written in, as a hint.
-pub(crate) fn units(dimension: Dimension) -> String {
-    if dimension == Dimension::Count {
-        return "write a plain number without a unit".to_owned();
-    }
-    let symbols: Vec<&str> = dimension.units().map(Unit::symbol).collect();
-    format!("{} is written in {}", article(dimension), symbols.join(", "))
-}
-
-/// The dimension with its article.
-pub(crate) fn article(dimension: Dimension) -> String {
-    let name = dimension.as_str();
-    let article = if name.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
-    format!("{article} {name}")
 }
 
 #[cfg(test)]

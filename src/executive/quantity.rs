@@ -4,6 +4,7 @@
 //! ratios of integers, so that 1 g is 1000 mg and 500 us is 0.5 ms without an error in the last place, and a value
 //! that lies on its limit stays there.
 
+mod spelling;
 mod unit;
 
 use std::fmt;
@@ -85,6 +86,22 @@ impl Dimension {
         Unit::ALL.into_iter().filter(move |unit| unit.dimension() == self)
     }
 
+    /// In which units it is written, as a hint.
+    pub(crate) fn hint(self) -> String {
+        if self == Dimension::Count {
+            return "write a plain number without a unit".to_owned();
+        }
+        let symbols: Vec<&str> = self.units().map(Unit::symbol).collect();
+        format!("{} is written in {}", self.with_article(), symbols.join(", "))
+    }
+
+    /// Its name with the article.
+    pub(crate) fn with_article(self) -> String {
+        let name = self.as_str();
+        let article = if name.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
+        format!("{article} {name}")
+    }
+
     /// The unit that people use first, for examples.
     pub(crate) fn usual_unit(self) -> Unit {
         match self {
@@ -136,13 +153,14 @@ impl Quantity {
         Self { number, unit }
     }
 
-    /// Reads "2 mg", "0.49 A", "20 deg/h", "5 %" or "12" (a count). The space is optional, the result finite.
+    /// Reads "2 mg", "0.49 A", "20 °/h", "5 %" or "12" (a count), the unit in any spelling of [`Unit::parse`]. The space
+    /// is optional, the result finite.
     ///
     /// # Errors
     /// No number, a number beyond the range of an `f64`, or a unit that is not in the table.
     pub fn parse(text: &str) -> Result<Self, QuantityError> {
         let (number, unit) = number_and_unit(text)?;
-        match Unit::from_symbol(unit) {
+        match Unit::parse(unit) {
             Some(unit) => Ok(Self { number, unit }),
             None => Err(QuantityError::UnknownUnit { unit: unit.to_owned() }),
         }
@@ -194,18 +212,14 @@ pub enum QuantityError {
 }
 
 impl QuantityError {
-    /// What the writer can try.
-    pub fn hint(&self) -> String {
+    /// What the writer can try, where a quantity of this dimension is wanted.
+    pub fn hint(&self, wanted: Dimension) -> String {
         match self {
             QuantityError::NotANumber { .. } => "write a number and its unit, such as \"0.49 A\"".to_owned(),
             QuantityError::TooLarge { .. } => "the largest number is about 1.8e308".to_owned(),
-            QuantityError::UnknownUnit { unit } => match suggested_unit(unit) {
+            QuantityError::UnknownUnit { unit } => match suggested_unit(unit, wanted) {
                 Some(unit) => format!("did you mean \"{unit}\"?"),
-                None => {
-                    let symbols: Vec<&str> =
-                        Unit::ALL.iter().map(|unit| unit.symbol()).filter(|symbol| !symbol.is_empty()).collect();
-                    format!("the units are {}", symbols.join(", "))
-                }
+                None => wanted.hint(),
             },
         }
     }
@@ -214,13 +228,18 @@ impl QuantityError {
 /// Splits a text into its finite number and what follows, trimmed.
 pub(crate) fn number_and_unit(text: &str) -> Result<(f64, &str), QuantityError> {
     let text = text.trim();
-    let end = number_length(text);
-    let (number, unit) = text.split_at(end);
+    // A true minus sign, as typeset documents have it.
+    let (sign, unsigned) = match text.strip_prefix('\u{2212}') {
+        Some(rest) if !rest.starts_with(['+', '-']) => (-1.0, rest),
+        _ => (1.0, text),
+    };
+    let end = number_length(unsigned);
+    let (number, unit) = unsigned.split_at(end);
     let value: f64 = number.parse().map_err(|_| QuantityError::NotANumber { text: text.to_owned() })?;
     if !value.is_finite() {
         return Err(QuantityError::TooLarge { text: number.to_owned() });
     }
-    Ok((value, unit.trim_start()))
+    Ok((sign * value, unit.trim_start()))
 }
 
 /// A printed number with the symbol of its unit.
@@ -247,40 +266,19 @@ fn number_length(text: &str) -> usize {
     end
 }
 
-/// The unit that a writer probably meant.
-fn suggested_unit(unit: &str) -> Option<&'static str> {
-    /// Other spellings that people use, with ours.
-    const ALIASES: [(&str, &str); 24] = [
-        ("sec", "s"),
-        ("second", "s"),
-        ("seconds", "s"),
-        ("µs", "us"),
-        ("μs", "us"),
-        ("hour", "h"),
-        ("hours", "h"),
-        ("minutes", "min"),
-        ("hz", "Hz"),
-        ("v", "V"),
-        ("a", "A"),
-        ("meter", "m"),
-        ("dps", "deg/s"),
-        ("°/s", "deg/s"),
-        ("°/h", "deg/h"),
-        ("deg/hr", "deg/h"),
-        ("°", "deg"),
-        ("°C", "degC"),
-        ("C", "degC"),
-        ("G", "gauss"),
-        ("Gs", "gauss"),
-        ("m/s2", "m/s^2"),
-        ("m/s²", "m/s^2"),
-        ("baud", "bit/s"),
-    ];
-    ALIASES
-        .iter()
-        .find(|(alias, _)| *alias == unit)
-        .map(|(_, symbol)| *symbol)
-        .or_else(|| nearest(unit, Unit::ALL.iter().map(|unit| unit.symbol()).filter(|symbol| symbol.len() > 1)))
+/// The unit of the wanted dimension that a writer probably meant.
+fn suggested_unit(unit: &str, wanted: Dimension) -> Option<&'static str> {
+    let plain = spelling::plain(unit);
+    match (plain.as_str(), wanted) {
+        ("C", Dimension::Temperature) => return Some(Unit::DegreeCelsius.symbol()),
+        ("baud", Dimension::BitRate) => return Some(Unit::BitPerSecond.symbol()),
+        _ => {}
+    }
+    let known = || wanted.units().map(Unit::symbol);
+    // A single letter in the wrong case is near; another letter is not.
+    known()
+        .find(|symbol| symbol.eq_ignore_ascii_case(&plain))
+        .or_else(|| nearest(&plain, known().filter(|symbol| symbol.len() > 1)))
 }
 
 #[cfg(test)]

@@ -260,16 +260,16 @@ pub(crate) fn quantity(
                 format!(
                     "{} is {}, and {} is {}",
                     quoted(text),
-                    crate::limit::article(quantity.dimension()),
+                    quantity.dimension().with_article(),
                     quoted(key),
-                    crate::limit::article(dimension)
+                    dimension.with_article()
                 )
             };
-            walk.mistake(value.span(), what, crate::limit::units(dimension));
+            walk.mistake(value.span(), what, dimension.hint());
             None
         }
         Err(error) => {
-            walk.mistake(value.span(), error.to_string(), error.hint());
+            walk.mistake(value.span(), error.to_string(), error.hint(dimension));
             None
         }
     }

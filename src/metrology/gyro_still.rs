@@ -11,12 +11,12 @@ use nalgebra::{Matrix3, Matrix4, Vector3};
 use crate::{Refusal, earth, position::Position, series, six_position::TriadFit, stats};
 
 /// What the parameters mean.
-pub const EQUATION: &str = "w_out = w + bias + g_sensitivity f; rad/s and m/s^2";
+pub const EQUATION: &str = "w_out = w + bias + g_sensitivity f, bias measured less true; rad/s and m/s^2";
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillGyro {
-    /// Bias b, rad/s: mean output without rotation and without specific force.
+    /// Bias b, measured less true, rad/s: mean output without rotation and without specific force.
     pub bias_rps: Vector3<f64>,
     /// G, (rad/s) per (m/s^2); rows are sensors.
     pub g_sensitivity: Matrix3<f64>,

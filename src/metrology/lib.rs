@@ -6,6 +6,8 @@
 //!   the axis that points up at rest, `w` the angular rate relative to inertial space in rad/s, right-handed.
 //! - Measurement: `N = M f + b`, `N = S w + b + G f`. Compensation: `f = Ka N + nabla`, `w = Kg N - epsilon`, so
 //!   `Ka = M^-1`, `nabla = -Ka b`, `Kg = S^-1`, `epsilon = Kg b`.
+//! - A *bias* is measured less true, in LSB (`b`) as in m/s^2 (`Ka b = -nabla`) and rad/s (`Kg b = epsilon`). The constants
+//!   that a compensation adds or takes off keep the names nabla and epsilon.
 //! - Rows of a matrix are sensors, columns are axes of the fixture.
 //! - A `sd` is a standard uncertainty; with the degrees of freedom beside it, [`stats::coverage_factor`] gives the
 //!   factor of a 95 % interval.
@@ -23,6 +25,7 @@ pub mod psd;
 mod quadric;
 mod refusal;
 pub mod rotation;
+pub mod scale_factor;
 pub mod series;
 pub mod six_position;
 pub mod stability;

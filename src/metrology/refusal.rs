@@ -55,6 +55,38 @@ pub enum Refusal {
         /// The one value.
         value: f64,
     },
+    /// Repeated figures are all alike, so that their spread is below their last digit.
+    #[error("all {count} {what} are {value}")]
+    Alike {
+        /// What they are, in the plural.
+        what: &'static str,
+        /// How many.
+        count: usize,
+        /// The one value.
+        value: f64,
+    },
+    /// A scale factor needs more different inputs.
+    #[error("{got} different rates{place}, needs at least {needed}")]
+    FewRates {
+        /// Empty, or ` in cycle N`.
+        place: String,
+        /// Different rates in the record.
+        got: usize,
+        /// What is needed.
+        needed: usize,
+    },
+    /// A point lies far off the line through all points.
+    #[error("rate {rate} (row {row}) misses the line by {percent:.2} % of the full scale, limit {limit_percent} %")]
+    OffLine {
+        /// Rate of the point.
+        rate: f64,
+        /// First of its rows, from 1.
+        row: usize,
+        /// Distance from the line over the full scale, percent.
+        percent: f64,
+        /// Limit, percent.
+        limit_percent: f64,
+    },
     /// Labels that the method needs do not occur.
     #[error("missing: {labels}")]
     Missing {
@@ -371,6 +403,11 @@ impl Refusal {
             Self::Lengths { .. } => "export all channels from the same record",
             Self::TooFew { .. } => "record longer",
             Self::Constant { .. } | Self::Stuck { .. } => "check that the sensor is alive and inside its range",
+            Self::Alike { .. } => "give the figures with more digits, or check that the sensor is alive",
+            Self::FewRates { .. } => "turn at more rates, of both senses",
+            Self::OffLine { .. } => {
+                "check the sign of this rate, its rows, and that the sensor answers at all; --residual moves the limit"
+            }
             Self::Missing { .. } => "record what is missing, or correct the labels",
             Self::UnknownLabel { .. } => "labels are x+ x- y+ y- z+ z-",
             Self::SplitLabel { .. } => "remove one of the blocks, or correct its label",

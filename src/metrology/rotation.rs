@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3};
 use crate::{AXES, Refusal, TriadCovariance, earth, linear, position, series, stats, triad};
 
 /// What the parameters mean.
-pub const EQUATION: &str = "w = matrix N - bias; w in rad/s";
+pub const EQUATION: &str = "w = matrix N - epsilon, bias = matrix bias_lsb = epsilon (measured less true); w in rad/s";
 
 /// Rest that a record must hold before and after the rotation, s.
 pub const REST_S: f64 = 0.5;
@@ -87,21 +87,21 @@ pub struct Window {
 pub struct Calibration {
     /// S of `N = S w + b`, LSB per rad/s.
     pub response: Matrix3<f64>,
-    /// b of the same at the attitude of the rotations, LSB: it contains g-sensitivity.
-    pub offset_lsb: Vector3<f64>,
+    /// b of the same at the attitude of the rotations, LSB: the bias, measured less true, with g-sensitivity in it.
+    pub bias_lsb: Vector3<f64>,
     /// Kg of `w = Kg N - epsilon`, rad/s per LSB.
     pub matrix: Matrix3<f64>,
-    /// epsilon of the same, rad/s.
-    pub bias_rps: Vector3<f64>,
+    /// epsilon of the same, rad/s: what is taken off, equal to the bias.
+    pub epsilon_rps: Vector3<f64>,
     /// Standard uncertainty of `response`.
     pub response_sd: Matrix3<f64>,
-    /// Standard uncertainty of `offset_lsb`.
-    pub offset_sd_lsb: Vector3<f64>,
+    /// Standard uncertainty of `bias_lsb`.
+    pub bias_sd_lsb: Vector3<f64>,
     /// Standard uncertainty of `matrix`.
     pub matrix_sd: Matrix3<f64>,
-    /// Standard uncertainty of `bias_rps`.
+    /// Standard uncertainty of `epsilon_rps` and of the bias in rad/s.
     pub bias_sd_rps: Vector3<f64>,
-    /// Covariance of `matrix` (by rows) and `bias_rps` (type A).
+    /// Covariance of `matrix` (by rows) and `epsilon_rps` (type A).
     pub covariance: TriadCovariance,
     /// Largest error of the bias from the earth's rotation that is not corrected, rad/s.
     pub earth_bound_rps: f64,
@@ -121,6 +121,12 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Bias at the attitude of the rotations, measured less true, rad/s: `Kg b = epsilon`.
+    #[must_use]
+    pub fn bias_rps(&self) -> Vector3<f64> {
+        self.epsilon_rps
+    }
+
     /// Factor of the 95 % intervals (Student's t).
     #[must_use]
     pub fn coverage_factor(&self) -> f64 {
@@ -149,7 +155,7 @@ impl Calibration {
     /// Rate of an output, rad/s.
     #[must_use]
     pub fn compensate(&self, output: &Vector3<f64>) -> Vector3<f64> {
-        self.matrix * output - self.bias_rps
+        self.matrix * output - self.epsilon_rps
     }
 }
 
@@ -189,7 +195,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     };
     let spent = matches!(options.axis, Axis::Vertical { .. });
     let mut response = Matrix3::zeros();
-    let mut offset_lsb = Vector3::zeros();
+    let mut bias_lsb = Vector3::zeros();
     let mut cofactor = [Matrix4::zeros(); 3];
     let mut residuals = DMatrix::<f64>::zeros(6, 3);
     let mut condition: f64 = 0.0;
@@ -210,7 +216,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         for j in 0..3 {
             response[(i, j)] = fit.solution[j];
         }
-        offset_lsb[i] = fit.solution[3];
+        bias_lsb[i] = fit.solution[3];
         cofactor[i] = fit.cofactor.fixed_view::<4, 4>(0, 0).into();
         residuals.set_column(i, &fit.residuals.column(0));
         condition = condition.max(fit.condition);
@@ -218,7 +224,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     check_response(&response, options.nominal)?;
     let singular = Refusal::IllConditioned { what: "the inverse response", condition: f64::INFINITY, limit: 1e4 };
     let matrix = response.try_inverse().ok_or(singular)?;
-    let bias_rps = matrix * offset_lsb;
+    let epsilon_rps = matrix * bias_lsb;
 
     let squares: f64 = (0..3).map(|i| residuals.column(i).norm_squared() / response[(i, i)].powi(2)).sum();
     let (variance, dof) = if spent {
@@ -229,18 +235,18 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         (Vector3::from_fn(|i, _| squares / 6.0 * response[(i, i)].powi(2)), 6.0)
     };
     let covariance = [0, 1, 2].map(|i| cofactor[i] * variance[i]);
-    let parameters = linear::inverse_covariance(&matrix, &(-bias_rps).push(1.0), &covariance);
+    let parameters = linear::inverse_covariance(&matrix, &(-epsilon_rps).push(1.0), &covariance);
     let (matrix_sd, bias_sd_rps) = linear::standard_uncertainties(&parameters);
     Ok(Calibration {
         response,
-        offset_lsb,
+        bias_lsb,
         matrix,
-        bias_rps,
+        epsilon_rps,
         response_sd: Matrix3::from_fn(|i, j| covariance[i][(j, j)].sqrt()),
-        offset_sd_lsb: Vector3::from_fn(|i, _| covariance[i][(3, 3)].sqrt()),
+        bias_sd_lsb: Vector3::from_fn(|i, _| covariance[i][(3, 3)].sqrt()),
         matrix_sd,
         bias_sd_rps,
-        covariance: negated_bias(parameters),
+        covariance: negated_constant(parameters),
         earth_bound_rps: if options.axis == Axis::Unknown { earth::EARTH_RATE_RPS } else { 0.0 },
         windows,
         mismatch,
@@ -252,7 +258,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
 }
 
 /// The covariance of `-epsilon` as that of epsilon.
-fn negated_bias(covariance: TriadCovariance) -> TriadCovariance {
+fn negated_constant(covariance: TriadCovariance) -> TriadCovariance {
     TriadCovariance::from_fn(|p, q| if (p < 9) == (q < 9) { covariance[(p, q)] } else { -covariance[(p, q)] })
 }
 

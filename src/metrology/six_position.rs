@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use crate::{AXES, Refusal, TriadCovariance, linear, position::Position, series, stats, triad};
 
 /// What the parameters mean.
-pub const EQUATION: &str = "f = matrix N + bias; f in m/s^2, +g on the axis that points up at rest";
+pub const EQUATION: &str = "f = matrix N + nabla, bias = matrix bias_lsb = -nabla (measured less true); f in m/s^2, +g on the axis that points up at rest";
 
 /// A position that misses the fit by more than this part of gravity (2.9 degrees) has a wrong label or pose.
 pub const POSE_LIMIT: f64 = 0.05;
@@ -21,22 +21,24 @@ pub struct Calibration {
     pub gravity_mps2: f64,
     /// Ka of `f = Ka N + nabla`, m/s^2 per LSB.
     pub matrix: Matrix3<f64>,
-    /// nabla of the same, m/s^2.
-    pub bias_mps2: Vector3<f64>,
+    /// nabla of the same, m/s^2: what is added, the negative of the bias.
+    pub nabla_mps2: Vector3<f64>,
     /// M of `N = M f + b`, LSB per m/s^2.
     pub response: Matrix3<f64>,
-    /// b of the same, LSB.
-    pub offset_lsb: Vector3<f64>,
+    /// b of the same, LSB: the bias, measured less true.
+    pub bias_lsb: Vector3<f64>,
     /// Standard uncertainty of `matrix` (delta method).
     pub matrix_sd: Matrix3<f64>,
-    /// Standard uncertainty of `bias_mps2`.
+    /// Standard uncertainty of `nabla_mps2` and of the bias in m/s^2.
     pub bias_sd_mps2: Vector3<f64>,
-    /// Covariance of `matrix` (by rows) and `bias_mps2`; the means of the positions are its only source (type A).
+    /// Standard uncertainty of `bias_lsb`.
+    pub bias_sd_lsb: Vector3<f64>,
+    /// Covariance of `matrix` (by rows) and `nabla_mps2`; the means of the positions are its only source (type A).
     pub covariance: TriadCovariance,
     /// `Ka` of the print's regression.
     pub matrix_as_printed: Matrix3<f64>,
     /// `nabla` of the print's regression, m/s^2.
-    pub bias_as_printed_mps2: Vector3<f64>,
+    pub nabla_as_printed_mps2: Vector3<f64>,
     /// Residual of each position, `Ka N + nabla - f`, m/s^2.
     pub residuals_mps2: Vec<Vector3<f64>>,
     /// Root mean square of all residuals, m/s^2.
@@ -48,6 +50,12 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Bias, measured less true, m/s^2: `Ka b = -nabla`.
+    #[must_use]
+    pub fn bias_mps2(&self) -> Vector3<f64> {
+        -self.nabla_mps2
+    }
+
     /// Response of sensor i to axis j relative to its own axis, `M_ij / M_ii`, relative to the fixture.
     #[must_use]
     pub fn coupling(&self) -> Matrix3<f64> {
@@ -76,7 +84,7 @@ impl Calibration {
     /// Specific force of an output, m/s^2.
     #[must_use]
     pub fn compensate(&self, output: &Vector3<f64>) -> Vector3<f64> {
-        self.matrix * output + self.bias_mps2
+        self.matrix * output + self.nabla_mps2
     }
 }
 
@@ -96,7 +104,7 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
     let Some(matrix) = response.try_inverse() else {
         return Err(Refusal::IllConditioned { what: "the inverse response", condition: f64::INFINITY, limit: 1e4 });
     };
-    let bias_mps2 = -matrix * fit.offset;
+    let nabla_mps2 = -matrix * fit.offset;
 
     let residuals_mps2: Vec<Vector3<f64>> = fit.residuals.iter().map(|r| matrix * r).collect();
     let limit = POSE_LIMIT * gravity_mps2;
@@ -111,21 +119,23 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
     let dof = 3 * positions.len() - 12;
     let variance = squares / dof as f64;
     let covariance = [0, 1, 2].map(|i| fit.cofactor.fixed_view::<4, 4>(0, 0) * (variance * own[i] * own[i]));
-    let covariance = linear::inverse_covariance(&matrix, &bias_mps2.push(1.0), &covariance);
+    let bias_sd_lsb = Vector3::from_fn(|i, _| covariance[i][(3, 3)].sqrt());
+    let covariance = linear::inverse_covariance(&matrix, &nabla_mps2.push(1.0), &covariance);
     let (matrix_sd, bias_sd_mps2) = linear::standard_uncertainties(&covariance);
-    let (matrix_as_printed, bias_as_printed_mps2) = as_printed(positions, gravity_mps2)?;
+    let (matrix_as_printed, nabla_as_printed_mps2) = as_printed(positions, gravity_mps2)?;
     let total: f64 = residuals_mps2.iter().map(Vector3::norm_squared).sum();
     Ok(Calibration {
         gravity_mps2,
         matrix,
-        bias_mps2,
+        nabla_mps2,
         response,
-        offset_lsb: fit.offset,
+        bias_lsb: fit.offset,
         matrix_sd,
         bias_sd_mps2,
+        bias_sd_lsb,
         covariance,
         matrix_as_printed,
-        bias_as_printed_mps2,
+        nabla_as_printed_mps2,
         residual_rms_mps2: (total / (3 * positions.len()) as f64).sqrt(),
         residuals_mps2,
         condition: fit.condition,

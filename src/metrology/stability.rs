@@ -25,7 +25,8 @@ pub struct Stability {
 /// neither a moving average nor an Allan deviation.
 ///
 /// # Errors
-/// [`Refusal::NotFinite`], [`Refusal::Parameter`], [`Refusal::TooFew`] below two blocks.
+/// [`Refusal::NotFinite`], [`Refusal::Parameter`], [`Refusal::TooFew`] below two blocks; [`Refusal::Constant`] and
+/// [`Refusal::Stuck`] for a sensor that shows one value throughout, or over a whole block of a noisy record.
 pub fn stability(values: &[f64], rate_hz: f64, block_s: f64) -> Result<Stability, Refusal> {
     series::finite("record", values)?;
     let samples = series::positive("rate (Hz)", rate_hz)? * series::positive("block (s)", block_s)?;
@@ -39,10 +40,42 @@ pub fn stability(values: &[f64], rate_hz: f64, block_s: f64) -> Result<Stability
     if values.len() < 2 * block_samples {
         return Err(Refusal::TooFew { what: "two blocks".to_owned(), got: values.len(), needed: 2 * block_samples });
     }
+    alive(values, block_samples)?;
     let block_means: Vec<f64> = values.chunks_exact(block_samples).map(stats::mean).collect();
     let (mean, sd) = stats::mean_sd(&block_means);
     let (sd_low, sd_high) = stats::sd_interval(sd, (block_means.len() - 1) as f64, 0.95);
     Ok(Stability { mean, sd, sd_low, sd_high, block_samples, tail_samples: values.len() % block_samples, block_means })
+}
+
+/// The record shows more than one value, and so does every block of a record whose noise is above a step.
+fn alive(values: &[f64], block_samples: usize) -> Result<(), Refusal> {
+    // Noise of a step or more leaves neighbours equal in 28 % of all pairs at most: 24 in a row come once in 10^12 times.
+    const CHANCE: usize = 24;
+    // Noise of half a step and less differs by one step where it differs at all.
+    const STEPS: f64 = 1.5;
+    let Some((first, rest)) = values.split_first() else { return Ok(()) };
+    if rest.iter().all(|v| v == first) {
+        return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: *first });
+    }
+    if block_samples < CHANCE {
+        return Ok(());
+    }
+    let changes = || values.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|change| *change > 0.0);
+    let (squares, count) = changes().fold((0.0, 0), |(s, n), change| (s + change * change, n + 1));
+    let step = changes().fold(f64::INFINITY, f64::min);
+    if (squares / f64::from(count.max(1))).sqrt() < STEPS * step {
+        return Ok(());
+    }
+    let stuck = |block: &[f64]| block.iter().all(|v| *v == block[0]);
+    match values.chunks_exact(block_samples).position(stuck) {
+        Some(block) => Err(Refusal::Stuck {
+            channel: "record".to_owned(),
+            place: format!("block {}, from row {},", block + 1, block * block_samples + 1),
+            value: values[block * block_samples],
+            samples: block_samples,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// Spread of one figure over repeated runs.
@@ -60,14 +93,31 @@ pub struct Repeatability {
     pub sd_high: f64,
 }
 
+impl Repeatability {
+    /// Standard uncertainty of the mean, `sd / sqrt(runs)`, with `runs - 1` degrees of freedom.
+    #[must_use]
+    pub fn mean_sd(&self) -> f64 {
+        self.sd / (self.runs as f64).sqrt()
+    }
+
+    /// Half width of the 95 % interval of the mean (Student's t).
+    #[must_use]
+    pub fn mean_expanded(&self) -> f64 {
+        stats::coverage_factor(0.95, (self.runs - 1) as f64) * self.mean_sd()
+    }
+}
+
 /// Repeatability of a figure over runs with the power cycled between them.
 ///
 /// # Errors
-/// [`Refusal::NotFinite`], [`Refusal::TooFew`] below two runs.
+/// [`Refusal::NotFinite`], [`Refusal::TooFew`] below two runs, [`Refusal::Alike`] where all runs agree to the last digit.
 pub fn repeatability(figures: &[f64]) -> Result<Repeatability, Refusal> {
     series::finite("runs", figures)?;
     if figures.len() < 2 {
         return Err(Refusal::TooFew { what: "runs".to_owned(), got: figures.len(), needed: 2 });
+    }
+    if figures.iter().all(|f| *f == figures[0]) {
+        return Err(Refusal::Alike { what: "figures of the runs", count: figures.len(), value: figures[0] });
     }
     let (mean, sd) = stats::mean_sd(figures);
     let (sd_low, sd_high) = stats::sd_interval(sd, (figures.len() - 1) as f64, 0.95);
@@ -93,14 +143,35 @@ mod tests {
         };
         check(&[1.0, 2.0, 3.0], 0.2, "two blocks: 3 samples, needs at least 4");
         check(&[1.0, f64::NAN], 0.1, "record: sample 1 is NaN");
+        check(&[1.0; 99], 0.1, "record: all 99 samples are 1");
         check(&[1.0; 99], 0.25, "block (s) is 0.25, expected a whole number of samples");
         check(&[1.0; 99], -1.0, "block (s) is -1, expected a finite number above 0");
+    }
+
+    /// A block of one value is found where the noise of the rest is above a step, and is no fault where it is below.
+    #[test]
+    fn a_stuck_block() {
+        let noise = |k: usize| ((k * 7919 % 101) as f64 - 50.0).round();
+        let mut noisy: Vec<f64> = (0..1000).map(noise).collect();
+        assert!(stability(&noisy, 10.0, 5.0).is_ok());
+        noisy[200..260].fill(7.0);
+        let refusal = stability(&noisy, 10.0, 5.0).unwrap_err().to_string();
+        let expected = "record stands still at 7 for 50 samples of block 5, from row 201, while it is noisy elsewhere";
+        assert_eq!(refusal, expected);
+        // Steps of one code on a slow drift: most blocks show one value, rightly.
+        let coarse: Vec<f64> =
+            (0..1000).map(|k| (0.003 * f64::from(k) + 0.1 * noise(k as usize) / 50.0).round()).collect();
+        assert!(coarse.chunks(50).any(|block| block.iter().all(|v| *v == block[0])));
+        assert!(stability(&coarse, 10.0, 5.0).is_ok());
     }
 
     #[test]
     fn six_runs() {
         let r = repeatability(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap();
         assert!((r.sd - 3.5_f64.sqrt()).abs() < 1e-15 && (r.sd_high / r.sd - 2.4526).abs() < 1e-4);
+        // t of 5 degrees of freedom is 2.5706: 1.8708 / sqrt(6) times that.
+        assert!((r.mean_expanded() - 2.570_582 * (3.5_f64 / 6.0).sqrt()).abs() < 1e-5);
         assert!(repeatability(&[1.0]).is_err());
+        assert_eq!(repeatability(&[2.0; 6]).unwrap_err().to_string(), "all 6 figures of the runs are 2");
     }
 }

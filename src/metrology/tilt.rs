@@ -17,7 +17,7 @@ use crate::{
 /// Offset and gain of a sensor: `out = offset + gain * actual`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flip {
-    /// Offset, in the unit of the record.
+    /// Offset, in the unit of the record: the bias as an output, measured less true.
     pub offset: f64,
     /// Gain, unit of the record per unit of gravity; ideally 1.
     pub gain: f64,
@@ -28,6 +28,12 @@ pub struct Flip {
 }
 
 impl Flip {
+    /// Bias, measured less true, in the unit of gravity: `offset / gain`.
+    #[must_use]
+    pub fn bias(&self) -> f64 {
+        self.offset / self.gain
+    }
+
     /// `actual = (out - offset) / gain`.
     #[must_use]
     pub fn actual(&self, out: f64) -> f64 {

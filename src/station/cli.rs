@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
-use gnc_executive::quantity::{Quantity, Unit};
+use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
 /// Exit code for a mistake on the command line or in a plan.
 pub const USAGE: u8 = 2;
@@ -209,7 +209,7 @@ pub enum OnFailArg {
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {
-    let time = Quantity::parse(text).map_err(|error| format!("{error}; {}", error.hint()))?;
+    let time = Quantity::parse(text).map_err(|error| format!("{error}; {}", error.hint(Dimension::Time)))?;
     let seconds = time.in_unit(Unit::Second).ok_or_else(|| "it is no time; write 2 h, 30 min or 90 s".to_owned())?;
     std::time::Duration::try_from_secs_f64(seconds).map_err(|_| "it is no time that can pass".to_owned())
 }

@@ -73,7 +73,7 @@ rate = "5 bit/s"
     bench.toml:8:9: "9.8 m/s^2" is an acceleration, and "field" is a magnetic field
      8 | field = "9.8 m/s^2"
        |         ^^^^^^^^^^^
-       = try: a magnetic field is written in gauss, mgauss, uT, nT
+       = try: a magnetic field is written in gauss, mgauss, T, mT, uT, nT
 
     bench.toml:9:2: "port" is missing
      9 | [socket]

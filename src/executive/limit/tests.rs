@@ -52,7 +52,7 @@ fn refusals() {
         ("< 2 s", number(Dimension::Time)),
         ("<= 2", number(Dimension::Time)),
         ("<= 2 V", number(Dimension::Time)),
-        ("<= 2 sec", number(Dimension::Time)),
+        ("<= 2 mn", number(Dimension::Time)),
         ("<= 2 parsec", number(Dimension::AngularRate)),
         ("<= two", number(Dimension::Time)),
         ("<= NaN s", number(Dimension::Time)),
@@ -97,12 +97,12 @@ fn refusals() {
     <= 2 V
         2 V is a voltage, but this measurement is a time
         try: a time is written in ns, us, ms, s, min, h
-    <= 2 sec
-        unknown unit "sec"
-        try: did you mean "s"?
+    <= 2 mn
+        unknown unit "mn"
+        try: did you mean "min"?
     <= 2 parsec
         unknown unit "parsec"
-        try: an angular rate is written in deg/s, deg/h, rad/s
+        try: an angular rate is written in deg/s, mdeg/s, deg/h, rad/s
     <= two
         "two" does not begin with a number
         try: write a number and its unit, such as "0.49 A"

@@ -148,7 +148,7 @@ fn limits(spec: &ItemSpec) -> Value {
     let about = |measurement: &MeasurementSpec| match measurement.kind {
         Kind::Text => "Text.".to_owned(),
         Kind::Number(dimension) if measurement.unit.symbol().is_empty() => format!("A {dimension}."),
-        Kind::Number(dimension) => format!("{}, shown in {}.", crate::limit::article(dimension), measurement.unit),
+        Kind::Number(dimension) => format!("{}, shown in {}.", dimension.with_article(), measurement.unit),
     };
     let properties: Map<String, Value> = spec
         .measurements

@@ -269,7 +269,7 @@ gyro_x = "<= 1 deg/s"
     plan.toml:30:11: unknown unit "gs"
      30 | accel_x = "<= 1 gs"
         |           ^^^^^^^^^
-        = try: an acceleration is written in mg, g, m/s^2
+        = try: an acceleration is written in ug, mg, g, m/s^2
 
     plan.toml:31:12: "gyro_*" is for gyro_temperature too, and there 9 deg/s is an angular rate, but this measurement is a temperature
      31 | "gyro_*" = "<= 9 deg/s"
@@ -279,7 +279,7 @@ gyro_x = "<= 1 deg/s"
     plan.toml:32:49: 1 deg/s is an angular rate, but this measurement is an acceleration
      32 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
         |                                                 ^^^^^^^^^
-        = try: an acceleration is written in mg, g, m/s^2
+        = try: an acceleration is written in ug, mg, g, m/s^2
 
     plan.toml:32:60: unknown key "margin"
      32 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }

@@ -5,7 +5,7 @@ use super::*;
 fn parsed(text: &str) -> String {
     match Quantity::parse(text) {
         Ok(quantity) => format!("{:?} {:?}", quantity.number, quantity.unit),
-        Err(error) => format!("{error}; {}", error.hint()),
+        Err(error) => format!("{error}; {}", error.hint(Dimension::AngularRate)),
     }
 }
 
@@ -22,22 +22,18 @@ fn quantities_are_read_with_their_unit() {
         ("1e6 Hz", "1000000.0 Hertz"),
         (".5 V", "0.5 Volt"),
         ("+3 s", "3.0 Second"),
-        (
-            "1 e",
-            "unknown unit \"e\"; the units are %, ppm, ns, us, ms, s, min, h, Hz, kHz, MHz, uV, mV, V, mA, A, mm, m, km, m/s, deg, rad, deg/s, deg/h, rad/s, mg, g, m/s^2, gauss, mgauss, uT, nT, degC, bit/s, kbit/s, bytes, deg/s/g, deg/h/g, deg/sqrt(h), deg/s/sqrt(Hz), m/s/sqrt(h), mg/sqrt(Hz), ug/sqrt(Hz)",
-        ),
-        ("2 µs", "unknown unit \"µs\"; did you mean \"us\"?"),
+        ("1 e", "unknown unit \"e\"; an angular rate is written in deg/s, mdeg/s, deg/h, rad/s"),
+        ("2 µs", "2.0 Microsecond"),
+        ("2\u{a0}dps", "2.0 DegreePerSecond"),
+        ("−0.2 °/√h", "-0.2 DegreePerRootHour"),
         ("2 Deg/S", "unknown unit \"Deg/S\"; did you mean \"deg/s\"?"),
-        ("2 dps", "unknown unit \"dps\"; did you mean \"deg/s\"?"),
         ("", "\"\" does not begin with a number; write a number and its unit, such as \"0.49 A\""),
         ("nan", "\"nan\" does not begin with a number; write a number and its unit, such as \"0.49 A\""),
         ("inf V", "\"inf V\" does not begin with a number; write a number and its unit, such as \"0.49 A\""),
+        ("−-2 V", "\"−-2 V\" does not begin with a number; write a number and its unit, such as \"0.49 A\""),
         ("- V", "\"- V\" does not begin with a number; write a number and its unit, such as \"0.49 A\""),
         ("1e999 V", "the number \"1e999\" is too large; the largest number is about 1.8e308"),
-        (
-            "1 \u{1b}[2J",
-            "unknown unit \"\\u{1b}[2J\"; the units are %, ppm, ns, us, ms, s, min, h, Hz, kHz, MHz, uV, mV, V, mA, A, mm, m, km, m/s, deg, rad, deg/s, deg/h, rad/s, mg, g, m/s^2, gauss, mgauss, uT, nT, degC, bit/s, kbit/s, bytes, deg/s/g, deg/h/g, deg/sqrt(h), deg/s/sqrt(Hz), m/s/sqrt(h), mg/sqrt(Hz), ug/sqrt(Hz)",
-        ),
+        ("1 \u{1b}[2J", "unknown unit \"\\u{1b}[2J\"; an angular rate is written in deg/s, mdeg/s, deg/h, rad/s"),
     ] {
         assert_eq!(parsed(text), expected, "{text}");
     }
@@ -56,6 +52,10 @@ fn units_have_their_size() {
         ("60 m/s/sqrt(h)", 1.0),
         ("1 deg/sqrt(h)", std::f64::consts::PI / 10_800.0),
         ("1000 ug/sqrt(Hz)", 0.00980665),
+        ("60 deg/h/√Hz", std::f64::consts::PI / 10_800.0),
+        ("1000 µg", 0.00980665),
+        ("1000 mdps", std::f64::consts::PI / 180.0),
+        ("1 mT", 1e-3),
         ("1 mgauss", 1e-7),
         ("1 nT", 1e-9),
         ("5 %", 0.05),
@@ -69,6 +69,28 @@ fn units_have_their_size() {
     ] {
         let found = Quantity::parse(text).unwrap().si();
         assert!((found - si).abs() <= si.abs() * 1e-15, "{text}: {found} {si}");
+    }
+}
+
+/// A hint names a unit of the dimension that is wanted, however near another one is.
+#[test]
+fn hints_look_among_the_units_of_the_dimension() {
+    let hint = |text: &str, wanted| Quantity::parse(text).unwrap_err().hint(wanted);
+    for (text, wanted, expected) in [
+        ("2 deg/√H", Dimension::AngleRandomWalk, "did you mean \"deg/sqrt(h)\"?"),
+        ("2 °/√H", Dimension::AngleRandomWalk, "did you mean \"deg/sqrt(h)\"?"),
+        ("2 deg/S", Dimension::AngularRate, "did you mean \"deg/s\"?"),
+        ("2 MG", Dimension::Acceleration, "did you mean \"mg\"?"),
+        ("2 mgaus", Dimension::MagneticField, "did you mean \"mgauss\"?"),
+        ("2 Mgauss", Dimension::MagneticField, "did you mean \"mgauss\"?"),
+        ("2 v", Dimension::Voltage, "did you mean \"V\"?"),
+        ("2 C", Dimension::Temperature, "did you mean \"degC\"?"),
+        ("2 baud", Dimension::BitRate, "did you mean \"bit/s\"?"),
+        ("2 ug/sqrt(kHz)", Dimension::VelocityRandomWalk, "did you mean \"ug/sqrt(Hz)\"?"),
+        ("2 furlong", Dimension::Speed, "a speed is written in m/s"),
+        ("2 pieces", Dimension::Count, "write a plain number without a unit"),
+    ] {
+        assert_eq!(hint(text, wanted), expected, "{text}");
     }
 }
 
@@ -118,10 +140,10 @@ proptest! {
     }
 
     #[test]
-    fn nearly_quantities_never_panic(text in "[-+0-9.eE µ°a-z/%^]{0,12}") {
+    fn nearly_quantities_never_panic(text in "[-+0-9.eE µ°√²⁻·a-z/%^()\\[\\]−]{0,14}") {
         match Quantity::parse(&text) {
             Ok(quantity) => prop_assert!(quantity.number.is_finite()),
-            Err(error) => prop_assert!(!error.hint().is_empty()),
+            Err(error) => prop_assert!(!error.hint(Dimension::Time).is_empty()),
         }
     }
 }

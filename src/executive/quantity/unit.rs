@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use super::Dimension;
+use super::{Dimension, spelling};
 use crate::printable::quoted;
 
 /// A unit that plans and measurements may use.
@@ -36,13 +36,17 @@ pub enum Unit {
     Degree,
     Radian,
     DegreePerSecond,
+    MillidegreePerSecond,
     DegreePerHour,
     RadianPerSecond,
+    Microgravity,
     Milligravity,
     Gravity,
     MetrePerSecondSquared,
     Gauss,
     Milligauss,
+    Tesla,
+    Millitesla,
     Microtesla,
     Nanotesla,
     DegreeCelsius,
@@ -53,6 +57,8 @@ pub enum Unit {
     DegreePerHourPerGravity,
     DegreePerRootHour,
     DegreePerSecondPerRootHertz,
+    MillidegreePerSecondPerRootHertz,
+    DegreePerHourPerRootHertz,
     MetrePerSecondPerRootHour,
     MilligravityPerRootHertz,
     MicrogravityPerRootHertz,
@@ -67,7 +73,7 @@ struct Scale {
 
 impl Unit {
     /// Every unit.
-    pub const ALL: [Unit; 44] = [
+    pub const ALL: [Unit; 50] = [
         Unit::Count,
         Unit::Percent,
         Unit::PartsPerMillion,
@@ -92,13 +98,17 @@ impl Unit {
         Unit::Degree,
         Unit::Radian,
         Unit::DegreePerSecond,
+        Unit::MillidegreePerSecond,
         Unit::DegreePerHour,
         Unit::RadianPerSecond,
+        Unit::Microgravity,
         Unit::Milligravity,
         Unit::Gravity,
         Unit::MetrePerSecondSquared,
         Unit::Gauss,
         Unit::Milligauss,
+        Unit::Tesla,
+        Unit::Millitesla,
         Unit::Microtesla,
         Unit::Nanotesla,
         Unit::DegreeCelsius,
@@ -109,6 +119,8 @@ impl Unit {
         Unit::DegreePerHourPerGravity,
         Unit::DegreePerRootHour,
         Unit::DegreePerSecondPerRootHertz,
+        Unit::MillidegreePerSecondPerRootHertz,
+        Unit::DegreePerHourPerRootHertz,
         Unit::MetrePerSecondPerRootHour,
         Unit::MilligravityPerRootHertz,
         Unit::MicrogravityPerRootHertz,
@@ -124,7 +136,13 @@ impl Unit {
         self.table().1
     }
 
-    /// The unit with this symbol.
+    /// Reads a unit as data sheets and loggers write it: `°/√h`, `µg/√Hz`, `m/s²`, `dps`, `[mg]`, `mGs`. Signs and
+    /// letters that look alike are one, an unknown word is none; an empty text is a count.
+    pub fn parse(text: &str) -> Option<Unit> {
+        Unit::from_symbol(text.trim()).or_else(|| spelling::read(text))
+    }
+
+    /// The unit with exactly this symbol, as records have it.
     pub fn from_symbol(symbol: &str) -> Option<Unit> {
         Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
     }
@@ -191,14 +209,18 @@ impl Unit {
             Unit::Degree => ("deg", Dimension::Angle, 1, 180, true),
             Unit::Radian => ("rad", Dimension::Angle, 1, 1, false),
             Unit::DegreePerSecond => ("deg/s", Dimension::AngularRate, 1, 180, true),
+            Unit::MillidegreePerSecond => ("mdeg/s", Dimension::AngularRate, 1, 180_000, true),
             Unit::DegreePerHour => ("deg/h", Dimension::AngularRate, 1, 180 * 3600, true),
             Unit::RadianPerSecond => ("rad/s", Dimension::AngularRate, 1, 1, false),
             // Standard gravity, exactly 9.80665 m/s^2 (3rd CGPM, 1901); the local one belongs to the bench file.
             Unit::Gravity => ("g", Dimension::Acceleration, 980_665, 100_000, false),
             Unit::Milligravity => ("mg", Dimension::Acceleration, 980_665, 100_000_000, false),
+            Unit::Microgravity => ("ug", Dimension::Acceleration, 980_665, 100_000_000_000, false),
             Unit::MetrePerSecondSquared => ("m/s^2", Dimension::Acceleration, 1, 1, false),
             Unit::Gauss => ("gauss", Dimension::MagneticField, 1, 10_000, false),
             Unit::Milligauss => ("mgauss", Dimension::MagneticField, 1, 10_000_000, false),
+            Unit::Tesla => ("T", Dimension::MagneticField, 1, 1, false),
+            Unit::Millitesla => ("mT", Dimension::MagneticField, 1, 1000, false),
             Unit::Microtesla => ("uT", Dimension::MagneticField, 1, 1_000_000, false),
             Unit::Nanotesla => ("nT", Dimension::MagneticField, 1, 1_000_000_000, false),
             Unit::DegreeCelsius => ("degC", Dimension::Temperature, 1, 1, false),
@@ -210,6 +232,8 @@ impl Unit {
             // The square root of an hour is that of 3600 s: 60.
             Unit::DegreePerRootHour => ("deg/sqrt(h)", Dimension::AngleRandomWalk, 1, 180 * 60, true),
             Unit::DegreePerSecondPerRootHertz => ("deg/s/sqrt(Hz)", Dimension::AngleRandomWalk, 1, 180, true),
+            Unit::MillidegreePerSecondPerRootHertz => ("mdeg/s/sqrt(Hz)", Dimension::AngleRandomWalk, 1, 180_000, true),
+            Unit::DegreePerHourPerRootHertz => ("deg/h/sqrt(Hz)", Dimension::AngleRandomWalk, 1, 180 * 3600, true),
             Unit::MetrePerSecondPerRootHour => ("m/s/sqrt(h)", Dimension::VelocityRandomWalk, 1, 60, false),
             Unit::MilligravityPerRootHertz => {
                 ("mg/sqrt(Hz)", Dimension::VelocityRandomWalk, 980_665, 100_000_000, false)

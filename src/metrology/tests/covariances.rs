@@ -69,7 +69,7 @@ fn six_positions() {
             })
             .collect();
         let c = six_position::calibrate(&positions, 9.8).unwrap();
-        (of_triad(&c.matrix, &c.bias_mps2), dynamic(&c.covariance))
+        (of_triad(&c.matrix, &c.nabla_mps2), dynamic(&c.covariance))
     });
 }
 
@@ -79,7 +79,7 @@ fn rotations() {
     compare(600, |dice| {
         let runs = session.runs(dice);
         let c = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar)).unwrap();
-        (of_triad(&c.matrix, &c.bias_rps), dynamic(&c.covariance))
+        (of_triad(&c.matrix, &c.epsilon_rps), dynamic(&c.covariance))
     });
 }
 

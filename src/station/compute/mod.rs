@@ -9,7 +9,9 @@ pub mod fuzzing;
 mod magnetometer;
 pub(crate) mod plot;
 mod record;
+mod repeatability;
 mod report;
+mod scale_factor;
 mod spectrum;
 mod table;
 #[cfg(test)]
@@ -62,6 +64,10 @@ enum Method {
     Psd(spectrum::Psd),
     /// Spread of the means of disjoint blocks
     Stability(spectrum::Stability),
+    /// Scale factor, nonlinearity and asymmetry from the output at many rates of both senses
+    ScaleFactor(scale_factor::ScaleFactor),
+    /// Spread of a figure over repeated runs
+    Repeatability(repeatability::Repeatability),
     /// Accelerometer offset and gain from a flip between +1 g and -1 g
     Flip(tilt::Flip),
     /// Accelerometer offset over temperature from three points
@@ -126,6 +132,8 @@ impl Args {
             Method::Allan(m) => ("allan", m.compute()),
             Method::Psd(m) => ("psd", m.compute()),
             Method::Stability(m) => ("stability", m.compute()),
+            Method::ScaleFactor(m) => ("scale-factor", m.compute()),
+            Method::Repeatability(m) => ("repeatability", m.compute()),
             Method::Flip(m) => ("flip", m.compute()),
             Method::TiltTemperature(m) => ("tilt-temperature", m.compute()),
             Method::TiltBudget(m) => ("tilt-budget", m.compute()),

@@ -10,6 +10,10 @@ use serde_json::{Map, Value, json};
 pub(super) struct Report {
     method: &'static str,
     entries: Vec<Entry>,
+    /// Keys whose figure does not exist, and why.
+    absent: Vec<(&'static str, String)>,
+    /// Keys of the version before, which programs may still read, and what they are.
+    deprecated: Vec<(&'static str, Value, &'static str)>,
 }
 
 struct Entry {
@@ -35,12 +39,32 @@ enum Body {
 
 impl Report {
     pub(super) fn new(method: &'static str) -> Self {
-        Self { method, entries: Vec::new() }
+        Self { method, entries: Vec::new(), absent: Vec::new(), deprecated: Vec::new() }
     }
 
     /// Adds a figure; the unit is for people, programs read it in the documentation.
     pub(super) fn put(&mut self, key: &'static str, unit: impl Into<String>, value: impl Into<Value>) -> &mut Self {
         self.entries.push(Entry { key, unit: unit.into(), body: Body::Value(value.into()) });
+        self
+    }
+
+    /// Adds a figure that does not exist: `null` for programs, with the reason under `absent`.
+    pub(super) fn absent(&mut self, key: &'static str, why: impl Into<String>) -> &mut Self {
+        let why = why.into();
+        self.put(key, why.clone(), Value::Null);
+        self.absent.push((key, why));
+        self
+    }
+
+    /// Keeps a key of the version before, or `key.of it`, for programs; `deprecated` says what it is and what to read in
+    /// its place. People do not see it.
+    pub(super) fn deprecated(
+        &mut self,
+        key: &'static str,
+        value: impl Into<Value>,
+        instead: &'static str,
+    ) -> &mut Self {
+        self.deprecated.push((key, value.into(), instead));
         self
     }
 
@@ -88,6 +112,21 @@ impl Report {
                     .collect(),
             };
             object.insert(entry.key.to_owned(), value);
+        }
+        if !self.absent.is_empty() {
+            object.insert("absent".to_owned(), self.absent.iter().map(|(k, why)| (*k, why.as_str())).collect());
+        }
+        if !self.deprecated.is_empty() {
+            object.insert("deprecated".to_owned(), self.deprecated.iter().map(|(k, _, why)| (*k, *why)).collect());
+            for (key, value, _) in &self.deprecated {
+                let (place, name) = match key.split_once('.') {
+                    Some((outer, inner)) => (object.get_mut(outer).and_then(Value::as_object_mut), inner),
+                    None => (Some(&mut object), *key),
+                };
+                if let Some(place) = place {
+                    place.insert(name.to_owned(), value.clone());
+                }
+            }
         }
         let mut text = serde_json::to_string_pretty(&object).unwrap_or_default();
         text.push('\n');

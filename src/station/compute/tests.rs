@@ -135,8 +135,9 @@ fn six_positions() {
     let json = gives(
         words,
         &table(head, rows.clone()),
-        "equation matrix bias sensitivity coupling residual_rms residuals condition dof sd.matrix sd.bias \
-         as_printed.matrix as_printed.bias expanded.matrix covariance",
+        "equation matrix nabla bias_mps2 bias_mg bias_lsb sensitivity coupling residual_rms residuals condition dof \
+         sd.matrix sd.bias_mps2 sd.bias_lsb as_printed.matrix as_printed.nabla expanded.matrix covariance \
+         bias sd.bias as_printed.bias deprecated.bias",
     );
     assert!((json["matrix"][1][1].as_f64().unwrap() - 1e-3).abs() < 1e-6, "{json:#}");
     let printed = json["as_printed"]["matrix"][1][1].as_f64().unwrap();
@@ -144,7 +145,7 @@ fn six_positions() {
     let up = "ux,uy,uz,x,y,z";
     let attitudes =
         LABELS.map(|l| up_of(l).unwrap()).map(|u| format!("{},{},{},{},{},{}", u.x, u.y, u.z, u.x, u.y, u.z));
-    gives("six-position --latitude 34 --height 400", &table(up, attitudes), "matrix bias gravity");
+    gives("six-position --latitude 34 --height 400", &table(up, attitudes), "matrix bias_mps2 gravity");
     refuses(words, &table(head, rows[..500].to_vec()), "missing: z-");
     refuses(words, &table(head, [rows.clone(), rows[..9].to_vec()].concat()), "`x+` stands in two separated blocks");
     refuses(words, &table(head, [vec!["x+,nan,0,0".to_owned()], rows.clone()].concat()), "x: sample 0 is NaN");
@@ -163,7 +164,8 @@ fn still_gyroscope() {
     gives(
         "gyro-still --latitude 34",
         &record,
-        "bias g_sensitivity sd.bias sd.g_sensitivity expanded.bias heading_bound.bias",
+        "bias_rps bias_dph absent.bias_lsb g_sensitivity sd.bias_rps sd.g_sensitivity expanded.bias_rps \
+         heading_bound.bias_rps bias",
     );
     refuses("gyro-still --latitude 91", &record, "latitude (deg) is 91");
 }
@@ -175,7 +177,7 @@ fn rotations() {
     let json = gives(
         words,
         &table(head, rows.clone()),
-        "equation response matrix bias offset_lsb windows.run sd.response sd.matrix residuals covariance",
+        "equation response matrix epsilon bias_rps bias_lsb windows.run sd.response sd.matrix residuals covariance",
     );
     assert!((json["response"][0][0].as_f64().unwrap() - 1000.0).abs() < 1.0);
     refuses(words, &table(head, rows[..6000].to_vec()), "missing: z-");

@@ -62,13 +62,15 @@ impl SixPosition {
         let mut report = Report::new("six-position");
         report
             .put("equation", "", six_position::EQUATION)
-            .put("matrix", "m/s^2 per LSB", matrix(&c.matrix))
-            .put("bias", "m/s^2", vector(&c.bias_mps2))
+            .put("matrix", "Ka, m/s^2 per LSB", matrix(&c.matrix))
+            .put("nabla", "m/s^2, added", vector(&c.nabla_mps2))
+            .put("bias_mps2", "measured less true, m/s^2", vector(&c.bias_mps2()))
+            .put("bias_mg", "the same, mg", vector(&(c.bias_mps2() * (1e3 / earth::STANDARD_GRAVITY_MPS2))))
+            .put("bias_lsb", "the same, b, LSB", vector(&c.bias_lsb))
             .put("sensitivity", "LSB per m/s^2", vector(&c.response.diagonal()))
             .put("coupling", "M_ij / M_ii, relative to the fixture", matrix(&c.coupling()))
             .put("nonorthogonality_rad", "xy xz yz, rad", vector(&c.nonorthogonality_rad()))
             .put("response", "M of N = M f + b, LSB per m/s^2", matrix(&c.response))
-            .put("offset_lsb", "b, LSB", vector(&c.offset_lsb))
             .put("gravity", "m/s^2", c.gravity_mps2)
             .put("residual_rms", "m/s^2", c.residual_rms_mps2)
             .put("condition", "", c.condition)
@@ -76,31 +78,41 @@ impl SixPosition {
             .put(
                 "sd",
                 "standard uncertainty, units as above",
-                json!({ "matrix": matrix(&c.matrix_sd), "bias": vector(&c.bias_sd_mps2) }),
+                json!({
+                    "matrix": matrix(&c.matrix_sd),
+                    "bias_mps2": vector(&c.bias_sd_mps2),
+                    "bias_lsb": vector(&c.bias_sd_lsb),
+                }),
             )
             .put("coverage_factor", "95 %, Student t", k)
             .put(
                 "expanded",
                 "95 %, units as above",
-                json!({ "matrix": matrix(&c.expanded().0), "bias": vector(&c.expanded().1) }),
+                json!({
+                    "matrix": matrix(&c.expanded().0),
+                    "bias_mps2": vector(&c.expanded().1),
+                    "bias_lsb": vector(&(c.bias_sd_lsb * k)),
+                }),
             )
             .hidden("covariance", matrix(&c.covariance))
             .put(
                 "as_printed",
                 "regression of f on N, units as above",
-                json!({ "matrix": matrix(&c.matrix_as_printed), "bias": vector(&c.bias_as_printed_mps2) }),
+                json!({
+                    "matrix": matrix(&c.matrix_as_printed),
+                    "nabla": vector(&c.nabla_as_printed_mps2),
+                }),
             )
             .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
             .put("rows", "", positions.iter().map(|p| json!(p.rows)).collect::<Vec<_>>())
-            .put("residuals", "m/s^2, by position", c.residuals_mps2.iter().map(vector).collect::<Vec<_>>());
-        let panels = residual_panels(
-            "f",
-            "m/s^2",
-            &positions,
-            &c.residuals_mps2,
-            |p| c.matrix * p.mean + c.bias_mps2,
-            |p| gravity * p.up,
-        );
+            .put("residuals", "m/s^2, by position", c.residuals_mps2.iter().map(vector).collect::<Vec<_>>())
+            .deprecated("bias", vector(&c.nabla_mps2), "nabla of f = matrix N + nabla: minus bias_mps2; read those")
+            .deprecated("offset_lsb", vector(&c.bias_lsb), "read bias_lsb")
+            .deprecated("sd.bias", vector(&c.bias_sd_mps2), "read sd.bias_mps2")
+            .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_mps2")
+            .deprecated("as_printed.bias", vector(&c.nabla_as_printed_mps2), "read as_printed.nabla");
+        let panels =
+            residual_panels("f", "m/s^2", &positions, &c.residuals_mps2, |p| c.compensate(&p.mean), |p| gravity * p.up);
         Ok(Outcome { report, panels })
     }
 }
@@ -148,8 +160,13 @@ impl GyroStill {
         let mut report = Report::new("gyro-still");
         report
             .put("equation", "", gyro_still::EQUATION)
-            .put("bias", "rad/s", vector(&c.bias_rps))
-            .put("bias_dph", "deg/h", vector(&(c.bias_rps * dph)))
+            .put("bias_rps", "measured less true, rad/s", vector(&c.bias_rps))
+            .put("bias_dph", "the same, deg/h", vector(&(c.bias_rps * dph)));
+        match self.response {
+            Some(_) => report.put("bias_lsb", "the same, LSB", vector(&(c.bias_rps * response))),
+            None => report.absent("bias_lsb", "the record is in units of rate; --response takes one in LSB"),
+        };
+        report
             .put("g_sensitivity", "(rad/s) per (m/s^2)", matrix(&c.g_sensitivity))
             .put(
                 "g_sensitivity_dph_per_g",
@@ -159,26 +176,30 @@ impl GyroStill {
             .put(
                 "sd",
                 "type A, units as above",
-                json!({ "bias": vector(&c.bias_sd_rps), "g_sensitivity": matrix(&c.g_sensitivity_sd) }),
+                json!({ "bias_rps": vector(&c.bias_sd_rps), "g_sensitivity": matrix(&c.g_sensitivity_sd) }),
             )
             .put("coverage_factor", "95 %, Student t", k)
             .put(
                 "expanded",
                 "95 %, type A, units as above",
-                json!({ "bias": vector(&c.expanded().0), "g_sensitivity": matrix(&c.expanded().1) }),
+                json!({ "bias_rps": vector(&c.expanded().0), "g_sensitivity": matrix(&c.expanded().1) }),
             )
             .hidden("covariance", matrix(&c.covariance))
             .put(
                 "heading_bound",
                 "type B: largest error where headings are unknown, units as above",
-                json!({ "bias": c.bias_heading_bound_rps, "g_sensitivity": c.g_sensitivity_heading_bound }),
+                json!({ "bias_rps": c.bias_heading_bound_rps, "g_sensitivity": c.g_sensitivity_heading_bound }),
             )
             .put("gravity", "m/s^2", gravity)
             .put("residual_rms", "rad/s", c.residual_rms_rps)
             .put("condition", "", c.condition)
             .put("dof", "", c.dof)
             .put("positions", "", positions.iter().map(|p| json!(p.label)).collect::<Vec<_>>())
-            .put("residuals", "rad/s, by position", c.residuals_rps.iter().map(vector).collect::<Vec<_>>());
+            .put("residuals", "rad/s, by position", c.residuals_rps.iter().map(vector).collect::<Vec<_>>())
+            .deprecated("bias", vector(&c.bias_rps), "read bias_rps")
+            .deprecated("sd.bias", vector(&c.bias_sd_rps), "read sd.bias_rps")
+            .deprecated("expanded.bias", vector(&c.expanded().0), "read expanded.bias_rps")
+            .deprecated("heading_bound.bias", c.bias_heading_bound_rps, "read heading_bound.bias_rps");
         let fitted = |p: &Position| c.bias_rps + c.g_sensitivity * (gravity * p.up);
         let panels = residual_panels("w_out", "rad/s", &positions, &c.residuals_rps, |p| p.mean, fitted);
         Ok(Outcome { report, panels })
@@ -349,9 +370,10 @@ impl Rotation {
         report
             .put("equation", "", rotation::EQUATION)
             .put("response", "S of N = S w + b, LSB per rad/s", matrix(&c.response))
-            .put("matrix", "rad/s per LSB", matrix(&c.matrix))
-            .put("bias", "rad/s, at this attitude", vector(&c.bias_rps))
-            .put("offset_lsb", "b, LSB, at this attitude", vector(&c.offset_lsb))
+            .put("matrix", "Kg, rad/s per LSB", matrix(&c.matrix))
+            .put("epsilon", "rad/s, taken off", vector(&c.epsilon_rps))
+            .put("bias_rps", "at this attitude, measured less true, rad/s", vector(&c.bias_rps()))
+            .put("bias_lsb", "the same, b, LSB", vector(&c.bias_lsb))
             .rows("windows", &["run", "first_row", "last_row", "start_s", "span_s", "peak", "integral"], windows)
             .put(
                 "sd",
@@ -359,15 +381,15 @@ impl Rotation {
                 json!({
                     "response": matrix(&c.response_sd),
                     "matrix": matrix(&c.matrix_sd),
-                    "bias": vector(&c.bias_sd_rps),
-                    "offset_lsb": vector(&c.offset_sd_lsb),
+                    "bias_rps": vector(&c.bias_sd_rps),
+                    "bias_lsb": vector(&c.bias_sd_lsb),
                 }),
             )
             .put("coverage_factor", "95 %, Student t", k)
             .put(
                 "expanded",
                 "95 %, units as above",
-                json!({ "response": matrix(&c.expanded().0), "bias": vector(&c.expanded().1) }),
+                json!({ "response": matrix(&c.expanded().0), "bias_rps": vector(&c.expanded().1) }),
             )
             .hidden("covariance", matrix(&c.covariance))
             .put("coupling", "S_ij / S_ii, relative to the fixture", matrix(&c.coupling()))
@@ -377,7 +399,12 @@ impl Rotation {
             .put("residual_rms", "rad", c.residual_rms_rad)
             .put("residuals", "rad, by run x+ x- y+ y- z+ z-", c.residuals_rad.iter().map(vector).collect::<Vec<_>>())
             .put("condition", "", c.condition)
-            .put("dof", "", c.dof);
+            .put("dof", "", c.dof)
+            .deprecated("bias", vector(&c.epsilon_rps), "epsilon of w = matrix N - epsilon; read bias_rps")
+            .deprecated("offset_lsb", vector(&c.bias_lsb), "read bias_lsb")
+            .deprecated("sd.bias", vector(&c.bias_sd_rps), "read sd.bias_rps")
+            .deprecated("sd.offset_lsb", vector(&c.bias_sd_lsb), "read sd.bias_lsb")
+            .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_rps");
         let rates = |run: &rotation::Run, i: usize| {
             let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / self.rate, *v));
             Series::line(AXES[i], points.collect::<Vec<_>>())

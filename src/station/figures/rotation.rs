@@ -171,7 +171,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let angles = solved.nonorthogonality_rad();
     couplings(&mut findings, "", &solved.coupling(), &angles, |i, j| solved.response_budget(i, j), probability);
     for (i, axis) in AXES.iter().enumerate() {
-        let bias_dph = c.bias_rps[i].to_degrees() * 3600.0;
+        let bias_dph = c.bias_rps()[i].to_degrees() * 3600.0;
         findings.figure(format!("bias_at_attitude_{axis}"), bias_dph, &solved.bias_budget(i), probability);
     }
     for (i, axis) in AXES.iter().enumerate() {
@@ -218,8 +218,8 @@ fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
         .collect();
     json!({
         "equation": "w = Kg N - epsilon, Kg = S^-1, epsilon = Kg b, from six integrals I = S (theta e_j + earth) + b T per sensor",
-        "S": matrix(&c.response), "b_at_attitude": vector(&c.offset_lsb),
-        "Kg": matrix(&c.matrix), "epsilon_at_attitude_rps": vector(&c.bias_rps),
+        "S": matrix(&c.response), "b_at_attitude": vector(&c.bias_lsb),
+        "Kg": matrix(&c.matrix), "epsilon_at_attitude_rps": vector(&c.epsilon_rps),
         "S_sd": matrix(&c.response_sd), "Kg_sd": matrix(&c.matrix_sd), "epsilon_sd_rps": vector(&c.bias_sd_rps),
         "as_printed": {
             "k": matrix(&c.response.transpose()),

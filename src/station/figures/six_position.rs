@@ -151,11 +151,10 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let expected = question.params.choice("positions")?.parse().ok();
     let solved = solve(question.captures, expected, known)?;
     let c = &solved.found;
-    let accel = Accel { matrix: rows(&c.matrix), offset: c.bias_mps2.into() };
+    let accel = Accel { matrix: rows(&c.matrix), offset: c.nabla_mps2.into() };
     let mut findings = Findings::new(details(question.captures, &solved));
     for (i, axis) in AXES.iter().enumerate() {
-        // Measured less true: what nabla takes away.
-        let bias_mg = -c.bias_mps2[i] / earth::STANDARD_GRAVITY_MPS2 * 1e3;
+        let bias_mg = c.bias_mps2()[i] / earth::STANDARD_GRAVITY_MPS2 * 1e3;
         findings.figure(format!("bias_{axis}"), bias_mg, &solved.bias_budget(i), probability);
     }
     for (i, axis) in AXES.iter().enumerate() {
@@ -218,10 +217,10 @@ fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
         .collect();
     json!({
         "equation": "f = Ka N + nabla, from N = M f + b by least squares; f in m/s^2, +g on the axis that points up; N in counts",
-        "Ka": matrix(&c.matrix), "nabla": vector(&c.bias_mps2),
-        "M": matrix(&c.response), "b": vector(&c.offset_lsb),
+        "Ka": matrix(&c.matrix), "nabla": vector(&c.nabla_mps2),
+        "M": matrix(&c.response), "b": vector(&c.bias_lsb),
         "Ka_sd": matrix(&c.matrix_sd), "nabla_sd": vector(&c.bias_sd_mps2),
-        "as_printed": { "Ka": matrix(&c.matrix_as_printed), "nabla": vector(&c.bias_as_printed_mps2) },
+        "as_printed": { "Ka": matrix(&c.matrix_as_printed), "nabla": vector(&c.nabla_as_printed_mps2) },
         "coupling": matrix(&c.coupling()), "nonorthogonality_rad": vector(&c.nonorthogonality_rad()),
         "gravity_mps2": c.gravity_mps2, "gravity_from": solved.known.gravity.from,
         "residuals": residuals, "residual_rms_mps2": c.residual_rms_mps2,

@@ -93,7 +93,10 @@ fn six_position() {
     let keys = [
         "equation",
         "matrix",
-        "bias",
+        "nabla",
+        "bias_mps2",
+        "bias_mg",
+        "bias_lsb",
         "sensitivity",
         "coupling",
         "residual_rms",
@@ -101,14 +104,19 @@ fn six_position() {
         "condition",
         "dof",
         "sd.matrix",
-        "sd.bias",
+        "sd.bias_mps2",
+        "sd.bias_lsb",
+        "expanded.bias_mps2",
         "as_printed.matrix",
-        "as_printed.bias",
+        "as_printed.nabla",
     ];
     let v = good(&six(9.8), "six-position r.csv --gravity 9.8", &keys);
     near(&v["matrix"][0][0], 1e-3);
     near(&v["matrix"][0][1], -9.0 / 1000.0 / 900.0);
-    near(&v["bias"][1], 20.0 / 900.0);
+    near(&v["bias_mps2"][1], -20.0 / 900.0);
+    near(&v["bias_mg"][1], -20.0 / 900.0 / 9.80665e-3);
+    near(&v["bias_lsb"][1], -20.0);
+    near(&v["nabla"][1], 20.0 / 900.0);
     near(&v["coupling"][0][1], 9e-3);
     near(&v["sensitivity"][2], 1100.0);
     assert_eq!((&v["dof"], v["residuals"].as_array().unwrap().len()), (&6.into(), 6));
@@ -145,9 +153,13 @@ fn gyro_still() {
     let v = good(
         &six(9.8),
         "gyro-still r.csv --latitude 0 --gravity 9.8",
-        &["bias", "g_sensitivity", "sd.bias", "sd.g_sensitivity"],
+        &["bias_rps", "bias_dph", "g_sensitivity", "sd.bias_rps", "sd.g_sensitivity", "expanded.bias_rps"],
     );
-    near(&v["bias"][0], 30.0);
+    near(&v["bias_rps"][0], 30.0);
+    assert!(v["bias_lsb"].is_null() && v["absent"]["bias_lsb"].as_str().unwrap().contains("--response"), "{v}");
+    let in_lsb = good(&six(9.8), "gyro-still r.csv --latitude 0 --gravity 9.8 --response 1000", &[]);
+    near(&in_lsb["bias_rps"][0], 0.03);
+    near(&in_lsb["bias_lsb"][0], 30.0);
     near(&v["g_sensitivity"][1][1], 900.0);
     // At the pole the earth's rotation along up is taken out of g-sensitivity: 7.29e-5 rad/s over 9.8 m/s^2.
     let v = good(&six(9.8), "gyro-still r.csv --latitude 90 --gravity 9.8", &[]);
@@ -180,17 +192,65 @@ fn rotations() -> String {
 
 #[test]
 fn rotation() {
-    let keys = ["equation", "response", "matrix", "bias", "offset_lsb", "windows.run", "sd.matrix", "sd.bias"];
+    let keys = [
+        "equation",
+        "response",
+        "matrix",
+        "epsilon",
+        "bias_rps",
+        "bias_lsb",
+        "windows.run",
+        "sd.matrix",
+        "sd.bias_rps",
+    ];
     let v = good(&rotations(), "rotation r.csv --rate 100 --turns 3 --axis polar", &keys);
     near(&v["response"][1][1], 2000.0);
     near(&v["matrix"][2][2], 1.0 / 3000.0);
-    near(&v["bias"][0], 0.005);
-    near(&v["offset_lsb"][2], 7.0);
+    near(&v["bias_rps"][0], 0.005);
+    near(&v["epsilon"][0], 0.005);
+    near(&v["bias_lsb"][2], 7.0);
     good(&rotations(), "rotation r.csv --rate 100 --turns 3", &keys);
     good(&rotations(), "rotation r.csv --rate 100 --turns 3 --axis vertical --latitude -34", &keys);
     bad(&rotations(), "rotation r.csv --rate 100 --turns 3 --axis vertical", 2, "--latitude");
     bad(&rotations(), "rotation r.csv --rate 100 --turns 3 --nominal 1000", 1, "sensor y: response 2.0");
     bad(&rotations(), "rotation r.csv --turns 3", 2, "--rate");
+}
+
+/// A sensor that reads high has a positive bias in every method: measured less true.
+#[test]
+fn bias_has_one_sign() {
+    // b = (30, -20, 10) LSB at 1000, 900, 1100 LSB per m/s^2.
+    let v = good(&six(9.8), "six-position r.csv --gravity 9.8", &[]);
+    for (i, truth) in
+        [30.0 / 1000.0 + 9.0 * 20.0 / 900.0 / 1000.0, -20.0 / 900.0, 10.0 / 1100.0].into_iter().enumerate()
+    {
+        near(&v["bias_mps2"][i], truth);
+        near(&v["bias_lsb"][i], [30.0, -20.0, 10.0][i]);
+        // Measured less true, by the equation that is printed: f = matrix N + nabla.
+        near(&v["nabla"][i], -truth);
+    }
+    let v = good(&six(9.8), "gyro-still r.csv --latitude 0 --gravity 9.8", &[]);
+    assert!((0..3).all(|i| v["bias_rps"][i].as_f64().unwrap() * [30.0, -20.0, 10.0][i] > 0.0), "{v}");
+    let v = good(&rotations(), "rotation r.csv --rate 100 --turns 3 --axis polar", &[]);
+    near(&v["bias_rps"][2], 7.0 / 3000.0);
+    let v = good("position,a\n+,1.035\n+,1.035\n-,-0.985\n-,-0.985\n", "flip r.csv", &[]);
+    near(&v["offset"], 0.025);
+    near(&v["bias"], 0.025 / 1.01);
+}
+
+/// Keys of the version before keep their values, and say what they are.
+#[test]
+fn old_keys_of_the_bias() {
+    let v = good(&six(9.8), "six-position r.csv --gravity 9.8", &["sd.bias", "expanded.bias"]);
+    assert_eq!((&v["bias"], &v["offset_lsb"]), (&v["nabla"], &v["bias_lsb"]));
+    assert_eq!(v["as_printed"]["bias"], v["as_printed"]["nabla"]);
+    assert_eq!(v["deprecated"]["bias"], "nabla of f = matrix N + nabla: minus bias_mps2; read those");
+    let v = good(&rotations(), "rotation r.csv --rate 100 --turns 3 --axis polar", &["sd.bias", "sd.offset_lsb"]);
+    assert_eq!((&v["bias"], &v["offset_lsb"]), (&v["epsilon"], &v["bias_lsb"]));
+    let v = good(&six(9.8), "gyro-still r.csv --latitude 0 --gravity 9.8", &["sd.bias", "heading_bound.bias"]);
+    assert_eq!(v["bias"], v["bias_rps"]);
+    let table = run(&six(9.8), "six-position r.csv --gravity 9.8").out;
+    assert!(!table.contains("  bias  ") && !table.contains("offset_lsb"), "{table}");
 }
 
 #[test]

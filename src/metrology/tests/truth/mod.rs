@@ -258,7 +258,7 @@ fn accelerometer(
         let outputs: Vec<Vector3<f64>> =
             up.iter().map(|u| response * (gravity * u) + offset + sigma.map(|s| s * dice.normal())).collect();
         let c = six_position::calibrate(&average(&outputs), gravity).unwrap();
-        estimates(&c.matrix, &c.matrix_sd, &c.bias_mps2, &c.bias_sd_mps2, c.coverage_factor())
+        estimates(&c.matrix, &c.matrix_sd, &c.nabla_mps2, &c.bias_sd_mps2, c.coverage_factor())
     })
 }
 
@@ -441,7 +441,7 @@ fn rotations(method: &'static str, session: &Session, axis: rotation::Axis, tria
     Tally::run(method, trials, seed, names("matrix", "bias"), truth, bound, |dice| {
         let runs = session.runs(dice);
         let c = rotation::calibrate(&borrowed(&runs), &session.options(axis)).unwrap();
-        estimates(&c.matrix, &c.matrix_sd, &c.bias_rps, &c.bias_sd_rps, c.coverage_factor())
+        estimates(&c.matrix, &c.matrix_sd, &c.bias_rps(), &c.bias_sd_rps, c.coverage_factor())
     })
 }
 

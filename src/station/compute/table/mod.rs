@@ -81,6 +81,8 @@ pub(super) struct Table {
     header: Vec<String>,
     header_line: usize,
     delimiter: Delimiter,
+    /// Whether a time column is looked at.
+    timed: bool,
 }
 
 impl Table {
@@ -134,12 +136,17 @@ impl Table {
                 return Err(TableError::Doubled { path, line, column, name });
             }
         }
-        Ok(Self { path: path.to_owned(), pieces, first, header, header_line: line, delimiter })
+        Ok(Self { path: path.to_owned(), pieces, first, header, header_line: line, delimiter, timed: true })
     }
 
     /// Whether the header has a column.
     pub(super) fn has(&self, name: &str) -> bool {
         self.header.iter().any(|h| h == name)
+    }
+
+    /// The same without a look at its time column, for methods to which time says nothing.
+    pub(super) fn untimed(self) -> Self {
+        Self { timed: false, ..self }
     }
 
     fn column(&self, name: &str) -> Result<usize, TableError> {
@@ -161,7 +168,7 @@ impl Table {
             roles.push((self.column(name)?, Role::Label));
         }
         let is_time = |name: &String| TIME_NAMES.iter().any(|t| name.eq_ignore_ascii_case(t));
-        if let Some(column) = self.header.iter().position(is_time) {
+        if let Some(column) = self.header.iter().position(is_time).filter(|_| self.timed) {
             roles.push((column, Role::Time));
         }
         let rows = Rows {

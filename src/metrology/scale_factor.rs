@@ -1,0 +1,495 @@
+//! Scale factor of one sensor from its output at many inputs: `x = K w + F0` by least squares.
+//!
+//! The input w is a rate of a gyroscope, or the specific force of an accelerometer; the output x has the record's unit. Names
+//! and formulas are those of IEEE Std 528 (terms), GJB 2426A and JJF 1535 (tests of gyroscopes):
+//!
+//! - *nonlinearity over the full scale* (GJB 2426A: `max |F_j fitted - F_j| / |F_m|`; IEEE Std 528: linearity error in percent
+//!   of full scale): the largest distance from the line over `|K| w_max`. The print's F_m is an output, with the output
+//!   at rest taken off; here it is that of the line, so that no single point decides.
+//! - *nonlinearity over the output* (IEEE Std 528: linearity error in percent of output): the largest distance over `|K w_j|`
+//!   of the same point. It does not exist at rest, and at small rates it is noise more than anything else.
+//! - *asymmetry* (GJB 2426A: `|K+ - K-|` over the mean of both; IEEE Std 528 divides by K of the whole range, which differs
+//!   by the square of it): lines through the points of each sense alone.
+//! - *repeatability* (GJB 2426A): sample standard deviation (n - 1) of the K of each cycle over their mean.
+//!
+//! All uncertainties are of type A: errors of the table's rate that all points share go into K one to one.
+
+mod line;
+
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use thiserror::Error;
+
+use crate::stability::{Repeatability, repeatability};
+use crate::{Refusal, series, stats};
+use line::Line;
+
+/// What the parameters mean.
+pub const EQUATION: &str = "x = scale_factor rate + offset";
+
+/// A point that misses the line by more than this part of the full scale has a wrong sign or rows, or the sensor is none.
+pub const RESIDUAL_LIMIT: f64 = 0.05;
+
+/// Different rates that a line with a residual needs.
+const FEWEST: usize = 3;
+
+/// Points outside by chance in one record of a thousand are named.
+const SUSPECT_PROBABILITY: f64 = 1e-3;
+
+/// Mean output at one input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Input, in the record's unit.
+    pub rate: f64,
+    /// Mean output.
+    pub output: f64,
+    /// Number of the cycle that it belongs to.
+    pub cycle: f64,
+    /// First of its rows, from 1.
+    pub row: usize,
+    /// Rows that were averaged.
+    pub rows: usize,
+}
+
+/// Means of neighbouring rows of equal rate and cycle. A rate that comes again later is a point of its own.
+///
+/// # Errors
+/// [`Refusal::Lengths`], [`Refusal::NotFinite`].
+pub fn points(rates: &[f64], outputs: &[f64], cycles: Option<&[f64]>) -> Result<Vec<Point>, Refusal> {
+    series::channels(&["rate", "output"], &[rates, outputs])?;
+    if let Some(cycles) = cycles {
+        series::channels(&["rate", "cycle"], &[rates, cycles])?;
+    }
+    let cycle = |row: usize| cycles.map_or(0.0, |cycles| cycles[row]);
+    let mut points = Vec::new();
+    let mut first = 0;
+    for row in 1..=rates.len() {
+        if row == rates.len() || rates[row] != rates[first] || cycle(row) != cycle(first) {
+            let output = stats::mean(&outputs[first..row]);
+            points.push(Point { rate: rates[first], output, cycle: cycle(first), row: first + 1, rows: row - first });
+            first = row;
+        }
+    }
+    Ok(points)
+}
+
+/// How the points are judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// End of the input range to which the nonlinearity refers; the largest input of the record where `None`.
+    pub full_scale: Option<f64>,
+    /// Largest residual allowed, over the full scale.
+    pub residual: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { full_scale: None, residual: RESIDUAL_LIMIT }
+    }
+}
+
+/// A figure with its standard uncertainty (type A).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Value.
+    pub value: f64,
+    /// Standard uncertainty.
+    pub sd: f64,
+    /// Its degrees of freedom.
+    pub dof: f64,
+}
+
+impl Estimate {
+    /// Half width of the 95 % interval (Student's t).
+    #[must_use]
+    pub fn expanded(&self) -> f64 {
+        stats::coverage_factor(0.95, self.dof) * self.sd
+    }
+
+    fn over(self, divisor: f64) -> Self {
+        Self { value: self.value / divisor, sd: self.sd / divisor.abs(), dof: self.dof }
+    }
+
+    /// Mean of one value a cycle; the scatter of the cycles is its uncertainty.
+    fn of_cycles(values: &[f64]) -> Self {
+        let (value, sd) = stats::mean_sd(values);
+        Self { value, sd: sd / (values.len() as f64).sqrt(), dof: values.len() as f64 - 1.0 }
+    }
+}
+
+/// Why a figure does not exist.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Absent {
+    /// Fewer than two rates of one sense.
+    #[error("{rates} rates of the {sense} sense{place}, a line needs 2")]
+    FewOfOneSense {
+        /// `positive` or `negative`.
+        sense: &'static str,
+        /// Different rates of that sense.
+        rates: usize,
+        /// Empty, or ` in cycle N`.
+        place: String,
+    },
+    /// Two rates of a sense have no residual.
+    #[error(
+        "the line of one sense goes through both of its points; an interval needs 3 rates of each sense, or cycles"
+    )]
+    NoResidual,
+    /// There is one cycle.
+    #[error("the record holds one cycle; number several in the column cycle")]
+    OneCycle,
+    /// No rate was visited twice.
+    #[error("no rate comes twice")]
+    NoRateTwice,
+    /// Cycles with different rates.
+    #[error("the cycles do not have the same rates")]
+    Unbalanced,
+    /// Repeated points agree exactly.
+    #[error("repeated points agree exactly")]
+    NoScatter,
+    /// Every input is zero, or none is above it.
+    #[error("every point lies at rest")]
+    AtRest,
+}
+
+/// Points of one rate over all visits and cycles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CurvePoint {
+    /// Input.
+    pub rate: f64,
+    /// Mean output.
+    pub output: f64,
+    /// Mean distance from the line of its own cycle, unit of the output.
+    pub residual: f64,
+    /// Visits that were averaged.
+    pub visits: usize,
+    /// `residual` over the full scale.
+    pub of_full_scale: f64,
+    /// `residual` over the output of the line at this rate; `None` at rest.
+    pub of_output: Option<f64>,
+}
+
+/// Largest of a kind of residual, and where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Largest {
+    /// Its size, relative.
+    pub value: f64,
+    /// The rate at which it is.
+    pub rate: f64,
+    /// Half width of the 95 % interval of this residual from the scatter of repeated points, relative; `None` without one.
+    pub expanded: Option<f64>,
+}
+
+/// Whether the residuals are more than the scatter of repeated points (F test).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LackOfFit {
+    /// Mean square of the curve about the line over that of repeated points about the curve.
+    pub f: f64,
+    /// Probability of such a ratio where the sensor is linear.
+    pub p: f64,
+    /// Degrees of freedom of the numerator: different rates - 2.
+    pub dof: f64,
+    /// Degrees of freedom of the scatter of repeated points.
+    pub pure_dof: f64,
+    /// Standard deviation of one point by that scatter, unit of the output.
+    pub pure_sd: f64,
+}
+
+/// K of each sense.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Asymmetry {
+    /// K of the positive inputs alone; the mean of the cycles.
+    pub positive: f64,
+    /// K of the negative ones.
+    pub negative: f64,
+    /// `|K+ - K-|` over the mean of both.
+    pub relative: f64,
+    /// Standard uncertainty of `relative` and its degrees of freedom, where there is one.
+    pub uncertainty: Option<(f64, f64)>,
+}
+
+/// One cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cycle {
+    /// Its number.
+    pub number: f64,
+    /// Its points.
+    pub points: usize,
+    /// K.
+    pub scale_factor: f64,
+    /// F0.
+    pub offset: f64,
+}
+
+/// A point that stands out of the scatter of the others of its cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Suspect {
+    /// The point.
+    pub point: Point,
+    /// Its residual over the standard deviation that the others give it.
+    pub studentised: f64,
+}
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScaleFactor {
+    /// K, unit of the output per unit of the input: of one cycle from its residuals, of several their mean and scatter.
+    pub scale_factor: Estimate,
+    /// F0, unit of the output: the bias as an output, measured less true, with the earth's rotation along the axis.
+    pub offset: Estimate,
+    /// Input to which the nonlinearity refers.
+    pub full_scale: f64,
+    /// Root mean square of the residuals, unit of the output.
+    pub residual_rms: f64,
+    /// Points by rate, rising.
+    pub curve: Vec<CurvePoint>,
+    /// Largest residual over the full scale.
+    pub nonlinearity_full_scale: Largest,
+    /// Largest residual over the output.
+    pub nonlinearity_output: Result<Largest, Absent>,
+    /// Test of the line by repeated points.
+    pub lack_of_fit: Result<LackOfFit, Absent>,
+    /// Difference of the senses.
+    pub asymmetry: Result<Asymmetry, Absent>,
+    /// Cycles, in the order of the record.
+    pub cycles: Vec<Cycle>,
+    /// Spread of K over the cycles; divide by `scale_factor.value` for the relative one.
+    pub repeatability: Result<Repeatability, Absent>,
+    /// Points that stand out.
+    pub suspects: Vec<Suspect>,
+}
+
+/// Fits the line and what the standards derive from it.
+///
+/// # Errors
+/// [`Refusal::NotFinite`], [`Refusal::Parameter`]; [`Refusal::FewRates`] below three different inputs in a cycle;
+/// [`Refusal::Constant`] for a dead output, [`Refusal::Alike`] for cycles that agree to the last digit, which are copies;
+/// [`Refusal::OffLine`] for a point that misses the line by more than the limit, relative to the largest input.
+pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> {
+    for (name, of) in [("rate", (|p| p.rate) as fn(&Point) -> f64), ("output", |p| p.output), ("cycle", |p| p.cycle)] {
+        series::finite(name, &points.iter().map(of).collect::<Vec<_>>())?;
+    }
+    series::positive("residual limit", options.residual)?;
+    enough("", points)?;
+    if points.iter().all(|p| p.output == points[0].output) {
+        let samples = points.iter().map(|p| p.rows).sum();
+        return Err(Refusal::Constant { channel: "output".to_owned(), samples, value: points[0].output });
+    }
+    let cycles = by_cycle(points);
+    for of_cycle in cycles.iter().filter(|_| cycles.len() > 1) {
+        enough(&place(of_cycle, &cycles), of_cycle)?;
+    }
+    let lines: Vec<Line> = cycles.iter().map(|of_cycle| Line::through(of_cycle)).collect();
+    let (scale_factor, offset) = match &lines[..] {
+        [line] => (line.slope_estimate(), line.offset_estimate()),
+        _ => {
+            let each = |of: fn(&Line) -> f64| Estimate::of_cycles(&lines.iter().map(of).collect::<Vec<_>>());
+            (each(|line| line.slope), each(|line| line.offset))
+        }
+    };
+    let repeatability = match &lines[..] {
+        [_] => Err(Absent::OneCycle),
+        _ => Ok(repeatability(&lines.iter().map(|line| line.slope).collect::<Vec<_>>())?),
+    };
+    let k = scale_factor.value;
+    let largest_rate = points.iter().map(|p| p.rate.abs()).fold(0.0, f64::max);
+    let full_scale = match options.full_scale {
+        Some(full_scale) => series::positive("full scale", full_scale)?,
+        None => largest_rate,
+    };
+    let residuals: Vec<(Point, f64)> = cycles
+        .iter()
+        .zip(&lines)
+        .flat_map(|(of_cycle, line)| of_cycle.iter().map(|p| (*p, line.residual(p))))
+        .collect();
+    on_line(&residuals, (k * largest_rate).abs(), options.residual)?;
+
+    let curve = curve(&residuals, k, full_scale);
+    let lack_of_fit = lack_of_fit(&residuals, &curve, &cycles);
+    let balanced_visits = lack_of_fit.as_ref().ok().map(|found| (found.pure_sd, found.pure_dof));
+    let design = Line::through_rates(&curve);
+    let largest = |of: fn(&CurvePoint) -> Option<f64>| {
+        let found = curve.iter().filter_map(|p| Some((p, of(p)?.abs()))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (point, value) = found;
+        // The scatter of the mean of this rate about the line, in units of the residual.
+        let expanded = balanced_visits.filter(|_| point.residual != 0.0).map(|(sd, dof)| {
+            let own = (1.0 - design.leverage(point.rate)).max(0.0) / point.visits as f64;
+            stats::coverage_factor(0.95, dof) * sd * own.sqrt() * value / point.residual.abs()
+        });
+        Some(Largest { value, rate: point.rate, expanded })
+    };
+    let nothing = Largest { value: f64::NAN, rate: f64::NAN, expanded: None };
+    let squares: f64 = residuals.iter().map(|(_, r)| r * r).sum();
+    Ok(ScaleFactor {
+        scale_factor,
+        offset,
+        full_scale,
+        residual_rms: (squares / residuals.len() as f64).sqrt(),
+        nonlinearity_full_scale: largest(|p| Some(p.of_full_scale)).unwrap_or(nothing),
+        nonlinearity_output: largest(|p| p.of_output).ok_or(Absent::AtRest),
+        lack_of_fit,
+        asymmetry: asymmetry(&cycles),
+        repeatability,
+        suspects: cycles.iter().zip(&lines).flat_map(|(of_cycle, line)| suspects(of_cycle, line)).collect(),
+        cycles: cycles
+            .iter()
+            .zip(&lines)
+            .map(|(of_cycle, line)| Cycle {
+                number: of_cycle[0].cycle,
+                points: of_cycle.len(),
+                scale_factor: line.slope,
+                offset: line.offset,
+            })
+            .collect(),
+        curve,
+    })
+}
+
+/// The points of each cycle, in the order in which the cycles begin.
+fn by_cycle(points: &[Point]) -> Vec<Vec<Point>> {
+    let mut cycles: Vec<Vec<Point>> = Vec::new();
+    for point in points {
+        match cycles.iter_mut().find(|cycle| cycle[0].cycle == point.cycle) {
+            Some(cycle) => cycle.push(*point),
+            None => cycles.push(vec![*point]),
+        }
+    }
+    cycles
+}
+
+fn place(of_cycle: &[Point], cycles: &[Vec<Point>]) -> String {
+    if cycles.len() > 1 { format!(" in cycle {}", of_cycle[0].cycle) } else { String::new() }
+}
+
+fn enough(place: &str, points: &[Point]) -> Result<(), Refusal> {
+    let got = different(points.iter().map(|p| p.rate));
+    if got < FEWEST {
+        return Err(Refusal::FewRates { place: place.to_owned(), got, needed: FEWEST });
+    }
+    Ok(())
+}
+
+/// How many different values there are.
+fn different(values: impl Iterator<Item = f64>) -> usize {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    // Zero of either sign is one rate.
+    values.dedup_by(|a, b| a == b);
+    values.len()
+}
+
+/// No point misses the line by more than the limit.
+fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<(), Refusal> {
+    let worst = residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    match worst {
+        // Written so that an output without any response, and its NaN, are refused.
+        Some((point, residual)) if !(residual.abs() <= limit * full_scale) => Err(Refusal::OffLine {
+            rate: point.rate,
+            row: point.row,
+            percent: residual.abs() / full_scale * 100.0,
+            limit_percent: limit * 100.0,
+        }),
+        _ => Ok(()),
+    }
+}
+
+fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64) -> Vec<CurvePoint> {
+    let mut sorted = residuals.to_vec();
+    sorted.sort_by(|a, b| a.0.rate.total_cmp(&b.0.rate));
+    sorted
+        .chunk_by(|a, b| a.0.rate == b.0.rate)
+        .map(|visits| {
+            let rate = visits[0].0.rate;
+            let residual = visits.iter().map(|(_, r)| r).sum::<f64>() / visits.len() as f64;
+            CurvePoint {
+                rate,
+                output: visits.iter().map(|(p, _)| p.output).sum::<f64>() / visits.len() as f64,
+                residual,
+                visits: visits.len(),
+                of_full_scale: residual / (k * full_scale).abs(),
+                of_output: (rate != 0.0).then(|| residual / (k * rate).abs()),
+            }
+        })
+        .collect()
+}
+
+/// Every cycle with its own line leaves `n - m - 2 (Q - 1)` degrees of freedom to the scatter of n points at m rates in Q
+/// cycles, and `m - 2` to the curve, where all cycles have the same rates.
+fn lack_of_fit(residuals: &[(Point, f64)], curve: &[CurvePoint], cycles: &[Vec<Point>]) -> Result<LackOfFit, Absent> {
+    let rates = |cycle: &[Point]| {
+        let mut rates: Vec<f64> = cycle.iter().map(|p| p.rate + 0.0).collect();
+        rates.sort_by(f64::total_cmp);
+        rates
+    };
+    if cycles.iter().any(|cycle| rates(cycle) != rates(&cycles[0])) {
+        return Err(Absent::Unbalanced);
+    }
+    let pure_dof = residuals.len() as f64 - curve.len() as f64 - 2.0 * (cycles.len() as f64 - 1.0);
+    if pure_dof < 1.0 {
+        return Err(Absent::NoRateTwice);
+    }
+    let of_curve: f64 = curve.iter().map(|p| p.visits as f64 * p.residual * p.residual).sum();
+    let all: f64 = residuals.iter().map(|(_, r)| r * r).sum();
+    let mean_of = |rate: f64| curve.iter().find(|p| p.rate == rate).map_or(0.0, |p| p.residual);
+    let pure: f64 = residuals.iter().map(|(p, r)| (r - mean_of(p.rate)).powi(2)).sum();
+    if pure <= 1e-20 * all || pure == 0.0 {
+        return Err(Absent::NoScatter);
+    }
+    let dof = curve.len() as f64 - 2.0;
+    let f = (of_curve / dof) / (pure / pure_dof);
+    let p = FisherSnedecor::new(dof, pure_dof).map_or(f64::NAN, |distribution| distribution.sf(f));
+    Ok(LackOfFit { f, p, dof, pure_dof, pure_sd: (pure / pure_dof).sqrt() })
+}
+
+fn asymmetry(cycles: &[Vec<Point>]) -> Result<Asymmetry, Absent> {
+    let mut senses: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
+    for cycle in cycles {
+        for (lines, (sense, sign)) in senses.iter_mut().zip([("positive", 1.0), ("negative", -1.0)]) {
+            let of_sense: Vec<Point> = cycle.iter().copied().filter(|p| p.rate * sign > 0.0).collect();
+            let rates = different(of_sense.iter().map(|p| p.rate));
+            if rates < 2 {
+                return Err(Absent::FewOfOneSense { sense, rates, place: place(cycle, cycles) });
+            }
+            lines.push(Line::through(&of_sense));
+        }
+    }
+    let [positive, negative] = [&senses[0], &senses[1]].map(|l| l.iter().map(|l| l.slope).collect::<Vec<_>>());
+    let (plus, minus) = (stats::mean(&positive), stats::mean(&negative));
+    let mean = f64::midpoint(plus, minus).abs();
+    let difference = match (&senses[0][..], &senses[1][..]) {
+        ([plus], [minus]) => {
+            let [a, b] = [plus.slope_estimate(), minus.slope_estimate()];
+            let dof = stats::welch_satterthwaite(&[(a.sd, a.dof), (b.sd, b.dof)]);
+            (a.dof > 0.0 && b.dof > 0.0).then_some(Estimate { value: a.value - b.value, sd: a.sd.hypot(b.sd), dof })
+        }
+        _ => Some(Estimate::of_cycles(&positive.iter().zip(&negative).map(|(a, b)| a - b).collect::<Vec<_>>())),
+    };
+    Ok(Asymmetry {
+        positive: plus,
+        negative: minus,
+        relative: (plus - minus).abs() / mean,
+        uncertainty: difference.map(|d| d.over(mean)).map(|d| (d.sd, d.dof)),
+    })
+}
+
+/// Points whose externally studentised residual is beyond Student's t at the named probability, shared by all points
+/// (Bonferroni).
+fn suspects(of_cycle: &[Point], line: &Line) -> Vec<Suspect> {
+    let dof = line.dof() - 1.0;
+    if dof < 1.0 {
+        return Vec::new();
+    }
+    let limit = stats::coverage_factor(1.0 - SUSPECT_PROBABILITY / of_cycle.len() as f64, dof);
+    let of = |point: &Point| {
+        let own = 1.0 - line.leverage(point.rate);
+        let residual = line.residual(point);
+        let others = (line.squares() - residual * residual / own) / dof;
+        // Where the others lie on a line to the last digits nothing can be said about scatter.
+        let exact = (1e-12 * point.output.abs().max(line.offset.abs())).powi(2);
+        let studentised = residual / (others.max(exact) * own).sqrt();
+        (own > 1e-9 && studentised.abs() > limit).then_some(Suspect { point: *point, studentised })
+    };
+    of_cycle.iter().filter_map(of).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,115 @@
+//! Repeatability of a figure over runs.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use gnc_metrology::{Refusal, series, stability, stats};
+use serde_json::json;
+
+use super::plot::{Panel, Series};
+use super::report::Report;
+use super::table::{Table, Wanted};
+use super::{ComputeError, Outcome};
+
+/// A run of so many equal rows beside noisy ones is no chance.
+const STUCK_ROWS: usize = 8;
+
+#[derive(Debug, Args)]
+pub(super) struct Repeatability {
+    /// Columns run,x: the rows of a run are averaged; without a column run every row is a run
+    file: PathBuf,
+    /// Column of the figure
+    #[arg(long, value_name = "NAME", default_value = "x")]
+    column: String,
+}
+
+/// Rows of one run.
+struct Run {
+    number: f64,
+    values: Vec<f64>,
+}
+
+impl Repeatability {
+    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+        // Between runs time passes as it likes.
+        let table = Table::open(&self.file)?.untimed();
+        let has_run = table.has("run");
+        let mut names = vec![self.column.as_str()];
+        names.extend(has_run.then_some("run"));
+        let columns = table.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let values = &columns.numbers[0];
+        series::finite(&self.column, values)?;
+        let runs = match columns.numbers.get(1) {
+            Some(numbers) => {
+                series::finite("run", numbers)?;
+                runs(numbers, values)
+            }
+            None => values.iter().enumerate().map(|(i, v)| Run { number: i as f64 + 1.0, values: vec![*v] }).collect(),
+        };
+        alive(&self.column, &runs)?;
+        let means: Vec<f64> = runs.iter().map(|run| stats::mean(&run.values)).collect();
+        let found = stability::repeatability(&means)?;
+        let unit = format!("unit of {}", self.column);
+        let mut report = Report::new("repeatability");
+        report
+            .put("runs", "", found.runs)
+            .put("mean", unit.clone(), found.mean)
+            .put("mean_sd", "standard uncertainty of the mean, sd / sqrt(runs)", found.mean_sd())
+            .put("mean_expanded", "95 %, Student t", found.mean_expanded())
+            .put("sd", format!("n - 1, {unit}"), found.sd)
+            .put("sd_low", "95 %, chi-square", found.sd_low)
+            .put("sd_high", "", found.sd_high)
+            .put("dof", "runs - 1", found.runs - 1);
+        if found.mean == 0.0 {
+            report.absent("relative", "the mean is zero");
+        } else {
+            report.put("relative", "sd / |mean|", found.sd / found.mean.abs());
+        }
+        if runs.iter().all(|run| run.values.len() > 1) {
+            let variance = |run: &Run| stats::white_sd(&run.values).powi(2) / run.values.len() as f64;
+            let noise = (runs.iter().map(variance).sum::<f64>() / runs.len() as f64).sqrt();
+            report.put("noise_of_a_mean", "what white noise within the runs adds to sd", noise);
+        } else {
+            report.absent("noise_of_a_mean", "a run of one row does not show its noise");
+        }
+        let rows = runs
+            .iter()
+            .zip(&means)
+            .map(|(run, mean)| vec![json!(run.number), json!(run.values.len()), json!(mean), json!(mean - found.mean)]);
+        report.rows("means", &["run", "rows", "mean", "deviation"], rows.collect());
+        let dots = runs.iter().zip(&means).map(|(run, mean)| (run.number, *mean)).collect::<Vec<_>>();
+        let title = format!("Means of {}", self.column);
+        let panel = Panel::new(title, "run", unit, vec![Series::dots("runs", dots)]);
+        Ok(Outcome { report, panels: vec![panel] })
+    }
+}
+
+/// The rows of each run, in the order in which the runs begin.
+fn runs(numbers: &[f64], values: &[f64]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (number, value) in numbers.iter().zip(values) {
+        // Rows of a run mostly follow each other.
+        match runs.iter_mut().rev().find(|run| run.number == *number) {
+            Some(run) => run.values.push(*value),
+            None => runs.push(Run { number: *number, values: vec![*value] }),
+        }
+    }
+    runs
+}
+
+/// No run shows one value throughout where another is noisy.
+fn alive(column: &str, runs: &[Run]) -> Result<(), Refusal> {
+    let still = |run: &Run| run.values.iter().all(|v| *v == run.values[0]);
+    if runs.iter().filter(|run| run.values.len() >= STUCK_ROWS).all(still) {
+        return Ok(());
+    }
+    match runs.iter().find(|run| run.values.len() >= STUCK_ROWS && still(run)) {
+        Some(run) => Err(Refusal::Stuck {
+            channel: column.to_owned(),
+            place: format!("run {}", run.number),
+            value: run.values[0],
+            samples: run.values.len(),
+        }),
+        None => Ok(()),
+    }
+}
