@@ -253,6 +253,28 @@ pub enum Refusal {
         /// Rate after, Hz.
         after_hz: f64,
     },
+    /// Stamps whose unit is not named fit the stated rate in none.
+    #[error("steps of {step} in column `{column}` fit {stated_hz} Hz in none of s, ms, us and ns")]
+    UnknownTimeUnit {
+        /// Name of the column.
+        column: String,
+        /// The usual step, in the unit of the column.
+        step: f64,
+        /// Rate that was stated, Hz.
+        stated_hz: f64,
+    },
+    /// Cells of a column hold no value.
+    #[error("column `{column}`: {cells} of {rows} cells are empty or say so, the first in line {line}")]
+    EmptyCells {
+        /// Name of the column.
+        column: String,
+        /// Cells without a value.
+        cells: usize,
+        /// Rows of the record.
+        rows: usize,
+        /// Line of the first one, from 1.
+        line: usize,
+    },
     /// Stamps scatter so much that a lost sample would not show.
     #[error(
         "stamps scatter by {jitter_s:.6} s about steps of {step_s:.6} s: among {samples} of them a lost sample would not show"
@@ -400,6 +422,10 @@ impl Refusal {
         match self {
             Self::NotFinite { .. } => "find out why the recorder wrote it; cut the record there or take it again",
             Self::Parameter { .. } => "correct the parameter",
+            Self::EmptyCells { .. } => {
+                "find out why nothing was recorded there; rows may be removed where their order does not count"
+            }
+            Self::UnknownTimeUnit { .. } => "name the unit in the header, as `timestamp [ms]`, or correct --rate",
             Self::Lengths { .. } => "export all channels from the same record",
             Self::TooFew { .. } => "record longer",
             Self::Constant { .. } | Self::Stuck { .. } => "check that the sensor is alive and inside its range",

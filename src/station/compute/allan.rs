@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::plot::{Mark, Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::Wanted;
+use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// Which deviation.
@@ -74,9 +74,10 @@ fn taus(text: &str) -> Result<Taus, String> {
 }
 
 impl Allan {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let wanted =
+            Wanted { numbers: &[&self.column], rate_hz: Some(self.rate), time: TimeUse::Rate, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
         let values = columns.numbers.swap_remove(0);
         let input = if self.phase { Input::Phase } else { Input::Rate };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -102,6 +103,7 @@ impl Allan {
         ];
         let mut report = Report::new("allan");
         report
+            .record(&columns)
             .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
             .put("samples", "", values.len())
             .rows("points", &["tau_s", "dev", "n", "edf", "noise", "low", "high"], rows)

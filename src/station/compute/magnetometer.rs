@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use gnc_executive::quantity::Dimension;
 use gnc_metrology::{ellipse, ellipsoid};
 use nalgebra::Vector3;
 use serde_json::json;
@@ -10,7 +11,7 @@ use serde_json::json;
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::Wanted;
+use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 #[derive(Debug, Args)]
@@ -23,15 +24,17 @@ pub(super) struct Ellipse {
 }
 
 impl Ellipse {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns =
-            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y"], ..Wanted::default() })?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let wanted = Wanted { numbers: &["x", "y"], time: TimeUse::Free, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
+        columns.unit(0..2, Dimension::MagneticField)?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit(x, y, self.saturation)?;
         let correction =
             |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
         let mut report = Report::new("ellipse");
         report
+            .record(&columns)
             .put("equation", "", ellipse::EQUATION)
             .put("centre", "unit of the record", json!(e.centre))
             .put("semi_axes", "major, minor", json!(e.semi_axes))
@@ -109,13 +112,17 @@ pub(super) struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let columns =
-            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &["x", "y", "z"], ..Wanted::default() })?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let wanted = Wanted { numbers: &["x", "y", "z"], time: TimeUse::Free, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
+        // Accelerometers over many attitudes lie on an ellipsoid too.
+        let accelerations = columns.units.iter().any(|unit| columns.is_in(unit.as_ref(), Dimension::Acceleration));
+        columns.unit(0..3, if accelerations { Dimension::Acceleration } else { Dimension::MagneticField })?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
         let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
         let mut report = Report::new("ellipsoid");
         report
+            .record(&columns)
             .put("equation", "", ellipsoid::EQUATION)
             .put("centre", "unit of the record", vector(&e.centre))
             .put("matrix", if self.field.is_some() { "" } else { "determinant 1" }, matrix(&e.matrix))

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::plot::{Panel, Series};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::{Columns, Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// Relative figures are given in parts per million.
@@ -33,24 +33,25 @@ pub(super) struct ScaleFactor {
 }
 
 impl ScaleFactor {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         // Means at settled rates are cut out of a longer record: their times say nothing.
-        let table = Table::open(&self.file)?.untimed();
+        let table = Table::open(&self.file, reading)?;
         let has_cycle = table.has("cycle");
         let mut names = vec![self.input.as_str(), self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
-        let columns = table.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
         let cycles = has_cycle.then(|| columns.numbers[2].as_slice());
         let points = scale_factor::points(&columns.numbers[0], &columns.numbers[1], cycles)?;
         let options = Options { full_scale: self.full_scale, residual: self.residual / 100.0 };
         let found = scale_factor::fit(&points, &options)?;
-        Ok(Outcome { report: self.report(&found), panels: self.panels(&found) })
+        Ok(Outcome { report: self.report(&columns, &found), panels: self.panels(&found) })
     }
 
-    fn report(&self, c: &scale_factor::ScaleFactor) -> Report {
+    fn report(&self, columns: &Columns, c: &scale_factor::ScaleFactor) -> Report {
         let (k, offset) = (c.scale_factor, c.offset);
         let mut report = Report::new("scale-factor");
         report
+            .record(columns)
             .put("equation", "", scale_factor::EQUATION)
             .put("scale_factor", format!("unit of {} per unit of {}", self.column, self.input), k.value)
             .put("offset", format!("unit of {}: the bias as an output, measured less true", self.column), offset.value)

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::Wanted;
+use super::table::{Columns, Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// One column of a record with a rate.
@@ -26,9 +26,11 @@ struct Source {
 }
 
 impl Source {
-    fn read(&self) -> Result<Vec<f64>, ComputeError> {
-        let wanted = Wanted { numbers: &[&self.column], label: None, rate_hz: Some(self.rate) };
-        Ok(Record::open(&self.file, Triad::Gyro)?.read(&wanted)?.numbers.swap_remove(0))
+    fn read(&self, reading: &Reading) -> Result<(Vec<f64>, Columns), ComputeError> {
+        let wanted =
+            Wanted { numbers: &[&self.column], rate_hz: Some(self.rate), time: TimeUse::Rate, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
+        Ok((columns.numbers.swap_remove(0), columns))
     }
 }
 
@@ -42,11 +44,12 @@ pub(super) struct Psd {
 }
 
 impl Psd {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let values = self.source.read()?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let (values, columns) = self.source.read(reading)?;
         let psd = psd::welch(&values, self.source.rate, self.segment)?;
         let mut report = Report::new("psd");
         report
+            .record(&columns)
             .put("frequency_hz", "", json!(psd.frequency_hz))
             .put("density", "unit^2 / Hz, one-sided", json!(psd.density))
             .put("segments", "Hann, 50 % overlap", psd.segments);
@@ -68,11 +71,12 @@ pub(super) struct Stability {
 }
 
 impl Stability {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let values = self.source.read()?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let (values, columns) = self.source.read(reading)?;
         let s = stability::stability(&values, self.source.rate, self.block)?;
         let mut report = Report::new("stability");
         report
+            .record(&columns)
             .put("blocks", "", s.block_means.len())
             .put("mean", "unit of the record", s.mean)
             .put("sd", "n - 1", s.sd)
