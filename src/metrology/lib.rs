@@ -13,6 +13,7 @@
 //!   factor of a 95 % interval.
 
 pub mod allan;
+pub mod clock;
 pub mod correlated;
 pub mod earth;
 pub mod ellipse;

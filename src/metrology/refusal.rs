@@ -291,12 +291,64 @@ pub enum Refusal {
         expected_s: f64,
     },
     /// The time column contradicts the stated rate.
-    #[error("time column says {measured_hz:.6} Hz, stated are {stated_hz:.6} Hz")]
+    #[error(
+        "time column says {measured_hz:.6} Hz, stated are {stated_hz:.6} Hz: {:.4} % apart, allowed are {:.4} %",
+        100.0 * (measured_hz / stated_hz - 1.0),
+        100.0 * (tolerance + 3.0 * u_hz / measured_hz)
+    )]
     RateMismatch {
         /// Rate of the time column, Hz.
         measured_hz: f64,
+        /// Its standard uncertainty, Hz; three of them are allowed beside the tolerance.
+        u_hz: f64,
         /// Rate that was stated, Hz.
         stated_hz: f64,
+        /// Tolerance, relative.
+        tolerance: f64,
+    },
+    /// The rate of the stamps is another one from some row on.
+    #[error("the rate changes at row {row}: {before_hz:.6} Hz before it, {after_hz:.6} Hz after it")]
+    RateChanges {
+        /// Row of the record at which it changes, from 1.
+        row: usize,
+        /// Rate before, Hz.
+        before_hz: f64,
+        /// Rate after, Hz.
+        after_hz: f64,
+    },
+    /// Stamps whose unit is not named fit the stated rate in none.
+    #[error("steps of {step} in column `{column}` fit {stated_hz} Hz in none of s, ms, us and ns")]
+    UnknownTimeUnit {
+        /// Name of the column.
+        column: String,
+        /// The usual step, in the unit of the column.
+        step: f64,
+        /// Rate that was stated, Hz.
+        stated_hz: f64,
+    },
+    /// Cells of a column hold no value.
+    #[error("column `{column}`: {cells} of {rows} cells are empty or say so, the first in line {line}")]
+    EmptyCells {
+        /// Name of the column.
+        column: String,
+        /// Cells without a value.
+        cells: usize,
+        /// Rows of the record.
+        rows: usize,
+        /// Line of the first one, from 1.
+        line: usize,
+    },
+    /// Stamps scatter so much that a lost sample would not show.
+    #[error(
+        "stamps scatter by {jitter_s:.6} s about steps of {step_s:.6} s: among {samples} of them a lost sample would not show"
+    )]
+    Jittery {
+        /// Standard deviation of a stamp, s.
+        jitter_s: f64,
+        /// The usual step, s.
+        step_s: f64,
+        /// Stamps.
+        samples: usize,
     },
     /// No rotation stands out of the noise.
     #[error("run {run}: no rotation found, peak {peak:.4e} against noise {noise:.1e}")]
@@ -433,6 +485,10 @@ impl Refusal {
         match self {
             Self::NotFinite { .. } => "find out why the recorder wrote it; cut the record there or take it again",
             Self::Parameter { .. } => "correct the parameter",
+            Self::EmptyCells { .. } => {
+                "find out why nothing was recorded there; rows may be removed where their order does not count"
+            }
+            Self::UnknownTimeUnit { .. } => "name the unit in the header, as `timestamp [ms]`, or correct --rate",
             Self::Lengths { .. } => "export all channels from the same record",
             Self::TooFew { .. } => "record longer",
             Self::Constant { .. } | Self::Stuck { .. } => "check that the sensor is alive and inside its range",
@@ -458,8 +514,16 @@ impl Refusal {
             Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
             Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
             Self::IllConditioned { .. } => "add attitudes that differ more from each other",
+            Self::NotMonotonic { before, after, .. } if starts_again(*before, *after) => {
+                "the stamps look like a counter of 16 or 32 bits that starts again: export them unwrapped"
+            }
             Self::NotMonotonic { .. } | Self::Gap { .. } => "take the record again, or cut it there",
-            Self::RateMismatch { .. } => "state the rate of the record, or check the sample clock",
+            Self::RateMismatch { .. } => {
+                "state the rate that the time column shows, or find out which of the two clocks is wrong; \
+                 --rate-tolerance allows more"
+            }
+            Self::RateChanges { .. } => "cut the record at this row, or find out what changed the rate there",
+            Self::Jittery { .. } => "record the stamps of the sensor in place of those of the host, or record longer",
             Self::NoRotation { .. } => "check the label of the run and that the table turned",
             Self::CutOff { .. } => "start the record before the table and stop it after",
             Self::Restless { .. } => "let the table rest before and after the rotation",
@@ -480,4 +544,11 @@ impl Refusal {
 /// Percent of a total.
 fn share(samples: usize, total: usize) -> f64 {
     samples as f64 * 100.0 / total.max(1) as f64
+}
+
+/// Whether a time before a step back is the end of a counter of 16, 31 or 32 bits in s, ms, us or ns.
+fn starts_again(before: f64, after: f64) -> bool {
+    let near = |end: f64, unit: f64| (before / (end * unit) - 1.0).abs() < 0.01;
+    let ends = [16, 31, 32].map(|bits| 2.0_f64.powi(bits));
+    after.abs() < 0.02 * before && ends.iter().any(|end| [1.0, 1e-3, 1e-6, 1e-9].iter().any(|unit| near(*end, *unit)))
 }

@@ -2,15 +2,6 @@
 
 use crate::{Refusal, stats};
 
-/// A gap is a step of more than this many usual steps: jitter of half a period is normal, a lost sample is not.
-const GAP_STEPS: f64 = 1.6;
-
-/// The stated rate and a time column may differ by this much (relative): clocks are good to 1e-4, typing errors are not.
-const RATE_TOLERANCE: f64 = 0.02;
-
-/// Steps from which the usual step is learned.
-const LEARN_STEPS: usize = 32;
-
 /// All values are finite.
 ///
 /// # Errors
@@ -50,88 +41,6 @@ pub fn positive(name: &'static str, value: f64) -> Result<f64, Refusal> {
         return Ok(value);
     }
     Err(Refusal::Parameter { name, value, expected: "a finite number above 0" })
-}
-
-/// Time increases without gaps and, where a rate is stated, at that rate.
-///
-/// # Errors
-/// As [`Clock::tick`].
-pub fn time(time_s: &[f64], stated_hz: Option<f64>) -> Result<(), Refusal> {
-    let mut clock = Clock::new(stated_hz);
-    for (index, t) in time_s.iter().enumerate() {
-        clock.tick(index, *t, index == 0)?;
-    }
-    clock.finish()
-}
-
-/// Watches a time column as it comes, without keeping it. The usual step is learned from the first ones.
-#[derive(Debug, Clone)]
-pub struct Clock {
-    stated_hz: Option<f64>,
-    expected_s: Option<f64>,
-    learned: Vec<(usize, f64)>,
-    before: f64,
-}
-
-impl Clock {
-    /// A clock that compares with a stated rate, where there is one.
-    #[must_use]
-    pub fn new(stated_hz: Option<f64>) -> Self {
-        Self { stated_hz, expected_s: None, learned: Vec::new(), before: f64::NAN }
-    }
-
-    /// Takes the time of the sample `index`; the first sample of a block may stand anywhere.
-    ///
-    /// # Errors
-    /// [`Refusal::NotFinite`], [`Refusal::NotMonotonic`], [`Refusal::Gap`], [`Refusal::RateMismatch`].
-    pub fn tick(&mut self, index: usize, time_s: f64, new_block: bool) -> Result<(), Refusal> {
-        if !time_s.is_finite() {
-            return Err(Refusal::NotFinite { channel: "time".to_owned(), index, value: time_s });
-        }
-        let before = std::mem::replace(&mut self.before, time_s);
-        if new_block {
-            return Ok(());
-        }
-        let step_s = time_s - before;
-        if step_s <= 0.0 {
-            return Err(Refusal::NotMonotonic { index, before, after: time_s });
-        }
-        if self.expected_s.is_some() {
-            return self.gap(index, step_s);
-        }
-        self.learned.push((index, step_s));
-        if self.learned.len() == LEARN_STEPS { self.finish() } else { Ok(()) }
-    }
-
-    /// Judges what was not yet judged, of a record shorter than the learning needs.
-    ///
-    /// # Errors
-    /// As [`Clock::tick`].
-    pub fn finish(&mut self) -> Result<(), Refusal> {
-        let learned = std::mem::take(&mut self.learned);
-        if self.expected_s.is_some() || learned.len() < 2 {
-            return Ok(());
-        }
-        let expected_s = stats::median(&mut learned.iter().map(|(_, s)| *s).collect::<Vec<_>>());
-        self.expected_s = Some(expected_s);
-        for (index, step_s) in learned {
-            self.gap(index, step_s)?;
-        }
-        let measured_hz = 1.0 / expected_s;
-        match self.stated_hz {
-            Some(stated_hz) if (measured_hz / stated_hz - 1.0).abs() > RATE_TOLERANCE => {
-                Err(Refusal::RateMismatch { measured_hz, stated_hz })
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn gap(&self, index: usize, step_s: f64) -> Result<(), Refusal> {
-        match self.expected_s {
-            Some(expected_s) if step_s > GAP_STEPS * expected_s => Err(Refusal::Gap { index, step_s, expected_s }),
-            _ => Ok(()),
-        }
-    }
 }
 
 /// No value reaches a stated limit, and the record does not look cut: a cut curve shows its extreme far more often
@@ -218,15 +127,6 @@ mod tests {
     fn the_first_bad_sample_is_named() {
         let refusal = finite("gx", &[0.0, f64::INFINITY, f64::NAN]).unwrap_err();
         assert_eq!(refusal.to_string(), "gx: sample 1 is inf");
-    }
-
-    #[test]
-    fn time_with_faults() {
-        let check = |t: &[f64], expected: &str| assert_eq!(time(t, Some(10.0)).unwrap_err().to_string(), expected);
-        check(&[0.0, 0.1, 0.2, 0.4, 0.5], "gap at sample 3: step of 0.200000 s, expected 0.100000 s");
-        check(&[0.0, 0.1, 0.1], "time does not increase at sample 2: 0.1 s, then 0.1 s");
-        check(&[0.0, 0.2, 0.4], "time column says 5.000000 Hz, stated are 10.000000 Hz");
-        assert_eq!(time(&[0.0, 0.1, 0.21, 0.3], None), Ok(()));
     }
 
     #[test]

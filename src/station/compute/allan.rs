@@ -10,7 +10,7 @@ use super::gate::GateColumns;
 use super::plot::{Mark, Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::Wanted;
+use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// Which deviation.
@@ -77,10 +77,10 @@ fn taus(text: &str) -> Result<Taus, String> {
 }
 
 impl Allan {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let names = self.gate.behind(&[&self.column]);
-        let wanted = Wanted { numbers: &names, label: None, rate_hz: Some(self.rate) };
-        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let wanted = Wanted { numbers: &names, rate_hz: Some(self.rate), time: TimeUse::Rate, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
         let gated = self.gate.series(&self.column, &mut columns, !self.phase)?;
         let values = columns.numbers.swap_remove(0);
         let input = if self.phase { Input::Phase } else { Input::Rate };
@@ -106,6 +106,7 @@ impl Allan {
             named.iter().filter_map(|(k, _, c)| Some(((*k).to_owned(), c.err()?.to_string().into()))).collect();
         let mut report = Report::new("allan");
         report
+            .record(&columns)
             .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
             .put("samples", "", values.len())
             .rows("points", &["tau_s", "dev", "n", "edf", "noise", "low", "high"], rows)

@@ -14,7 +14,7 @@ pub type Read = (Vec<Vec<f64>>, Vec<u8>);
 /// The text is no table, or has no such columns.
 pub fn read_table(text: &[u8], piece: usize, numbers: &[&str], label: Option<(&str, &[&str])>) -> Result<Read, String> {
     Table::from_reader(Path::new("table"), Box::new(Cursor::new(text.to_vec())), piece)
-        .and_then(|table| table.read(&Wanted { numbers, label, rate_hz: None }))
+        .and_then(|table| table.read(&Wanted { numbers, label, ..Wanted::default() }, None))
         .map(|columns| (columns.numbers, columns.labels))
         .map_err(|error| error.to_string())
 }

@@ -110,6 +110,8 @@ impl GateColumns {
     fn screen(&self, chip: &[&str], columns: &mut Columns, layout: &Layout<'_>, rows: Rows) -> Result<Gated, Refusal> {
         let own = columns.numbers.len() - self.names.len();
         let others = columns.numbers.split_off(own);
+        columns.names.truncate(own);
+        columns.units.truncate(own);
         let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
 
         let mut screening = Screening::of(chip, &slices(&columns.numbers[..chip.len()]), layout);
@@ -123,7 +125,7 @@ impl GateColumns {
             series::channels(chip, &slices(&columns.numbers[..chip.len()]))?;
         }
         screening.admit(match rows {
-            Rows::Steps if columns.timed => Rows::ClockedSteps,
+            Rows::Steps if columns.about.clock.is_checked() => Rows::ClockedSteps,
             other => other,
         })?;
         Ok(Gated { screening, replaced: rows != Rows::Samples })

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use gnc_executive::quantity::Dimension;
 use gnc_metrology::{ellipse, ellipsoid};
 use nalgebra::Vector3;
 use serde_json::json;
@@ -11,7 +12,7 @@ use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::Wanted;
+use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 #[derive(Debug, Args)]
@@ -26,17 +27,19 @@ pub(super) struct Ellipse {
 }
 
 impl Ellipse {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let names = self.gate.behind(&["x", "y"]);
-        let mut columns =
-            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let wanted = Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
         let gated = self.gate.points(&["x", "y"], &mut columns, self.saturation)?;
+        columns.unit(0..2, Dimension::MagneticField)?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit(x, y, self.saturation)?;
         let correction =
             |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
         let mut report = Report::new("ellipse");
         report
+            .record(&columns)
             .put("equation", "", ellipse::EQUATION)
             .put("centre", "unit of the record", json!(e.centre))
             .put("semi_axes", "major, minor", json!(e.semi_axes))
@@ -117,15 +120,19 @@ pub(super) struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let names = self.gate.behind(&["x", "y", "z"]);
-        let mut columns =
-            Record::open(&self.file, Triad::Mag)?.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let wanted = Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
         let gated = self.gate.points(&["x", "y", "z"], &mut columns, self.saturation)?;
+        // Accelerometers over many attitudes lie on an ellipsoid too.
+        let accelerations = columns.units.iter().any(|unit| columns.is_in(unit.as_ref(), Dimension::Acceleration));
+        columns.unit(0..3, if accelerations { Dimension::Acceleration } else { Dimension::MagneticField })?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
         let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
         let mut report = Report::new("ellipsoid");
         report
+            .record(&columns)
             .put("equation", "", ellipsoid::EQUATION)
             .put("centre", "unit of the record", vector(&e.centre))
             .put("matrix", if self.field.is_some() { "" } else { "determinant 1" }, matrix(&e.matrix))

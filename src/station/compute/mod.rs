@@ -31,7 +31,7 @@ use thiserror::Error;
 
 use plot::Panel;
 use report::Report;
-use table::TableError;
+use table::{Reading, TableError};
 
 /// Arguments of `compute`.
 #[derive(Debug, ClapArgs)]
@@ -41,6 +41,8 @@ pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long, global = true)]
     json: bool,
+    #[command(flatten)]
+    reading: Reading,
     /// Also draw the result into this SVG file
     #[arg(long, global = true, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -105,7 +107,7 @@ impl ComputeError {
     /// What somebody can try, where the error itself does not show it.
     fn try_this(&self) -> Option<&'static str> {
         match self {
-            Self::Unreadable(TableError::Io { .. }) => Some("check the path; it goes from the folder you are in"),
+            Self::Unreadable(error) => error.try_this(),
             Self::Write { .. } => Some("name a file in a folder that is there and that you may write to"),
             _ => None,
         }
@@ -125,20 +127,20 @@ impl Args {
     /// The method's name and what it gave.
     fn outcome(&self) -> (&'static str, Result<Outcome, ComputeError>) {
         match &self.method {
-            Method::SixPosition(m) => ("six-position", m.compute()),
-            Method::GyroStill(m) => ("gyro-still", m.compute()),
-            Method::Rotation(m) => ("rotation", m.compute()),
-            Method::Ellipse(m) => ("ellipse", m.compute()),
-            Method::Ellipsoid(m) => ("ellipsoid", m.compute()),
-            Method::Allan(m) => ("allan", m.compute()),
-            Method::Psd(m) => ("psd", m.compute()),
-            Method::Stability(m) => ("stability", m.compute()),
-            Method::ScaleFactor(m) => ("scale-factor", m.compute()),
-            Method::Repeatability(m) => ("repeatability", m.compute()),
-            Method::Flip(m) => ("flip", m.compute()),
-            Method::TiltTemperature(m) => ("tilt-temperature", m.compute()),
+            Method::SixPosition(m) => ("six-position", m.compute(&self.reading)),
+            Method::GyroStill(m) => ("gyro-still", m.compute(&self.reading)),
+            Method::Rotation(m) => ("rotation", m.compute(&self.reading)),
+            Method::Ellipse(m) => ("ellipse", m.compute(&self.reading)),
+            Method::Ellipsoid(m) => ("ellipsoid", m.compute(&self.reading)),
+            Method::Allan(m) => ("allan", m.compute(&self.reading)),
+            Method::Psd(m) => ("psd", m.compute(&self.reading)),
+            Method::Stability(m) => ("stability", m.compute(&self.reading)),
+            Method::ScaleFactor(m) => ("scale-factor", m.compute(&self.reading)),
+            Method::Repeatability(m) => ("repeatability", m.compute(&self.reading)),
+            Method::Flip(m) => ("flip", m.compute(&self.reading)),
+            Method::TiltTemperature(m) => ("tilt-temperature", m.compute(&self.reading)),
             Method::TiltBudget(m) => ("tilt-budget", m.compute()),
-            Method::ZeroBias(m) => ("zero-bias", m.compute()),
+            Method::ZeroBias(m) => ("zero-bias", m.compute(&self.reading)),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! A record to compute with: text, or raw captures of this station (`FILE.mcap`, or one capture of it: `FILE.mcap#LABEL`).
+//! A record to compute with: a table (text, Parquet, numpy), or raw captures of this station (`FILE.mcap`, or one capture
+//! of it: `FILE.mcap#LABEL`, as of an export: `FILE.csv#LABEL`).
 //!
 //! Of raw captures the columns are `gyro_x` to `mag_z` in counts, and `x`, `y`, `z` of the triad that the method is about;
 //! `position` and `run` come from how the module lay or turned, `ux`, `uy`, `uz` from the direction that pointed up.
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::ComputeError;
-use super::table::{Columns, Table, Wanted};
+use super::table::{About, Clock, Columns, Reading, Table, Wanted};
 use crate::capture::{Capture, Pose};
 use crate::export::labels;
 use crate::store::captures::{self, CapturesError};
@@ -32,7 +33,7 @@ pub(super) enum RecordError {
 
 /// A record that was opened.
 pub(super) enum Record {
-    Text(Table),
+    Table(Table, Triad),
     Raw(Raw),
 }
 
@@ -45,14 +46,17 @@ pub(super) struct Raw {
 
 impl Record {
     /// Opens a file; `triad` is what the method is about.
-    pub(super) fn open(path: &Path, triad: Triad) -> Result<Self, ComputeError> {
+    pub(super) fn open(path: &Path, triad: Triad, reading: &Reading) -> Result<Self, ComputeError> {
         let text = path.to_string_lossy();
-        let (file, label) = match text.split_once(".mcap#") {
-            Some((file, label)) => (PathBuf::from(format!("{file}.mcap")), Some(label)),
-            None => (path.to_owned(), None),
+        let split = |ending: &str| {
+            let (file, label) = text.split_once(&format!("{ending}#"))?;
+            Some((PathBuf::from(format!("{file}{ending}")), Some(label)))
         };
+        let labelled = [".mcap", ".csv", ".parquet"].into_iter().find_map(split).filter(|_| !path.exists());
+        let (file, label) = labelled.unwrap_or_else(|| (path.to_owned(), None));
         if file.extension().is_none_or(|extension| extension != "mcap") {
-            return Ok(Self::Text(Table::open(path)?));
+            let reading = Reading { capture: label.map(str::to_owned), ..reading.clone() };
+            return Ok(Self::Table(Table::open(&file, &reading)?, triad));
         }
         let mut captures = captures::read(&file).map_err(RecordError::from)?.captures;
         if let Some(label) = label {
@@ -68,7 +72,7 @@ impl Record {
     /// Whether it has a column.
     pub(super) fn has(&self, name: &str) -> bool {
         match self {
-            Self::Text(table) => table.has(name),
+            Self::Table(table, _) => table.has(name),
             Self::Raw(raw) => match name {
                 "position" => raw.has_positions(),
                 "ux" => !raw.has_positions(),
@@ -80,7 +84,7 @@ impl Record {
     /// Reads the wanted columns.
     pub(super) fn read(self, wanted: &Wanted) -> Result<Columns, ComputeError> {
         match self {
-            Self::Text(table) => Ok(table.read(wanted)?),
+            Self::Table(table, triad) => Ok(table.read(wanted, Some(triad.name()))?),
             Self::Raw(raw) => Ok(raw.read(wanted)?),
         }
     }
@@ -152,7 +156,10 @@ impl Raw {
                 values.extend((0..capture.samples.len()).map(|row| column(capture, row, axis)));
             }
         }
-        Ok(Columns { numbers, labels: codes, timed: true })
+        let clock = Clock::OnGrid;
+        let units = vec![None; numbers.len()];
+        let names = wanted.numbers.iter().map(|name| (*name).to_owned()).collect();
+        Ok(Columns { numbers, labels: codes, units, names, about: About { clock, ..About::default() } })
     }
 
     fn check(&self, used: &[&Capture], wanted: &Wanted, of_positions: bool) -> Result<(), RecordError> {

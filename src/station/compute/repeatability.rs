@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::plot::{Panel, Series};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::{Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// A run of so many equal rows beside noisy ones is no chance.
@@ -30,13 +30,13 @@ struct Run {
 }
 
 impl Repeatability {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         // Between runs time passes as it likes.
-        let table = Table::open(&self.file)?.untimed();
+        let table = Table::open(&self.file, reading)?;
         let has_run = table.has("run");
         let mut names = vec![self.column.as_str()];
         names.extend(has_run.then_some("run"));
-        let columns = table.read(&Wanted { numbers: &names, ..Wanted::default() })?;
+        let columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
         let values = &columns.numbers[0];
         series::finite(&self.column, values)?;
         let runs = match columns.numbers.get(1) {
@@ -52,6 +52,7 @@ impl Repeatability {
         let unit = format!("unit of {}", self.column);
         let mut report = Report::new("repeatability");
         report
+            .record(&columns)
             .put("runs", "", found.runs)
             .put("mean", unit.clone(), found.mean)
             .put("mean_sd", "standard uncertainty of the mean, sd / sqrt(runs)", found.mean_sd())

@@ -6,6 +6,8 @@ use gnc_metrology::Refusal;
 use nalgebra::{SMatrix, Vector3};
 use serde_json::{Map, Value, json};
 
+use super::table::{Clock, Columns};
+
 /// Named figures in the order in which people read them.
 pub(super) struct Report {
     method: &'static str,
@@ -35,6 +37,8 @@ enum Body {
     },
     /// For programs only.
     Hidden(Value),
+    /// One line for people, an object for programs.
+    Told(String, Value),
 }
 
 impl Report {
@@ -65,6 +69,23 @@ impl Report {
         instead: &'static str,
     ) -> &mut Self {
         self.deprecated.push((key, value.into(), instead));
+        self
+    }
+
+    /// Adds what is said about the record itself: what was understood of its form, its units and its clock.
+    pub(super) fn record(&mut self, columns: &Columns) -> &mut Self {
+        let understood = &columns.about.understood;
+        let line = if understood.is_empty() { "as it stands".to_owned() } else { understood.join(", ") };
+        self.entries.push(Entry { key: "understood", unit: String::new(), body: Body::Told(line, json!(understood)) });
+        let units: Vec<(&String, &String)> =
+            columns.names.iter().zip(&columns.units).filter_map(|(name, unit)| Some((name, unit.as_ref()?))).collect();
+        if !units.is_empty() {
+            let line = units.iter().map(|(name, unit)| format!("{name} [{unit}]")).collect::<Vec<_>>().join(", ");
+            let units = units.into_iter().map(|(name, unit)| (name.clone(), json!(unit))).collect::<Map<_, _>>();
+            self.entries.push(Entry { key: "units", unit: String::new(), body: Body::Told(line, json!(units)) });
+        }
+        let (line, clock) = told(&columns.about.clock);
+        self.entries.push(Entry { key: "clock", unit: String::new(), body: Body::Told(line, clock) });
         self
     }
 
@@ -102,7 +123,7 @@ impl Report {
         object.insert("method".to_owned(), json!(self.method));
         for entry in &self.entries {
             let value = match &entry.body {
-                Body::Value(value) | Body::Hidden(value) => value.clone(),
+                Body::Value(value) | Body::Hidden(value) | Body::Told(_, value) => value.clone(),
                 Body::Named { rows, .. } => {
                     rows.iter().map(|(name, _, value)| ((*name).to_owned(), value.clone())).collect()
                 }
@@ -152,12 +173,60 @@ impl Report {
                         .collect::<Vec<Vec<Value>>>();
                     grid(&mut text, entry.key, &[&[""], *columns].concat(), &cells);
                 }
+                Body::Told(line, _) => {
+                    let _ = writeln!(text, "  {:<width$}  {line}", entry.key);
+                }
                 Body::Hidden(_) => {
                     let _ = writeln!(text, "  {:<width$}  with --json", entry.key);
                 }
             }
         }
         text
+    }
+}
+
+/// What a clock says, in words and as an object.
+fn told(clock: &Clock) -> (String, Value) {
+    match clock {
+        Clock::OnGrid => {
+            let said = "checked, the board's times of all frames lie on the grid of the rate".to_owned();
+            let object = json!({ "said": said, "checked": true, "column": "board time of the frames" });
+            (said, object)
+        }
+        Clock::NotChecked(why) => {
+            let said = format!("not checked: {why}");
+            let object = json!({ "said": said, "checked": false, "reason": why });
+            (said, object)
+        }
+        Clock::Checked { rate, column, tolerance } => {
+            // 95 % of a normal deviation, with two digits of it.
+            let expanded_hz = 1.96 * rate.rate_u_hz;
+            let decimals = (1.0 - expanded_hz.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+            let mut said = format!("checked, {:.decimals$} Hz +- {expanded_hz:.decimals$}", rate.rate_hz);
+            let digits = (1.0 - rate.jitter_s.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+            if rate.jitter_s > 0.01 / rate.rate_hz {
+                let _ = write!(said, ", jitter {:.digits$} s", rate.jitter_s);
+            }
+            if rate.samples_per_stamp > 1.05 {
+                let _ = write!(said, ", {:.2} samples a stamp", rate.samples_per_stamp);
+            }
+            if let Some(tolerance) = tolerance {
+                let _ = write!(said, ", within {} ppm of the rate stated", (tolerance * 1e8).round() / 100.0);
+            }
+            let _ = write!(said, " (column {column})");
+            let object = json!({
+                "said": said,
+                "checked": true,
+                "column": column,
+                "rate_hz": rate.rate_hz,
+                "rate_u_hz": rate.rate_u_hz,
+                "jitter_s": rate.jitter_s,
+                "samples_per_stamp": rate.samples_per_stamp,
+                "blocks": rate.blocks,
+                "tolerance_ppm": tolerance.map(|t| t * 1e6),
+            });
+            (said, object)
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::plot::{Panel, Series};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::{Columns, Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// Relative figures are given in parts per million.
@@ -36,14 +36,15 @@ pub(super) struct ScaleFactor {
 }
 
 impl ScaleFactor {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         // Means at settled rates are cut out of a longer record: their times say nothing.
-        let table = Table::open(&self.file)?.untimed();
+        let table = Table::open(&self.file, reading)?;
         let (has_cycle, has_point) = (table.has("cycle"), table.has("point"));
         let mut names = vec![self.input.as_str(), self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
         names.extend(has_point.then_some("point"));
-        let columns = table.read(&Wanted { numbers: &names, ..Wanted::default() })?.numbers;
+        let read = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        let columns = &read.numbers;
         let rows = Rows {
             rates: &columns[0],
             outputs: &columns[1],
@@ -53,7 +54,7 @@ impl ScaleFactor {
         let points = rows.means()?;
         let options = Options { full_scale: self.full_scale, residual: self.residual / 100.0 };
         let found = scale_factor::fit(&points, &options)?;
-        let mut report = self.report(&found);
+        let mut report = self.report(&read, &found);
         if points.len() > MANY_POINTS && points.iter().all(|p| p.rows == 1) {
             report.put(
                 "note",
@@ -64,10 +65,11 @@ impl ScaleFactor {
         Ok(Outcome { report, panels: self.panels(&found) })
     }
 
-    fn report(&self, c: &scale_factor::ScaleFactor) -> Report {
+    fn report(&self, columns: &Columns, c: &scale_factor::ScaleFactor) -> Report {
         let (k, offset) = (c.scale_factor, c.offset);
         let mut report = Report::new("scale-factor");
         report
+            .record(columns)
             .put("equation", "", scale_factor::EQUATION)
             .put("scale_factor", format!("unit of {} per unit of {}", self.column, self.input), k.value)
             .put("offset", format!("unit of {}: the bias as an output, measured less true", self.column), offset.value)

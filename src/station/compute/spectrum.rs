@@ -10,7 +10,7 @@ use super::gate::{GateColumns, Gated};
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
-use super::table::Wanted;
+use super::table::{Columns, Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// One column of a record with a rate.
@@ -29,12 +29,12 @@ struct Source {
 }
 
 impl Source {
-    fn read(&self) -> Result<(Vec<f64>, Gated), ComputeError> {
+    fn read(&self, reading: &Reading) -> Result<(Vec<f64>, Columns, Gated), ComputeError> {
         let names = self.gate.behind(&[&self.column]);
-        let wanted = Wanted { numbers: &names, label: None, rate_hz: Some(self.rate) };
-        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let wanted = Wanted { numbers: &names, rate_hz: Some(self.rate), time: TimeUse::Rate, ..Wanted::default() };
+        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
         let gated = self.gate.series(&self.column, &mut columns, true)?;
-        Ok((columns.numbers.swap_remove(0), gated))
+        Ok((columns.numbers.swap_remove(0), columns, gated))
     }
 }
 
@@ -48,8 +48,8 @@ pub(super) struct Psd {
 }
 
 impl Psd {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let (values, gated) = self.source.read()?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let (values, columns, gated) = self.source.read(reading)?;
         let psd = psd::welch(&values, self.source.rate, self.segment)?;
         let plateau =
             psd::Spectrum::of(&values, self.source.rate).and_then(|spectrum| spectrum.without_lines().plateau());
@@ -59,6 +59,7 @@ impl Psd {
         });
         let mut report = Report::new("psd");
         report
+            .record(&columns)
             .put("frequency_hz", "", json!(psd.frequency_hz))
             .put("density", "unit^2 / Hz, one-sided", json!(psd.density))
             .put("segments", "Hann, 50 % overlap", psd.segments)
@@ -82,11 +83,12 @@ pub(super) struct Stability {
 }
 
 impl Stability {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let (values, gated) = self.source.read()?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let (values, columns, gated) = self.source.read(reading)?;
         let s = stability::stability(&values, self.source.rate, self.block)?;
         let mut report = Report::new("stability");
         report
+            .record(&columns)
             .put("blocks", "", s.block_means.len())
             .put("mean", "unit of the record", s.mean)
             .put("sd", "n - 1", s.sd)

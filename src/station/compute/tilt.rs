@@ -10,7 +10,7 @@ use serde_json::json;
 use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::report::Report;
-use super::table::{Table, TableError, Wanted};
+use super::table::{Reading, Table, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// Labels of a flip.
@@ -28,15 +28,16 @@ pub(super) struct Flip {
 }
 
 impl Flip {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let names = self.gate.behind(&["a"]);
-        let wanted = Wanted { numbers: &names, label: Some(("position", &SIDES)), rate_hz: None };
-        let mut columns = Table::open(&self.file)?.read(&wanted)?;
+        let wanted = Wanted { numbers: &names, label: Some(("position", &SIDES)), ..Wanted::default() };
+        let mut columns = Table::open(&self.file, reading)?.read(&wanted, None)?;
         let gated = self.gate.positions(&["a"], &mut columns, None)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| SIDES[usize::from(*c)]).collect();
         let f = tilt::flip_rows(&labels, &columns.numbers[0], self.gravity)?;
         let mut report = Report::new("flip");
         report
+            .record(&columns)
             .put("equation", "", "actual = (out - offset) / gain")
             .put("offset", "bias as output: at zero input, unit of the record", f.offset)
             .put("gain", "unit of the record per unit of gravity", f.gain)
@@ -63,15 +64,16 @@ pub(super) struct TiltTemperature {
 }
 
 impl TiltTemperature {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let wanted = Wanted { numbers: &["temperature", "offset"], ..Wanted::default() };
-        let columns = Table::open(&self.file)?.read(&wanted)?;
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+        let wanted = Wanted { numbers: &["temperature", "offset"], time: TimeUse::Free, ..Wanted::default() };
+        let columns = Table::open(&self.file, reading)?.read(&wanted, None)?;
         let points: Vec<(f64, f64)> =
             columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
         let c = tilt::temperature_rows(&columns.numbers[0], &columns.numbers[1])?;
         let [cold, _, hot] = c.temperatures_c;
         let mut report = Report::new("tilt-temperature");
         report
+            .record(&columns)
             .put("equation", "", "offset = a t^2 + b t + c, t in degC")
             .put("a", "per K^2", c.a)
             .put("b", "per K", c.b)

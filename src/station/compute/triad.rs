@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use gnc_executive::quantity::{Dimension, Unit};
 use gnc_metrology::position::{self, LABELS, Limits, Position};
-use gnc_metrology::{AXES, earth, gyro_still, rotation, six_position};
+use gnc_metrology::{AXES, Refusal, earth, gyro_still, rotation, series, six_position};
 use nalgebra::Vector3;
 use serde_json::json;
 
@@ -12,7 +13,7 @@ use super::gate::{GateColumns, Gated};
 use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
-use super::table::Wanted;
+use super::table::{Columns, Named, Reading, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// Gravity, given or from the place.
@@ -27,12 +28,24 @@ struct Gravity {
     /// Height above the ellipsoid, m
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
     height: f64,
+    /// Take --gravity as it is, outside 9.7 to 9.9 m/s^2 too
+    #[arg(long, requires = "gravity")]
+    any_gravity: bool,
+}
+
+/// A gravity that was given in m/s^2: on the ground of the earth it lies within 9.76 and 9.84.
+fn given_gravity(gravity: f64, any: bool) -> Result<f64, ComputeError> {
+    let expected = "9.7 to 9.9: 979 is in Gal and 1 in g; --any-gravity takes it as it is";
+    if any || (9.7..=9.9).contains(&gravity) {
+        return Ok(gravity);
+    }
+    Err(Refusal::Parameter { name: "gravity (m/s^2)", value: gravity, expected }.into())
 }
 
 impl Gravity {
     fn mps2(&self) -> Result<f64, ComputeError> {
         match (self.gravity, self.latitude) {
-            (Some(gravity), _) => Ok(gravity),
+            (Some(gravity), _) => given_gravity(gravity, self.any_gravity),
             (None, Some(latitude)) => Ok(earth::normal_gravity_mps2(latitude, self.height)?),
             (None, None) => Err(ComputeError::Usage("give --gravity or --latitude".to_owned())),
         }
@@ -56,14 +69,19 @@ pub(super) struct SixPosition {
 }
 
 impl SixPosition {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let gravity = self.gravity.mps2()?;
         let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
-        let Still { positions, gated, .. } = still_positions(&self.file, Triad::Accel, 1.0, &limits, &self.gate)?;
+        let read = still_positions(&self.file, reading, Triad::Accel, &limits, &self.gate, |columns| {
+            columns.unit(0..3, Dimension::Acceleration)?;
+            Ok(1.0)
+        })?;
+        let Still { columns, positions, gated, .. } = read;
         let c = six_position::calibrate(&positions, gravity)?;
         let k = c.coverage_factor();
         let mut report = Report::new("six-position");
         report
+            .record(&columns)
             .put("equation", "", six_position::EQUATION)
             .put("matrix", "Ka, m/s^2 per LSB", matrix(&c.matrix))
             .put("nabla", "m/s^2, added", vector(&c.nabla_mps2))
@@ -134,6 +152,9 @@ pub(super) struct GyroStill {
     /// Local gravity, m/s^2 (instead of normal gravity)
     #[arg(long, value_name = "G")]
     gravity: Option<f64>,
+    /// Take --gravity as it is, outside 9.7 to 9.9 m/s^2 too
+    #[arg(long, requires = "gravity")]
+    any_gravity: bool,
     /// Scale factor of the record, LSB per rad/s
     #[arg(long, value_name = "S", conflicts_with = "deg")]
     response: Option<f64>,
@@ -148,29 +169,27 @@ pub(super) struct GyroStill {
 }
 
 impl GyroStill {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let gravity = match self.gravity {
-            Some(gravity) => gravity,
+            Some(gravity) => given_gravity(gravity, self.any_gravity)?,
             None => earth::normal_gravity_mps2(self.latitude, self.height)?,
         };
-        let response = match self.response {
-            Some(response) => gnc_metrology::series::positive("response (LSB per rad/s)", response)?,
-            None if self.deg => 1.0_f64.to_degrees(),
-            None => 1.0,
-        };
         let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
-        let Still { positions, north, gated } =
-            still_positions(&self.file, Triad::Gyro, 1.0 / response, &limits, &self.gate)?;
+        let Still { columns, positions, north, gated } =
+            still_positions(&self.file, reading, Triad::Gyro, &limits, &self.gate, |columns| {
+                self.rps_per_unit(columns)
+            })?;
         let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
         let k = c.coverage_factor();
         let dph = 3600.0_f64.to_degrees();
         let mut report = Report::new("gyro-still");
         report
+            .record(&columns)
             .put("equation", "", gyro_still::EQUATION)
             .put("bias_rps", "measured less true, rad/s", vector(&c.bias_rps))
             .put("bias_dph", "the same, deg/h", vector(&(c.bias_rps * dph)));
         match self.response {
-            Some(_) => report.put("bias_lsb", "the same, LSB", vector(&(c.bias_rps * response))),
+            Some(response) => report.put("bias_lsb", "the same, LSB", vector(&(c.bias_rps * response))),
             None => report.absent("bias_lsb", "the record is in units of rate; --response takes one in LSB"),
         };
         report
@@ -214,22 +233,49 @@ impl GyroStill {
     }
 }
 
+impl GyroStill {
+    /// Factor from the outputs of a record to rad/s: what the options say and what the header says are compared.
+    fn rps_per_unit(&self, columns: &mut Columns) -> Result<f64, ComputeError> {
+        let named = columns.unit(0..3, Dimension::AngularRate)?;
+        let contradiction = |option: &str| {
+            let unit = named.text().unwrap_or_default();
+            Err(TableError::Units { what: format!("the header says that x, y and z are in {unit}, {option}") }.into())
+        };
+        match (&named, self.response) {
+            (Named::Unit(unit), Some(_)) if unit.dimension() == Dimension::AngularRate => {
+                contradiction("--response that they are counts")
+            }
+            (_, Some(response)) => Ok(1.0 / series::positive("response (LSB per rad/s)", response)?),
+            (Named::Unit(Unit::DegreePerSecond), None) => Ok(1.0_f64.to_radians()),
+            (Named::Unit(_) | Named::Word(_), None) if self.deg => contradiction("--deg in deg/s"),
+            (Named::Unit(unit), None) => match unit.convert(1.0, Unit::RadianPerSecond) {
+                Some(factor) => Ok(factor),
+                None => contradiction("which needs --response"),
+            },
+            (Named::Word(_), None) => contradiction("which is no angular rate: give --response"),
+            (Named::Nothing, None) => Ok(if self.deg { 1.0_f64.to_radians() } else { 1.0 }),
+        }
+    }
+}
+
 struct Still {
+    columns: Columns,
     positions: Vec<Position>,
     /// North of each position, where the record has it.
     north: Option<Vec<Vector3<f64>>>,
     gated: Gated,
 }
 
-/// Reads still positions, outputs times a factor.
+/// Reads still positions, outputs times a factor that may depend on their units.
 fn still_positions(
     file: &std::path::Path,
+    reading: &Reading,
     triad: Triad,
-    factor: f64,
     limits: &Limits,
     gate: &GateColumns,
+    factor: impl FnOnce(&mut Columns) -> Result<f64, ComputeError>,
 ) -> Result<Still, ComputeError> {
-    let table = Record::open(file, triad)?;
+    let table = Record::open(file, triad, reading)?;
     let directions = !table.has("position") && table.has("ux");
     let has_north = table.has("nx");
     let mut names = vec!["x", "y", "z"];
@@ -240,8 +286,11 @@ fn still_positions(
         names.extend(["nx", "ny", "nz"]);
     }
     let label = (!directions).then_some(("position", &LABELS[..]));
-    let mut columns = table.read(&Wanted { numbers: &gate.behind(&names), label, rate_hz: None })?;
+    // Between attitudes that are given as directions time passes as it likes.
+    let time = if directions { TimeUse::Free } else { TimeUse::Unbroken };
+    let mut columns = table.read(&Wanted { numbers: &gate.behind(&names), label, time, ..Wanted::default() })?;
     let gated = gate.positions(&["x", "y", "z"], &mut columns, limits.saturation)?;
+    let factor = factor(&mut columns)?;
     let (outputs, rest) = columns.numbers.split_at(3);
     let outputs: Vec<Vec<f64>> = outputs.iter().map(|c| c.iter().map(|v| v * factor).collect()).collect();
     let limits = Limits { saturation: limits.saturation.map(|s| s * factor), ..*limits };
@@ -264,7 +313,7 @@ fn still_positions(
             })
             .collect()
     });
-    Ok(Still { positions, north, gated })
+    Ok(Still { columns, positions, north, gated })
 }
 
 /// Fit over truth and residuals by position.
@@ -340,7 +389,7 @@ pub(super) struct Rotation {
 }
 
 impl Rotation {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let axis = match (self.axis, self.latitude) {
             (None, _) => rotation::Axis::Unknown,
             (Some(AxisKind::Polar), _) => rotation::Axis::Polar,
@@ -348,9 +397,16 @@ impl Rotation {
             (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
         };
         let names = self.gate.behind(&AXES);
-        let wanted = Wanted { numbers: &names, label: Some(("run", &LABELS)), rate_hz: Some(self.rate) };
-        let mut columns = Record::open(&self.file, Triad::Gyro)?.read(&wanted)?;
+        let wanted = Wanted {
+            numbers: &names,
+            label: Some(("run", &LABELS)),
+            rate_hz: Some(self.rate),
+            time: TimeUse::Scale,
+            ..Wanted::default()
+        };
+        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
         let gated = self.gate.motion(&AXES, &mut columns, self.saturation)?;
+        columns.unit(0..3, Dimension::AngularRate)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         let blocks = position::blocks(&labels)?;
         let runs: Vec<rotation::Run> = blocks
@@ -388,6 +444,7 @@ impl Rotation {
             .collect();
         let mut report = Report::new("rotation");
         report
+            .record(&columns)
             .put("equation", "", rotation::EQUATION)
             .put("response", "S of N = S w + b, LSB per rad/s", matrix(&c.response))
             .put("matrix", "Kg, rad/s per LSB", matrix(&c.matrix))

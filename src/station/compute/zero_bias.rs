@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::gate::{GateColumns, stretches};
 use super::plot::{Panel, Series};
 use super::report::Report;
-use super::table::{Table, Wanted};
+use super::table::{Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 #[derive(Debug, Args)]
@@ -49,20 +49,22 @@ pub(super) struct ZeroBias {
 }
 
 impl ZeroBias {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let settings =
             Settings { fusion: self.fusion, block: self.block, ring: self.ring, slots: self.slots, rest: self.rest };
         settings.check()?;
         series::positive("rate (Hz)", self.rate)?;
-        let table = Table::open(&self.file)?;
+        let table = Table::open(&self.file, reading)?;
         let (has_cycle, has_still) = (table.has("cycle"), table.has("still"));
         let mut names = vec![self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
         names.extend(has_still.then_some("still"));
-        // Time stands still between power cycles: the rate is checked only in a record of one.
+        // Time stands still between power cycles.
+        let anew = has_cycle.then_some(1);
         let names = self.gate.behind(&names);
-        let mut columns =
-            table.read(&Wanted { numbers: &names, label: None, rate_hz: (!has_cycle).then_some(self.rate) })?;
+        let wanted =
+            Wanted { numbers: &names, rate_hz: Some(self.rate), time: TimeUse::Rate, anew, ..Wanted::default() };
+        let mut columns = table.read(&wanted, None)?;
         series::finite(&self.column, &columns.numbers[0])?;
         let cycles =
             stretches(columns.numbers[0].len(), |a, b| !has_cycle || columns.numbers[1][a] == columns.numbers[1][b]);
@@ -140,6 +142,7 @@ impl ZeroBias {
         ];
         let mut report = Report::new("zero-bias");
         report
+            .record(&columns)
             .put("noise", "of a sample, unit of the record", noise)
             .rows(
                 "cycles",

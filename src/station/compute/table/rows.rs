@@ -4,7 +4,8 @@ use std::path::Path;
 
 use wide::u8x16;
 
-use super::{LONGEST_LINE, TableError};
+use super::number::{self, Form, NoNumber, unquoted};
+use super::{LONGEST_LINE, TableError, time};
 
 /// What divides fields.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,24 +24,50 @@ impl Delimiter {
     pub(super) fn fields(self, line: &[u8]) -> Vec<(usize, usize)> {
         let mut fields = Vec::new();
         match self {
+            // A delimiter within quotes belongs to its field.
             Self::Byte(d) => {
-                let mut start = 0;
-                for end in memchr::memchr_iter(d, line) {
-                    fields.push((start, end));
-                    start = end + 1;
+                let (mut start, mut quoted) = (0, false);
+                for at in memchr::memchr2_iter(d, b'"', line) {
+                    if line[at] == b'"' {
+                        quoted = !quoted;
+                    } else if !quoted {
+                        fields.push((start, at));
+                        start = at + 1;
+                    }
                 }
                 fields.push((start, line.len()));
             }
             Self::Blanks => {
+                let blank = |b: u8| b == b' ' || b == b'\t';
                 let mut at = 0;
-                while let Some(start) = line[at..].iter().position(|b| *b != b' ').map(|s| at + s) {
-                    let end = line[start..].iter().position(|b| *b == b' ').map_or(line.len(), |e| start + e);
+                while let Some(start) = line[at..].iter().position(|b| !blank(*b)).map(|s| at + s) {
+                    let mut quoted = false;
+                    let ends = |b: &u8| {
+                        quoted ^= *b == b'"';
+                        blank(*b) && !quoted
+                    };
+                    let end = line[start..].iter().position(ends).map_or(line.len(), |e| start + e);
                     fields.push((start, end));
                     at = end;
                 }
             }
         }
         fields
+    }
+
+    /// Fields of a header, a unit behind a blank being part of its name: `Time [s]`.
+    pub(super) fn merged(self, fields: Vec<String>) -> Vec<String> {
+        if self != Self::Blanks {
+            return fields;
+        }
+        let mut merged: Vec<String> = Vec::new();
+        for field in fields {
+            match merged.last_mut() {
+                Some(name) if field.starts_with(['[', '(']) => *name = format!("{name} {field}"),
+                _ => merged.push(field),
+            }
+        }
+        merged
     }
 }
 
@@ -50,7 +77,12 @@ pub(super) enum Role {
     /// The k-th column of numbers that is wanted.
     Number(usize),
     Label,
-    Time,
+    /// The name of the capture: rows of others than the one wanted are passed over.
+    Capture,
+    /// Stamps as numbers, or as dates.
+    Time {
+        dates: bool,
+    },
 }
 
 /// How rows are read.
@@ -64,6 +96,11 @@ pub(super) struct Rows<'a> {
     /// Columns of numbers.
     pub(super) numbers: usize,
     pub(super) allowed: &'a [&'a str],
+    pub(super) form: Form,
+    /// The capture that is wanted.
+    pub(super) capture: Option<&'a str>,
+    /// Rows without a label are passed over.
+    pub(super) unlabelled: bool,
 }
 
 /// Rows of one piece, up to the first mistake in it.
@@ -72,6 +109,12 @@ pub(super) struct Parsed {
     pub(super) numbers: Vec<Vec<f64>>,
     pub(super) labels: Vec<u8>,
     pub(super) times: Vec<f64>,
+    /// Cells without a value: the column of numbers, and the line within the piece.
+    pub(super) missing: Vec<(usize, usize)>,
+    /// The row at which the rows of a capture begin, and its name.
+    pub(super) captures: Vec<(usize, String)>,
+    /// Names of captures that were passed over.
+    pub(super) others: Vec<String>,
     pub(super) rows: usize,
     pub(super) lines: usize,
     pub(super) fault: Option<Fault>,
@@ -88,8 +131,9 @@ pub(super) struct Fault {
 #[derive(Debug, Clone)]
 enum Mistake {
     Fields { got: usize, expected: usize },
-    Number { field: usize, text: String },
+    Number { field: usize, text: String, ambiguous: bool },
     Label { field: usize, text: String },
+    OpenQuote,
     Long,
 }
 
@@ -104,9 +148,15 @@ impl Fault {
         let path = path.to_owned();
         match what {
             Mistake::Fields { got, expected } => TableError::Fields { path, line, column, got, expected },
-            Mistake::Number { field, text } => {
-                TableError::Number { path, line, column, name: header[field].clone(), text }
+            Mistake::Number { field, text, ambiguous } => {
+                let name = header[field].clone();
+                if ambiguous {
+                    TableError::Ambiguous { path, line, column, name, text }
+                } else {
+                    TableError::Number { path, line, column, name, text }
+                }
             }
+            Mistake::OpenQuote => TableError::OpenQuote { path, line, column },
             Mistake::Label { field, text } => {
                 let allowed = allowed.join(" ");
                 TableError::Label { path, line, column, name: header[field].clone(), text, allowed }
@@ -131,52 +181,72 @@ impl Rows<'_> {
         };
         let mut fields: Vec<(usize, usize)> = Vec::with_capacity(self.expected);
         let (mut line, mut field) = (0, 0);
+        let quotes = memchr::memchr(b'"', piece).is_some();
         let finished = marks(piece, delimiter, |at| {
             fields.push((field - line, at - line));
             field = at + 1;
             if piece[at] != b'\n' {
                 return true;
             }
-            let go_on = self.line(&piece[line..at], &fields, &mut parsed);
+            let go_on = self.quoted_line(&piece[line..at], &mut fields, quotes, &mut parsed);
             fields.clear();
             line = at + 1;
             go_on
         });
         if finished && line < piece.len() {
             fields.push((field - line, piece.len() - line));
-            self.line(&piece[line..], &fields, &mut parsed);
+            self.quoted_line(&piece[line..], &mut fields, quotes, &mut parsed);
         }
         parsed
+    }
+
+    /// Takes a line whose fields are right unless it holds a quote.
+    fn quoted_line(&self, line: &[u8], fields: &mut Vec<(usize, usize)>, quotes: bool, parsed: &mut Parsed) -> bool {
+        if quotes && memchr::memchr(b'"', line).is_some() {
+            *fields = self.delimiter.fields(line);
+        }
+        self.line(line, fields, parsed)
     }
 
     /// Takes a line with its fields; false when it holds a mistake.
     fn line(&self, line: &[u8], fields: &[(usize, usize)], parsed: &mut Parsed) -> bool {
         parsed.lines += 1;
-        let blank =
-            line.first().is_none_or(|b| *b == b'#' || (b.is_ascii_whitespace() && line.trim_ascii().is_empty()));
+        let blank = line.first().is_none_or(|b| match *b {
+            b'#' | b'%' => true,
+            // Spreadsheets write rows of delimiters alone.
+            b if self.delimiter == Delimiter::Byte(b) => line.iter().all(|c| *c == b || c.is_ascii_whitespace()),
+            b => b.is_ascii_whitespace() && line.trim_ascii().is_empty(),
+        });
         if blank && line.len() <= LONGEST_LINE {
             return true;
         }
         match self.row(line, fields, parsed) {
-            Ok(()) => {
-                parsed.rows += 1;
+            Ok(taken) => {
+                parsed.rows += usize::from(taken);
                 true
             }
             Err((column, what)) => {
                 // Columns read before the mistake are one value longer than the rest.
                 parsed.fault = Some(Fault { line: parsed.lines, column, what });
                 parsed.times.truncate(parsed.rows);
+                parsed.labels.truncate(parsed.rows);
                 false
             }
         }
     }
 
-    fn row(&self, line: &[u8], fields: &[(usize, usize)], parsed: &mut Parsed) -> Result<(), (usize, Mistake)> {
+    /// Takes a row; false when it is passed over.
+    fn row(&self, line: &[u8], fields: &[(usize, usize)], parsed: &mut Parsed) -> Result<bool, (usize, Mistake)> {
         if line.len() > LONGEST_LINE {
             return Err((1, Mistake::Long));
         }
         // All fields are counted, so that a row too short or too long is seen.
         if fields.len() != self.expected {
+            let open =
+                fields.last().filter(|(at, end)| line[*at..*end].iter().filter(|b| **b == b'"').count() % 2 == 1);
+            if let Some((at, _)) = open {
+                return Err((at + 1, Mistake::OpenQuote));
+            }
             let end = line.strip_suffix(b"\r").unwrap_or(line).len();
             let column = fields.get(self.expected).map_or(end, |f| f.0) + 1;
             return Err((column, Mistake::Fields { got: fields.len(), expected: self.expected }));
@@ -184,26 +254,59 @@ impl Rows<'_> {
         for &(column, role) in self.roles {
             let (at, end) = fields[column];
             let field = &line[at..end];
-            let number = || {
-                parse(field).ok_or_else(|| {
-                    let text = String::from_utf8_lossy(field.strip_suffix(b"\r").unwrap_or(field)).into_owned();
-                    (at + 1, Mistake::Number { field: column, text })
-                })
+            let mistake = |ambiguous| {
+                let text = number::decoded(field.strip_suffix(b"\r").unwrap_or(field)).into_owned();
+                (at + 1, Mistake::Number { field: column, text, ambiguous })
             };
             match role {
-                Role::Number(k) => parsed.numbers[k].push(number()?),
-                Role::Time => parsed.times.push(number()?),
+                Role::Number(k) => match number::read(field, self.form) {
+                    Ok(value) => parsed.numbers[k].push(value),
+                    Err(NoNumber::Missing) => {
+                        parsed.missing.push((k, parsed.lines));
+                        parsed.numbers[k].push(f64::NAN);
+                    }
+                    Err(why) => return Err(mistake(why == NoNumber::Ambiguous)),
+                },
+                Role::Time { dates: false } => match number::read(field, self.form) {
+                    Ok(value) => parsed.times.push(value),
+                    Err(why) => return Err(mistake(why == NoNumber::Ambiguous)),
+                },
+                Role::Time { dates: true } => {
+                    let stamp = time::date(&number::decoded(unquoted(field)));
+                    parsed.times.push(stamp.ok_or_else(|| mistake(false))?);
+                }
+                Role::Capture => {
+                    let name = unquoted(field);
+                    if self.capture.is_some_and(|wanted| wanted.as_bytes() != name) {
+                        parsed.pass_over(name);
+                        return Ok(false);
+                    }
+                    if parsed.captures.last().is_none_or(|(_, before)| before.as_bytes() != name) {
+                        parsed.captures.push((parsed.rows, String::from_utf8_lossy(name).into_owned()));
+                    }
+                }
                 Role::Label => {
                     let text = unquoted(field);
-                    let Some(code) = self.allowed.iter().position(|l| l.as_bytes() == text) else {
-                        let text = String::from_utf8_lossy(text).into_owned();
+                    if text.is_empty() && self.unlabelled {
+                        return Ok(false);
+                    }
+                    let Some(code) = self.allowed.iter().position(|l| l.as_bytes().eq_ignore_ascii_case(text)) else {
+                        let text = number::decoded(text).into_owned();
                         return Err((at + 1, Mistake::Label { field: column, text }));
                     };
                     parsed.labels.push(code as u8);
                 }
             }
         }
-        Ok(())
+        Ok(true)
+    }
+}
+
+impl Parsed {
+    fn pass_over(&mut self, name: &[u8]) {
+        if self.others.last().is_none_or(|before| before.as_bytes() != name) {
+            self.others.push(String::from_utf8_lossy(name).into_owned());
+        }
     }
 }
 
@@ -225,18 +328,4 @@ fn marks(text: &[u8], delimiter: u8, mut visit: impl FnMut(usize) -> bool) -> bo
     }
     let start = text.len() - rest.len();
     rest.iter().enumerate().filter(|(_, b)| **b == delimiter || **b == b'\n').all(|(i, _)| visit(start + i))
-}
-
-/// A field as a number; blanks and quotes around it are allowed.
-fn parse(field: &[u8]) -> Option<f64> {
-    fast_float2::parse(field).ok().or_else(|| fast_float2::parse(unquoted(field)).ok())
-}
-
-/// A field without blanks and quotes around it.
-pub(super) fn unquoted(field: &[u8]) -> &[u8] {
-    let field = field.trim_ascii();
-    match field {
-        [b'"', inner @ .., b'"'] => inner.trim_ascii(),
-        _ => field,
-    }
 }

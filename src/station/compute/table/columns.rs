@@ -1,0 +1,301 @@
+//! Columns as they were read, whatever the file: which are wanted, what their units are, and what their clock says.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use gnc_metrology::Refusal;
+use gnc_metrology::clock::{self, Rate, Stated};
+
+use super::names::Header;
+use super::number::Form;
+use super::rows::Role;
+use super::time::{self, Stamps, TimeColumn};
+use super::{Reading, TableError};
+
+/// What a method makes of time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(in crate::compute) enum TimeUse {
+    /// Nothing: rows are points.
+    Free,
+    /// Rows follow each other without a gap.
+    #[default]
+    Unbroken,
+    /// A rate is stated, and figures hang on it by its root or less.
+    Rate,
+    /// A rate is stated, and a scale factor hangs on it.
+    Scale,
+}
+
+impl TimeUse {
+    /// How far the stamps may be off the stated rate (relative), unless the user says otherwise: a scale factor is as wrong
+    /// as its rate, a density by half of that.
+    fn tolerance(self) -> f64 {
+        if self == Self::Scale { 10e-6 } else { 1e-3 }
+    }
+}
+
+/// What to read of a table.
+#[derive(Default)]
+pub(in crate::compute) struct Wanted<'a> {
+    /// Columns of numbers.
+    pub(in crate::compute) numbers: &'a [&'a str],
+    /// Column of labels and the labels allowed there.
+    pub(in crate::compute) label: Option<(&'a str, &'a [&'a str])>,
+    /// Rate against which a time column is checked.
+    pub(in crate::compute) rate_hz: Option<f64>,
+    /// What the method makes of time.
+    pub(in crate::compute) time: TimeUse,
+    /// The column of numbers in which time begins anew where its value changes, by its place among them.
+    pub(in crate::compute) anew: Option<usize>,
+}
+
+/// Columns of a table.
+#[derive(Debug)]
+pub(in crate::compute) struct Columns {
+    /// One for each column of numbers that was wanted.
+    pub(in crate::compute) numbers: Vec<Vec<f64>>,
+    /// Index of the label of each row among those allowed.
+    pub(in crate::compute) labels: Vec<u8>,
+    /// Units of the columns of numbers, as the file writes them.
+    pub(in crate::compute) units: Vec<Option<String>>,
+    /// Names of the columns of numbers, as they were wanted.
+    pub(in crate::compute) names: Vec<String>,
+    pub(in crate::compute) about: About,
+}
+
+/// What is said about a record beside its values.
+#[derive(Debug, Default)]
+pub(in crate::compute) struct About {
+    /// What the reader made of the form of the file.
+    pub(in crate::compute) understood: Vec<String>,
+    pub(in crate::compute) clock: Clock,
+}
+
+/// What the clock of a record says.
+#[derive(Debug)]
+pub(in crate::compute) enum Clock {
+    Checked {
+        rate: Rate,
+        column: String,
+        tolerance: Option<f64>,
+    },
+    /// The times of a raw capture's frames lie on the grid of its rate, to a microsecond.
+    OnGrid,
+    NotChecked(String),
+}
+
+impl Clock {
+    /// Whether rows are steps of time that somebody measured.
+    pub(in crate::compute) fn is_checked(&self) -> bool {
+        !matches!(self, Self::NotChecked(_))
+    }
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self::NotChecked("no time column".to_owned())
+    }
+}
+
+/// Columns of a header by what they are for.
+pub(super) struct Plan<'a> {
+    path: PathBuf,
+    wanted: &'a Wanted<'a>,
+    rate_tolerance: Option<f64>,
+    pub(super) roles: Vec<(usize, Role)>,
+    /// Labels that are allowed.
+    pub(super) allowed: &'a [&'a str],
+    /// The capture that is wanted.
+    pub(super) capture: Option<String>,
+    /// The table is an export of this station: rows that are no position or run have no label.
+    pub(super) export: bool,
+    time: Result<TimeColumn, String>,
+    units: Vec<Option<String>>,
+    understood: Vec<String>,
+}
+
+/// The columns that an export of this station begins with.
+const EXPORT: [&str; 6] = ["capture", "series", "position", "run", "number", "t_s"];
+
+impl<'a> Plan<'a> {
+    /// `sensor` is what `x`, `y` and `z` are called in a table of several sensors: `gyro_x`.
+    pub(super) fn new(
+        path: &Path,
+        header: &Header,
+        (first_row, form): (&[String], Form),
+        wanted: &'a Wanted<'a>,
+        reading: &Reading,
+        sensor: Option<&str>,
+    ) -> Result<Self, TableError> {
+        let export = EXPORT.iter().all(|name| header.names.iter().any(|n| n.text == *name));
+        let mut understood = Vec::new();
+        let mut roles = Vec::new();
+        if export {
+            roles.push((header.column("capture")?, Role::Capture));
+        } else if let Some(capture) = &reading.capture {
+            let what = format!("no column `capture` in which `{capture}` could stand");
+            return Err(TableError::Damaged { path: path.to_owned(), what });
+        }
+        if let Some((name, _)) = wanted.label {
+            roles.push((header.column(name)?, Role::Label));
+        }
+        let mut units = Vec::new();
+        for (k, name) in wanted.numbers.iter().enumerate() {
+            let of_sensor = sensor.filter(|_| name.len() == 1).map(|sensor| format!("{sensor}_{name}"));
+            let place = match (header.find(name)?, of_sensor) {
+                (None, Some(of_sensor)) if header.find(&of_sensor)?.is_some() => {
+                    understood.push(format!("{of_sensor} for {name}"));
+                    header.column(&of_sensor)?
+                }
+                _ => header.column(name)?,
+            };
+            roles.push((place, Role::Number(k)));
+            units.push(header.names[place].unit.clone());
+        }
+        let time = match wanted.time {
+            TimeUse::Free => Err("the method does not use time".to_owned()),
+            _ => time::column(header, first_row, form),
+        };
+        if let Ok(column) = &time {
+            roles.push((column.place, Role::Time { dates: column.stamps == Stamps::Dates }));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            wanted,
+            rate_tolerance: reading.rate_tolerance.map(|ppm| ppm * 1e-6),
+            roles,
+            allowed: wanted.label.map_or(&[], |(_, allowed)| allowed),
+            capture: reading.capture.clone(),
+            export,
+            time,
+            units,
+            understood,
+        })
+    }
+
+    /// Checks what was gathered, and hands it on.
+    pub(super) fn finish(mut self, gathered: Gathered, understood: &[String]) -> Result<Columns, TableError> {
+        if gathered.rows == 0 {
+            return Err(self.no_rows(&gathered));
+        }
+        if self.export && self.wanted.label.is_none() && gathered.captures.len() > 1 {
+            let names = gathered.captures.iter().take(20).map(|(_, name)| format!("#{name}"));
+            let (path, count) = (self.path.clone(), gathered.captures.len());
+            return Err(TableError::ManyCaptures { path, count, captures: names.collect::<Vec<_>>().join(" ") });
+        }
+        let clock = self.clock(&gathered)?;
+        for (k, name) in self.wanted.numbers.iter().enumerate() {
+            let cells = gathered.missing.iter().filter(|(column, _)| *column == k).count();
+            if let Some((_, line)) = gathered.missing.iter().find(|(column, _)| *column == k) {
+                let (column, rows, line) = ((*name).to_owned(), gathered.rows, *line);
+                return Err(Refusal::EmptyCells { column, cells, rows, line }.into());
+            }
+        }
+        let understood = understood.iter().cloned().chain(std::mem::take(&mut self.understood)).collect();
+        let Gathered { numbers, labels, .. } = gathered;
+        let names = self.wanted.numbers.iter().map(|name| (*name).to_owned()).collect();
+        Ok(Columns { numbers, labels, units: self.units, names, about: About { understood, clock } })
+    }
+
+    fn no_rows(&self, gathered: &Gathered) -> TableError {
+        match &self.capture {
+            Some(capture) if !gathered.others.is_empty() => TableError::NoCapture {
+                path: self.path.clone(),
+                capture: capture.clone(),
+                captures: gathered.others.iter().take(20).map(|name| format!("#{name}")).collect::<Vec<_>>().join(" "),
+            },
+            _ => TableError::NoRows { path: self.path.clone() },
+        }
+    }
+
+    /// What the clock says of the rows so far.
+    pub(super) fn clock(&mut self, gathered: &Gathered) -> Result<Clock, TableError> {
+        let column = match &self.time {
+            Ok(column) => column.clone(),
+            Err(why) => return Ok(Clock::NotChecked(why.clone())),
+        };
+        let blocks = gathered.blocks(self.wanted.anew);
+        let step = || {
+            let longest = blocks.iter().max_by_key(|block| block.len())?;
+            clock::usual_step(gathered.times.get(longest.clone())?)
+        };
+        let stated_hz = self.wanted.rate_hz;
+        let fitting = || step().zip(stated_hz).and_then(|(step, hz)| time::unit_for_rate(step, hz));
+        let unit_s = match column.stamps {
+            Stamps::Numbers(unit_s) => Some(unit_s),
+            Stamps::Dates => Some(1.0),
+            Stamps::Seconds => Some(fitting().unwrap_or(1.0)),
+            Stamps::Unknown => fitting(),
+        };
+        if matches!(column.stamps, Stamps::Seconds | Stamps::Unknown)
+            && let Some((_, unit)) = [(1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"), (1.0, "s")]
+                .iter()
+                .find(|(s, unit)| Some(*s) == unit_s && (*unit != "s" || column.stamps == Stamps::Unknown))
+        {
+            self.understood.push(format!("{} in {unit}, as --rate shows", column.name));
+        }
+        let tolerance = self.rate_tolerance.unwrap_or_else(|| self.wanted.time.tolerance());
+        let (Some(unit_s), times) = (unit_s, &gathered.times) else {
+            if let Some((step, stated_hz)) = step().zip(stated_hz) {
+                return Err(Refusal::UnknownTimeUnit { column: column.name, step, stated_hz }.into());
+            }
+            clock::check(&gathered.times, &blocks, None)?;
+            let why = format!("the header names no unit of `{}`; it has no gap", column.name);
+            return Ok(Clock::NotChecked(why));
+        };
+        let stated = stated_hz.map(|rate_hz| Stated { rate_hz, tolerance });
+        let rate = if unit_s == 1.0 {
+            clock::check(times, &blocks, stated)?
+        } else {
+            let scaled: Vec<f64> = times.iter().map(|t| t * unit_s).collect();
+            clock::check(&scaled, &blocks, stated)?
+        };
+        Ok(match rate {
+            Some(rate) => Clock::Checked { rate, column: column.name, tolerance: stated.map(|s| s.tolerance) },
+            None => Clock::NotChecked(format!("too few stamps in column `{}`", column.name)),
+        })
+    }
+}
+
+/// What has been read so far.
+#[derive(Default)]
+pub(super) struct Gathered {
+    pub(super) numbers: Vec<Vec<f64>>,
+    pub(super) labels: Vec<u8>,
+    pub(super) times: Vec<f64>,
+    /// Cells without a value: column and line.
+    pub(super) missing: Vec<(usize, usize)>,
+    /// First rows of captures and their names, and the names of those passed over.
+    pub(super) captures: Vec<(usize, String)>,
+    pub(super) others: Vec<String>,
+    pub(super) rows: usize,
+}
+
+impl Gathered {
+    /// Rows of one label and one capture, and of one value of the column in which time begins anew.
+    fn blocks(&self, anew: Option<usize>) -> Vec<Range<usize>> {
+        let changes = (1..self.labels.len()).filter(|&i| self.labels[i] != self.labels[i - 1]);
+        let column = anew.and_then(|k| self.numbers.get(k)).map_or(&[][..], Vec::as_slice);
+        let begins = (1..column.len().min(self.rows)).filter(|&i| column[i] != column[i - 1]);
+        let mut starts: Vec<usize> =
+            changes.chain(begins).chain(self.captures.iter().map(|(row, _)| *row)).chain([0]).collect();
+        starts.sort_unstable();
+        starts.dedup();
+        let ends = starts.iter().skip(1).copied().chain([self.rows]);
+        starts.iter().zip(ends).map(|(start, end)| *start..end).filter(|block| !block.is_empty()).collect()
+    }
+
+    /// Notes where a capture begins.
+    pub(super) fn begin(&mut self, row: usize, name: &str) {
+        if self.captures.last().is_none_or(|(_, before)| before != name) {
+            self.captures.push((row, name.to_owned()));
+        }
+    }
+
+    /// Notes a capture that was passed over.
+    pub(super) fn pass_over(&mut self, name: &str) {
+        if !self.others.iter().any(|known| known == name) {
+            self.others.push(name.to_owned());
+        }
+    }
+}

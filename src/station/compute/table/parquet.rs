@@ -1,0 +1,184 @@
+//! Tables in Apache Parquet: columns of numbers and texts without nesting, those that are wanted.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use ::parquet::basic::{LogicalType, TimeUnit, Type};
+use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use ::parquet::data_type::{ByteArray, DataType};
+use ::parquet::errors::ParquetError;
+use ::parquet::file::reader::{FileReader, SerializedFileReader};
+
+use super::columns::{Columns, Plan, Wanted};
+use super::names::Header;
+use super::number::{Decimal, Form};
+use super::sheet::{self, Cells};
+use super::{MOST_VALUES, Reading, TableError};
+
+/// Records that are read at once.
+const BATCH: usize = 1 << 16;
+/// Different texts of a column: labels and names of captures, not prose.
+const MOST_TEXTS: usize = 1 << 16;
+
+/// A Parquet file whose schema was read.
+pub(super) struct Sheet {
+    path: PathBuf,
+    reader: SerializedFileReader<File>,
+    pub(super) header: Header,
+    /// Leaf column of each name, and its unit of time in s, if it is a stamp.
+    leaves: Vec<(usize, Option<f64>)>,
+}
+
+impl Sheet {
+    pub(super) fn open(path: &Path, file: File) -> Result<Self, TableError> {
+        let reader = SerializedFileReader::new(file).map_err(|e| damaged(path, &e))?;
+        let schema = reader.metadata().file_metadata().schema_descr();
+        let mut texts = Vec::new();
+        let mut leaves = Vec::new();
+        for (leaf, column) in schema.columns().iter().enumerate() {
+            // Lists have no row of their own for each value.
+            if column.max_rep_level() > 0 || column.path().parts().len() > 1 {
+                continue;
+            }
+            let unit_s = match column.logical_type_ref() {
+                Some(LogicalType::Timestamp(stamp)) => Some(match stamp.unit {
+                    TimeUnit::MILLIS => 1e-3,
+                    TimeUnit::MICROS => 1e-6,
+                    TimeUnit::NANOS => 1e-9,
+                }),
+                _ => None,
+            };
+            texts.push(column.name().to_owned());
+            leaves.push((leaf, unit_s));
+        }
+        let units =
+            leaves.iter().map(|(_, unit)| if unit.is_some() { "s".to_owned() } else { String::new() }).collect();
+        let header = Header::new(path, 1, texts, Some(units))?;
+        Ok(Self { path: path.to_owned(), reader, header, leaves })
+    }
+
+    pub(super) fn read(self, wanted: &Wanted, reading: &Reading, sensor: Option<&str>) -> Result<Columns, TableError> {
+        let first_row: Vec<String> = (0..self.leaves.len()).map(|place| self.first(place)).collect();
+        let form = Form::Known(Decimal::Point);
+        let plan = Plan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
+        let rows = usize::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(usize::MAX);
+        if rows.saturating_mul(plan.roles.len()) > MOST_VALUES {
+            return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });
+        }
+        let cells =
+            plan.roles.iter().map(|(place, _)| self.cells(*place, usize::MAX)).collect::<Result<Vec<_>, _>>()?;
+        let gathered = sheet::gather(&self.path, &plan, &cells)?;
+        plan.finish(gathered, &["Parquet".to_owned()])
+    }
+
+    /// The first cell of a column as text; empty where it cannot be read.
+    fn first(&self, place: usize) -> String {
+        match self.cells(place, 1) {
+            Ok(Cells::Numbers { values, .. }) => values.first().map_or(String::new(), f64::to_string),
+            Ok(Cells::Texts { names, .. }) => names.first().cloned().unwrap_or_default(),
+            Err(_) => String::new(),
+        }
+    }
+
+    /// The first cells of a column, so many at most.
+    fn cells(&self, place: usize, most: usize) -> Result<Cells, TableError> {
+        let (leaf, unit_s) = self.leaves[place];
+        let failed = |e: &ParquetError| damaged(&self.path, e);
+        let mut numbers = Numbers { values: Vec::new(), missing: Vec::new(), scale: unit_s.unwrap_or(1.0) };
+        let mut texts = Texts::default();
+        let column = self.reader.metadata().file_metadata().schema_descr().column(leaf);
+        let is_text = matches!(column.physical_type(), Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY);
+        for group in 0..self.reader.num_row_groups() {
+            let group = self.reader.get_row_group(group).map_err(|e| failed(&e))?;
+            let reader = group.get_column_reader(leaf).map_err(|e| failed(&e))?;
+            let left = most - if is_text { texts.codes.len() } else { numbers.values.len() };
+            let level = column.max_def_level();
+            let pulled = match reader {
+                ColumnReader::BoolColumnReader(r) => {
+                    pull(r, level, left, |v| numbers.put(v.map(|v| f64::from(u8::from(*v)))))
+                }
+                ColumnReader::Int32ColumnReader(r) => pull(r, level, left, |v| numbers.put(v.map(|v| f64::from(*v)))),
+                ColumnReader::Int64ColumnReader(r) => pull(r, level, left, |v| numbers.put(v.map(|v| *v as f64))),
+                ColumnReader::FloatColumnReader(r) => pull(r, level, left, |v| numbers.put(v.map(|v| f64::from(*v)))),
+                ColumnReader::DoubleColumnReader(r) => pull(r, level, left, |v| numbers.put(v.copied())),
+                ColumnReader::ByteArrayColumnReader(r) => pull(r, level, left, |v| texts.put(v)),
+                _ => Err(ParquetError::General(format!("column `{}` has a type that is not read", column.name()))),
+            };
+            pulled.map_err(|e| failed(&e))?;
+            if numbers.values.len() > MOST_VALUES || texts.codes.len() > MOST_VALUES || texts.names.len() > MOST_TEXTS {
+                return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });
+            }
+        }
+        if is_text {
+            return Ok(Cells::Texts { names: texts.names, codes: texts.codes });
+        }
+        Ok(Cells::Numbers { values: numbers.values, missing: numbers.missing })
+    }
+}
+
+fn damaged(path: &Path, error: &ParquetError) -> TableError {
+    TableError::Damaged { path: path.to_owned(), what: format!("cannot be read as Parquet: {error}") }
+}
+
+struct Numbers {
+    values: Vec<f64>,
+    missing: Vec<usize>,
+    scale: f64,
+}
+
+impl Numbers {
+    fn put(&mut self, value: Option<f64>) {
+        if value.is_none() {
+            self.missing.push(self.values.len());
+        }
+        let scaled = value.map(|v| if self.scale == 1.0 { v } else { v * self.scale });
+        self.values.push(scaled.unwrap_or(f64::NAN));
+    }
+}
+
+#[derive(Default)]
+struct Texts {
+    names: Vec<String>,
+    codes: Vec<u32>,
+    known: HashMap<String, u32>,
+}
+
+impl Texts {
+    fn put(&mut self, value: Option<&ByteArray>) {
+        let text = value.map_or(String::new(), |v| String::from_utf8_lossy(v.data()).into_owned());
+        let next = self.names.len() as u32;
+        let code = *self.known.entry(text).or_insert_with_key(|text| {
+            self.names.push(text.clone());
+            next
+        });
+        self.codes.push(code);
+    }
+}
+
+/// Hands on every cell of a column of one row group, or the first ones of it; `None` is a cell without a value.
+fn pull<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    level: i16,
+    most: usize,
+    mut put: impl FnMut(Option<&T::T>),
+) -> Result<(), ParquetError> {
+    let (mut levels, mut values) = (Vec::new(), Vec::new());
+    let mut left = most;
+    while left > 0 {
+        levels.clear();
+        values.clear();
+        let (records, _, _) = reader.read_records(left.min(BATCH), Some(&mut levels), None, &mut values)?;
+        if records == 0 {
+            break;
+        }
+        if level == 0 {
+            values.iter().for_each(|value| put(Some(value)));
+        } else {
+            let mut present = values.iter();
+            levels.iter().for_each(|l| put(if *l == level { present.next() } else { None }));
+        }
+        left -= records;
+    }
+    Ok(())
+}

@@ -1,0 +1,170 @@
+use std::io::{self, Read};
+
+use super::*;
+
+fn read(text: &'static str, numbers: &[&str], rate_hz: Option<f64>) -> Result<Columns, TableError> {
+    let wanted = Wanted { numbers, rate_hz, ..Wanted::default() };
+    Table::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()), PIECE)?.read(&wanted, None)
+}
+
+#[test]
+fn every_delimiter_and_what_people_write() {
+    for text in [
+        "# by hand\n\nt,x,y\n0,1,2.5\n# pause\n0.1,-1e3,.5\n",
+        "t;x;y\r\n0;1;2.5\r\n0.1;-1e3;0.5",
+        "t\tx\ty\n0\t1\t2.5\n0.1\t-1e3\t0.5\n",
+        "  t  x   y\n 0  1  2.5 \n0.1 -1e3 +0.5\n",
+        "\u{feff}\"t\",\"x\",\"y\"\n0, 1 ,\"2.5\"\n0.1,-1e3,0.5\n",
+    ] {
+        let columns = read(text, &["y", "x"], None).unwrap_or_else(|e| panic!("{text:?}: {e}"));
+        assert_eq!(columns.numbers, [vec![2.5, 0.5], vec![1.0, -1000.0]], "{text:?}");
+    }
+}
+
+#[test]
+fn mistakes_have_a_line_and_a_column() {
+    let check = |text, expected: &str| match read(text, &["x", "y"], None) {
+        Ok(_) => panic!("{text:?} was read"),
+        Err(e) => assert_eq!(e.to_string(), expected),
+    };
+    check("x,y\n1,2\n1,abc\n", "r.csv:3:3: `abc` in column `y` is not a number");
+    check("x,y\n1,\n", "column `y`: 1 of 1 cells are empty or say so, the first in line 2");
+    check(
+        "x;y\n1,234;2\n",
+        "r.csv:2:1: `1,234` in column `x` may have a decimal comma or a thousands separator; nothing in the file decides it",
+    );
+    check("x;y\n0,5;2\n1.5;2\n", "r.csv: `0,5` in line 2 has a decimal comma, `1.5` in line 3 a decimal point");
+    check("x,y\n1,2,3\n", "r.csv:2:5: row has 3 fields, the header 2");
+    check("x,y\n1\n", "r.csv:2:2: row has 1 fields, the header 2");
+    check("#c\nx,z\n1,2\n", "r.csv:2:1: no column `y`; the header has x, z");
+    check("1,2\n3,4\n", "r.csv:1:1: no header row with column names");
+    check("x,y,x\n3,4,5\n", "r.csv:1:5: column `x` stands twice in the header");
+    check("x\ty\n1\t\n", "column `y`: 1 of 1 cells are empty or say so, the first in line 2");
+    check("x,y\n1,\"2\n", "r.csv:2:3: a quote has no end in this line");
+    check("x,y\r\n1\r\n", "r.csv:2:2: row has 1 fields, the header 2");
+    check("x y\n1 2\n 1  b \n", "r.csv:3:5: `b` in column `y` is not a number");
+    check("x,y\n", "r.csv: no rows after the header");
+    check("", "r.csv:1:1: no header row with column names");
+}
+
+#[test]
+fn time_is_watched() {
+    let check = |rows: &str, rate, expected: &str| {
+        let head = (0..40).fold("t,x\n".to_owned(), |s, i| format!("{s}{},0\n", f64::from(i) * 0.1));
+        let text: &'static str = Box::leak(format!("{head}{rows}").into_boxed_str());
+        assert_eq!(read(text, &["x"], rate).err().map(|e| e.to_string()).unwrap_or_default(), expected);
+    };
+    check("4.0,0\n", Some(10.0), "");
+    check("4.3,0\n", None, "gap at sample 40: step of 0.400000 s, expected 0.100000 s");
+    check("3.9,0\n", None, "time does not increase at sample 40: 3.9000000000000004 s, then 3.9 s");
+    check(
+        "4.0,0\n",
+        Some(20.0),
+        "time column says 10.000000 Hz, stated are 20.000000 Hz: -50.0000 % apart, allowed are 0.1000 %",
+    );
+    check("nan,0\n", None, "time: sample 40 is NaN");
+}
+
+/// A line that the pieces cut in two is still one line, and the first mistake has its line whatever the threads do.
+#[test]
+fn pieces_do_not_show() {
+    let mut text = "# head\nt,a,b\n".to_owned();
+    (0..400_000).for_each(|i| text += &format!("{i},{i},{}\n", i * 2));
+    assert!(text.len() > 5 << 20, "several pieces");
+    let good: &'static str = Box::leak(text.clone().into_boxed_str());
+    let columns = read(good, &["b"], None).unwrap();
+    assert_eq!(columns.numbers[0].len(), 400_000);
+    assert!(columns.numbers[0].iter().enumerate().all(|(i, v)| *v == 2.0 * i as f64));
+    let mut check = |row: usize, bad: &str, expected: &str| {
+        let at = text.match_indices('\n').nth(row + 1).unwrap().0 + 1;
+        let end = at + text[at..].find('\n').unwrap();
+        text.replace_range(at..end, bad);
+        let broken: &'static str = Box::leak(text.clone().into_boxed_str());
+        assert_eq!(read(broken, &["b"], None).err().unwrap().to_string(), expected);
+    };
+    check(399_999, "399999,0,x", "r.csv:400002:10: `x` in column `b` is not a number");
+    check(300_000, "300000,0", "r.csv:300003:9: row has 2 fields, the header 3");
+    check(200_000, "199999,0,0", "time does not increase at sample 200000: 199999 s, then 199999 s");
+    check(3, "3,0,0,0", "r.csv:6:7: row has 4 fields, the header 3");
+}
+
+#[test]
+fn what_is_no_text_is_refused_soon() {
+    struct Zeros;
+    impl Read for Zeros {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            buffer.fill(b'0');
+            Ok(buffer.len())
+        }
+    }
+    let error = Table::from_reader(Path::new("r.bin"), Box::new(Zeros), PIECE).err().unwrap();
+    assert_eq!(error.to_string(), "r.bin: no line end within 1048576 bytes; is it a text?");
+}
+
+#[track_caller]
+fn understood(text: &str, expected: &str) -> Columns {
+    let text: &'static str = Box::leak(text.to_owned().into_boxed_str());
+    let columns = read(text, &["w"], None).unwrap_or_else(|e| panic!("{text:?}: {e}"));
+    assert_eq!(columns.about.understood.join(", "), expected, "{text:?}");
+    assert_eq!(columns.numbers[0], [0.5, -1.25, 1234.5], "{text:?}");
+    columns
+}
+
+/// One record as many programs write it.
+#[test]
+fn records_as_people_have_them() {
+    understood("t;w\n0,00;0,5\n0,01;-1,25\n0,02;1234,5\n", "decimal comma");
+    understood("t;w\n0,00;0,5\n0,01;-1,25\n0,02;1.234,5\n", "decimal comma, thousands separators");
+    understood("sep=;\nt;w\n0,00;0,5\n0,01;-1,25\n0,02;1234,5\n", "decimal comma, sep= line");
+    understood("sep=,\r\nt,w\r\n0.00,0.5\r\n0.01,-1.25\r\n0.02,1234.5\r\n", "sep= line");
+    understood("t,w\n0.00,0.5\n0.01,-1.25\n0.02,\"1,234.5\"\n", "thousands separators");
+    understood("\"t\",\"w\",\"note, long\"\n0.00,0.5,\"a, b\"\n0.01,-1.25,\n0.02,1234.5,\"c\"\n", "");
+    understood("Log of the IMU\nOperator: me\n\nt,w\n0.00,0.5\n0.01,-1.25\n0.02,1234.5\n", "2 title lines");
+    understood("Device,IMU\nSerial,12\nt,w\n0.00,0.5\n0.01,-1.25\n0.02,1234.5\n", "2 title lines");
+    let units = understood("t;w\ns;deg/s\n0;0.5\n0.01;-1.25\n0.02;1234.5\n", "units row");
+    assert_eq!(units.units, [Some("deg/s".to_owned())]);
+    let all = "Titel\n\nZeit;w\n[s];[°/s]\n0,00;0,5\n0,01;-1,25\n0,02;1234,5\n";
+    understood(all, "decimal comma, 1 title line, units row");
+    understood("# t,w\n0.00,0.5\n0.01,-1.25\n0.02,1234.5\n", "header in a comment");
+    understood("# t w\n0.0e+00 5.0e-01\n1.0e-02 -1.25e+00\n2.0e-02 1.2345e+03\n", "header in a comment");
+    understood("Time [s] w\n0.00 0.5\n0.01 -1.25\n0.02 1234.5\n", "");
+    understood("t,w\n0.0D+00,0.5D+00\n1.0D-02,-1.25D0\n2.0D-02,1.2345D+03\n", "");
+    understood("t,w,\n0.00,0.5,\n0.01,-1.25,\n0.02,1234.5,\n", "");
+    understood("t,w\n0.00,0.5,\n0.01,-1.25,\n0.02,1234.5,\n", "a delimiter at the end of each row");
+    understood("T;W\n0;0.5\n0.01;-1.25\n;\n0.02;1234.5\n;\n", "");
+    understood(
+        "TIMESTAMP,w\n2024-05-01T10:00:00.00Z,0.5\n2024-05-01T10:00:00.01Z,-1.25\n2024-05-01T10:00:00.02Z,1234.5\n",
+        "",
+    );
+}
+
+/// Each kind of column of time is looked at: three seconds are missing from every one of them.
+#[test]
+fn gaps_are_found_under_every_name_of_time() {
+    for (name, per_s) in [
+        ("t", 1.0),
+        ("Time [s]", 1.0),
+        ("time_ms", 1e3),
+        ("time_us", 1e6),
+        ("timestamp", 1.0),
+        ("timestamp", 1e3),
+        ("timestamp_ns", 1e9),
+        ("epoch", 1e6),
+        ("t (ms)", 1e3),
+    ] {
+        let row = |i: u32| {
+            format!("{},1\n", (f64::from(if i < 50 { i } else { i + 300 }) * 0.01 * per_s * 1e3).round() / 1e3)
+        };
+        let text: &'static str =
+            Box::leak(format!("{name},w\n{}", (0..100).map(row).collect::<String>()).into_boxed_str());
+        let refusal = read(text, &["w"], Some(100.0)).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(refusal.starts_with("gap at sample 50"), "{name}: {refusal}");
+        assert!(read(text, &["w"], None).is_err(), "{name}");
+    }
+    let counter: String = (0..100).map(|i| format!("{},1\n", if i < 50 { i } else { i + 300 })).collect();
+    let text: &'static str = Box::leak(format!("n,w\n{counter}").into_boxed_str());
+    assert!(read(text, &["w"], Some(100.0)).is_ok(), "a counter is no clock");
+    let odd = "timestamp,w\n0,1\n7,1\n14,1\n21,1\n";
+    let refusal = read(odd, &["w"], Some(100.0)).err().map(|e| e.to_string()).unwrap_or_default();
+    assert_eq!(refusal, "steps of 7 in column `timestamp` fit 100 Hz in none of s, ms, us and ns");
+}

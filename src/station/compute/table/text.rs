@@ -1,0 +1,174 @@
+//! Tables as text: read once, in pieces of whole lines that threads parse while the next ones are read.
+//!
+//! Only the columns that are wanted are kept. The pieces are taken in their order, so that the first mistake of the file
+//! is the one that is reported, with its line and column.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
+use std::thread;
+
+use super::columns::{Columns, Gathered, Plan, Wanted};
+use super::pieces::Pieces;
+use super::preamble::{self, Preamble};
+use super::rows::{Fault, Parsed, Rows};
+use super::{MOST_VALUES, Reading, TableError};
+
+/// Threads that parse: beyond these the one that reads and gathers is the limit.
+const MOST_THREADS: usize = 4;
+
+/// A text whose header was read.
+pub(super) struct Text {
+    path: PathBuf,
+    pieces: Pieces,
+    /// The beginning of the text, which holds the header.
+    head: Vec<u8>,
+    pub(super) preamble: Preamble,
+}
+
+impl Text {
+    /// Reads it in pieces of about this many bytes.
+    pub(super) fn open(
+        path: &Path,
+        source: Box<dyn Read>,
+        piece: usize,
+        understood: Vec<String>,
+        reading: &Reading,
+    ) -> Result<Self, TableError> {
+        let mut pieces = Pieces::new(path, source, piece);
+        let mut head = Vec::new();
+        while head.len() < preamble::HEAD {
+            let Some(mut piece) = pieces.next(Vec::new())? else { break };
+            if head.is_empty() {
+                head = piece;
+            } else {
+                head.append(&mut piece);
+            }
+        }
+        if head.starts_with(b"\xef\xbb\xbf") {
+            head.drain(..3);
+        }
+        let mut preamble = preamble::read(path, &head, reading.decimal)?;
+        preamble.understood.splice(0..0, understood);
+        Ok(Self { path: path.to_owned(), pieces, head, preamble })
+    }
+
+    /// Reads the wanted columns.
+    pub(super) fn read(self, wanted: &Wanted, reading: &Reading, sensor: Option<&str>) -> Result<Columns, TableError> {
+        let Self { path, mut pieces, head, preamble } = self;
+        let Preamble { header, delimiter, form, .. } = &preamble;
+        let mut plan = Plan::new(&path, header, (&preamble.first_row, *form), wanted, reading, sensor)?;
+        let (roles, capture) = (plan.roles.clone(), plan.capture.clone());
+        let rows = Rows {
+            delimiter: *delimiter,
+            expected: header.names.len(),
+            roles: &roles,
+            numbers: wanted.numbers.len(),
+            allowed: plan.allowed,
+            form: *form,
+            capture: capture.as_deref(),
+            unlabelled: plan.export,
+        };
+        let numbers = vec![Vec::new(); wanted.numbers.len()];
+        let mut gathered = Gathered { numbers, ..Gathered::default() };
+        let mut lines = preamble.lines;
+        let mut fault = None;
+        let mut take = |parsed: &Parsed| {
+            add(&mut gathered, parsed, lines);
+            fault = parsed.fault.as_ref().map(|fault| fault.after(lines));
+            lines += parsed.lines;
+            let full = gathered.rows.saturating_mul(roles.len()) > MOST_VALUES;
+            if full {
+                Err(TableError::TooLarge { path: path.clone(), limit: MOST_VALUES })
+            } else {
+                Ok(fault.is_none())
+            }
+        };
+        let go_on = take(&rows.parse(&head[preamble.bytes.min(head.len())..]))?;
+        drop(head);
+        if go_on && !pieces.ended() {
+            in_parallel(&mut pieces, &rows, take)?;
+        }
+        if let Some(fault) = fault {
+            // What the clock shows before the mistake comes first.
+            if gathered.rows > 0 {
+                plan.clock(&gathered)?;
+            }
+            return Err(place(fault, &path, &header.texts(), plan.allowed));
+        }
+        plan.finish(gathered, &preamble.understood)
+    }
+}
+
+fn place(fault: Fault, path: &Path, header: &[String], allowed: &[&str]) -> TableError {
+    fault.placed(path, header, allowed)
+}
+
+/// Adds the rows of a piece before which there are so many lines.
+fn add(gathered: &mut Gathered, parsed: &Parsed, lines: usize) {
+    for (column, part) in gathered.numbers.iter_mut().zip(&parsed.numbers) {
+        column.extend_from_slice(part);
+    }
+    gathered.labels.extend_from_slice(&parsed.labels);
+    gathered.times.extend_from_slice(&parsed.times);
+    gathered.missing.extend(parsed.missing.iter().map(|(column, line)| (*column, lines + line)));
+    let before = gathered.rows;
+    parsed.captures.iter().for_each(|(row, name)| gathered.begin(before + row, name));
+    parsed.others.iter().for_each(|name| gathered.pass_over(name));
+    gathered.rows += parsed.rows;
+}
+
+/// Reads pieces, has them parsed by threads in turn and takes the results in the order of the file, until the taker has
+/// enough.
+fn in_parallel(
+    pieces: &mut Pieces,
+    rows: &Rows,
+    mut take: impl FnMut(&Parsed) -> Result<bool, TableError>,
+) -> Result<(), TableError> {
+    let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    thread::scope(|scope| {
+        let lanes: Vec<_> = (0..threads)
+            .map(|_| {
+                // One piece in work and one result at a time: memory is bounded by the threads.
+                let (work, pieces) = sync_channel::<Vec<u8>>(1);
+                let (done, results) = sync_channel(1);
+                scope.spawn(move || {
+                    for piece in pieces {
+                        let parsed = rows.parse(&piece);
+                        if done.send((parsed, piece)).is_err() {
+                            return;
+                        }
+                    }
+                });
+                (work, results)
+            })
+            .collect();
+        // A lane is closed only by a thread that panicked, and the scope hands that panic on.
+        let mut given = 0;
+        let mut spare = Vec::new();
+        while let Some(piece) = pieces.next(spare)? {
+            let (work, results) = &lanes[given % threads];
+            spare = Vec::new();
+            if given >= threads
+                && let Ok((parsed, used)) = results.recv()
+            {
+                if !take(&parsed)? {
+                    return Ok(());
+                }
+                spare = used;
+            }
+            if work.send(piece).is_err() {
+                return Ok(());
+            }
+            given += 1;
+        }
+        for k in given.saturating_sub(threads)..given {
+            if let Ok((parsed, _)) = lanes[k % threads].1.recv()
+                && !take(&parsed)?
+            {
+                return Ok(());
+            }
+        }
+        Ok(())
+    })
+}
