@@ -16,6 +16,7 @@
 //! All uncertainties are of type A: errors of the table's rate that all points share go into K one to one.
 
 mod line;
+mod rows;
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use thiserror::Error;
@@ -23,6 +24,8 @@ use thiserror::Error;
 use crate::stability::{Repeatability, repeatability};
 use crate::{Refusal, series, stats};
 use line::Line;
+
+pub use rows::{Point, Rows};
 
 /// What the parameters mean.
 pub const EQUATION: &str = "x = scale_factor rate + offset";
@@ -38,65 +41,6 @@ const FEWEST: usize = 3;
 
 /// Points outside by chance in one record of a thousand are named.
 const SUSPECT_PROBABILITY: f64 = 1e-3;
-
-/// Mean output at one input.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
-    /// Input, in the record's unit.
-    pub rate: f64,
-    /// Mean output.
-    pub output: f64,
-    /// Number of the cycle that it belongs to.
-    pub cycle: f64,
-    /// First of its rows, from 1.
-    pub row: usize,
-    /// Rows that were averaged.
-    pub rows: usize,
-}
-
-/// Rows of a record; the columns have one length.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rows<'a> {
-    /// Input of each row.
-    pub rates: &'a [f64],
-    /// Output of each row.
-    pub outputs: &'a [f64],
-    /// Number of the power cycle, where there are several.
-    pub cycles: Option<&'a [f64]>,
-    /// Number of the point, where the inputs are measured and differ from row to row.
-    pub points: Option<&'a [f64]>,
-}
-
-impl Rows<'_> {
-    /// Means of neighbouring rows of one point: of equal number where points are numbered, else of equal rate; and of one
-    /// cycle. A rate that comes again later is a point of its own.
-    ///
-    /// # Errors
-    /// [`Refusal::Lengths`], [`Refusal::NotFinite`].
-    pub fn means(&self) -> Result<Vec<Point>, Refusal> {
-        let same_point = self.points.unwrap_or(self.rates);
-        series::channels(
-            &["rate", "output", "cycle", "point"],
-            &[self.rates, self.outputs, self.cycles.unwrap_or(self.rates), same_point],
-        )?;
-        let cycle = |row: usize| self.cycles.map_or(1.0, |cycles| cycles[row]);
-        let mut points = Vec::new();
-        let mut first = 0;
-        for row in 1..=self.rates.len() {
-            if row == self.rates.len() || same_point[row] != same_point[first] || cycle(row) != cycle(first) {
-                points.push(Point {
-                    rate: stats::mean(&self.rates[first..row]),
-                    output: stats::mean(&self.outputs[first..row]),
-                    cycle: cycle(first),
-                    row: first + 1,
-                    rows: row - first,
-                });
-                first = row;
-            }
-        }
-        Ok(points)
-    }
-}
 
 /// How the points are judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -417,8 +361,7 @@ fn different(values: impl Iterator<Item = f64>) -> usize {
 fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<(), Refusal> {
     let worst = residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     match worst {
-        // Written so that an output without any response, and its NaN, are refused.
-        Some((point, residual)) if !(residual.abs() <= limit * full_scale) => Err(Refusal::OffLine {
+        Some((point, residual)) if residual.is_nan() || residual.abs() > limit * full_scale => Err(Refusal::OffLine {
             rate: point.rate,
             row: point.row,
             percent: residual.abs() / full_scale * 100.0,
