@@ -5,6 +5,7 @@
 mod calibrating;
 mod coverage;
 mod coverage_field;
+mod integrity;
 mod magnetometer;
 mod performance;
 mod receiver;
