@@ -120,7 +120,7 @@ fn put_into_chain(records: &Path, run: &Path) -> Result<bool, StoreError> {
     // Another station may have done it meanwhile.
     let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
     let is_interrupted = reader::fold(run).is_ok_and(|state| state.header().is_some() && state.is_interrupted());
-    if !is_unknown || !is_interrupted {
+    if !is_unknown || !is_interrupted || !reader::verify(run).is_empty() {
         return Ok(false);
     }
     chain::append(run)?;
