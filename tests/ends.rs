@@ -137,6 +137,40 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     assert!(!log(&place.runs()[2]).contains("was interrupted"));
 }
 
+/// Killed, and the next start killed between digests and chain: the one after it puts the run into the chain. A run that
+/// ended is left out of it, since anybody may have put its folder there.
+#[test]
+fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
+    let place = Place::new(STATION);
+    let mut running = Running::start(&place, &["--sim", "--only", "identity,sdram"]);
+    running.until(r#""kind":"item_started","item":"sdram""#);
+    running.signal(Signal::SIGKILL);
+    assert_eq!(running.end().0, None);
+    let start = || Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0;
+    assert_eq!(start(), Some(0));
+    let runs = place.runs();
+    let (killed, ended) = (&runs[0], &runs[1]);
+    let records = place.path().join("records");
+    let without_chain = || {
+        fs::remove_file(records.join("COUNTER")).expect("a counter");
+        let days = records.read_dir().expect("records").map(|day| day.expect("a day").path());
+        days.for_each(|day| fs::remove_file(day.join("CHAIN")).expect("a chain"));
+    };
+    without_chain();
+    fs::remove_dir_all(ended).expect("a run");
+    assert_eq!(start(), Some(0));
+    let said = log(&place.runs()[1]);
+    assert!(said.contains("was interrupted in its sealing, which is done now"), "{said}");
+    let checked = chain::verify(&records).expect("a chain");
+    assert_eq!((checked.runs, checked.problems), (2, Vec::new()));
+    assert_eq!(reader::verify(killed), Vec::<String>::new());
+
+    without_chain();
+    assert_eq!(start(), Some(0));
+    let problems = chain::verify(&records).expect("a chain").problems;
+    assert!(problems.len() == 1 && problems[0].contains("was not closed by a station"), "{problems:?}");
+}
+
 /// Killed in a capture: the next start writes the end that the raw file lacks, says so in the record, and what was
 /// captured before is as it was.
 #[test]

@@ -88,7 +88,7 @@ pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>)
     }
 }
 
-/// What whoever uses an export has to know of a file.
+/// What the user of an export has to know of a file.
 struct Doubt {
     what: String,
     try_this: &'static str,

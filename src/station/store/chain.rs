@@ -92,6 +92,19 @@ pub(super) fn append(run: &Path) -> Result<(), StoreError> {
     count(records, link.number, &link.link)
 }
 
+/// Those of some closed runs that the chain of the newest days does not know, though they are of these days.
+///
+/// # Errors
+/// [`StoreError`]: the folder cannot be read.
+pub(super) fn unknown(records: &Path, runs: Vec<PathBuf>) -> Result<Vec<PathBuf>, StoreError> {
+    let days: Vec<PathBuf> =
+        reader::days(records)?.into_iter().rev().take(NEWEST_DAYS).map(|(day, _)| records.join(day)).collect();
+    let links: Vec<Link> = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).collect();
+    let known: HashSet<PathBuf> = links.into_iter().map(|link| records.join(link.run)).collect();
+    let is_new = |run: &PathBuf| days.iter().any(|day| run.starts_with(day)) && !known.contains(run);
+    Ok(runs.into_iter().filter(is_new).collect())
+}
+
 /// One station at a time, for the whole folder.
 #[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
 fn lock(records: &Path) -> Result<Flock<File>, StoreError> {

@@ -1,7 +1,7 @@
 //! The end of a run's folder: what people and programs read is made from the journal, digests vouch for all files, and
 //! the chain for the digests. Where the program or the computer died before that, the next start does it.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 
@@ -11,8 +11,11 @@ use gnc_executive::text;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::cut_off::CutOffFile;
-use super::digest::Sums;
-use super::{DIGESTS, JOURNAL, LOG, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, cut_off, on, reader};
+use super::digest::{self, Sums};
+use super::folder::PART;
+use super::{
+    DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, cut_off, on, reader,
+};
 use crate::passport::{self, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
 
@@ -88,20 +91,40 @@ fn file_papers(
 /// stays as it is: what nobody vouched for at its end must not become a pass later.
 #[must_use]
 pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String> {
-    let is_open = |run: &Path| run.join(JOURNAL).is_file() && !run.join(DIGESTS).exists();
-    let mut open: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| is_open(run)).collect();
-    open.reverse();
+    let mut runs: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| run.join(JOURNAL).is_file()).collect();
+    runs.reverse();
+    let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
     let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
-    let told = open.iter().filter_map(|run| match seal(run, key) {
-        Ok(what) => what.map(|what| format!("{} {what}", name(run))),
-        Err(error) => Some(format!(
-            "{} was interrupted and cannot be sealed: {}; {}",
-            name(run),
-            crate::runner::chain(&error),
-            error.try_this()
-        )),
+    let cannot =
+        |error: &StoreError| format!("cannot be sealed: {}; {}", crate::runner::chain(error), error.try_this());
+    let chained = match chain::unknown(records, closed) {
+        Ok(unknown) => unknown,
+        Err(error) => return vec![format!("what was interrupted {}", cannot(&error))],
+    };
+    let chained = chained.iter().filter_map(|run| match put_into_chain(records, run) {
+        Ok(done) => done.then(|| format!("{} was interrupted in its sealing, which is done now", name(run))),
+        Err(error) => Some(format!("{} was interrupted in its sealing and {}", name(run), cannot(&error))),
     });
-    told.collect()
+    let sealed = open.iter().filter_map(|run| match seal(run, key) {
+        Ok(what) => what.map(|what| format!("{} {what}", name(run))),
+        Err(error) => Some(format!("{} was interrupted and {}", name(run), cannot(&error))),
+    });
+    chained.chain(sealed).collect()
+}
+
+/// Puts a sealed run into the chain where a kill came between its digests and the chain; whether it did. One that ended is
+/// left out of it: somebody may have slipped it in.
+fn put_into_chain(records: &Path, run: &Path) -> Result<bool, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(false) };
+    // Another station may have done it meanwhile.
+    let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
+    let is_interrupted = reader::fold(run).is_ok_and(|state| state.header().is_some() && state.is_interrupted());
+    if !is_unknown || !is_interrupted || !reader::verify(run).is_empty() {
+        return Ok(false);
+    }
+    chain::append(run)?;
+    Ok(true)
 }
 
 /// `None`: it goes on, has an end, or holds nothing.
@@ -111,10 +134,25 @@ fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreErr
     // Another station may have sealed it meanwhile.
     let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(None) };
     let Some(record) = RunRecord::from_state(&state).filter(|record| record.interrupted) else { return Ok(None) };
+    clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     close(&folder, Some(&record), &cut_off)?;
     Ok(Some(in_words(&state, &record, &cut_off)))
+}
+
+/// Removes what a sealing left that was killed itself: parts of files that never took their names, and the papers, which
+/// are made after all that they name.
+fn clear_away(run: &Path) -> Result<(), StoreError> {
+    let is_left = |file: &Path| {
+        file.extension().is_some_and(|extension| extension == PART)
+            || PAPERS.iter().any(|paper| file == Path::new(paper))
+    };
+    for file in digest::files_below(run)?.into_iter().filter(|file| is_left(file)) {
+        let path = run.join(file);
+        on(fs::remove_file(&path), "remove", &path)?;
+    }
+    Ok(())
 }
 
 fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {

@@ -48,7 +48,7 @@ pub(super) struct CutOffFile {
 }
 
 impl CutOffFile {
-    /// A word for who starts the next run.
+    /// What the next start says.
     pub(super) fn in_short(&self) -> String {
         let now = if self.damaged.is_some() { "is damaged: it is left as it was" } else { "has its end now" };
         format!("{} was cut off and {now}", printable(&self.file))

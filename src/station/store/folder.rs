@@ -11,6 +11,8 @@ use super::{StationKey, StoreError, on};
 
 /// Runs of one plan with one serial number in one second; more are a loop gone wild.
 const MAX_SAME_SECOND: u32 = 10_000;
+/// What the name of a file ends with until all of it is written.
+pub(super) const PART: &str = "part";
 /// Longest part of a serial number that stands in a folder's name.
 const MAX_NAME: usize = 64;
 
@@ -155,7 +157,7 @@ impl RunFolder {
         let path = self.path.join(name);
         let parent = self.parent(&path)?;
         let mut hidden = path.file_name().unwrap_or_default().to_os_string();
-        hidden.push(".part");
+        hidden.push(format!(".{PART}"));
         let part = parent.join(hidden);
         let mut file = io::BufWriter::new(on(File::create(&part), "create", &part)?);
         let mut written = write(&mut file).and_then(|()| file.flush());
