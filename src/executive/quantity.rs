@@ -217,6 +217,9 @@ impl QuantityError {
         match self {
             QuantityError::NotANumber { .. } => "write a number and its unit, such as \"0.49 A\"".to_owned(),
             QuantityError::TooLarge { .. } => "the largest number is about 1.8e308".to_owned(),
+            QuantityError::UnknownUnit { unit } if decimals_after_a_comma(unit) => {
+                "decimals have a point, such as \"0.49 A\"".to_owned()
+            }
             QuantityError::UnknownUnit { unit } => match suggested_unit(unit, wanted) {
                 Some(unit) => format!("did you mean \"{unit}\"?"),
                 None => wanted.hint(),
@@ -264,6 +267,11 @@ fn number_length(text: &str) -> usize {
         }
     }
     end
+}
+
+/// `0,49 A` ends its number at the comma.
+fn decimals_after_a_comma(unit: &str) -> bool {
+    unit.strip_prefix(',').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
 }
 
 /// The unit of the wanted dimension that a writer probably meant.

@@ -88,6 +88,7 @@ fn hints_look_among_the_units_of_the_dimension() {
         ("2 baud", Dimension::BitRate, "did you mean \"bit/s\"?"),
         ("2 ug/sqrt(kHz)", Dimension::VelocityRandomWalk, "did you mean \"ug/sqrt(Hz)\"?"),
         ("2 furlong", Dimension::Speed, "a speed is written in m/s"),
+        ("0,49 A", Dimension::Current, "decimals have a point, such as \"0.49 A\""),
         ("2 pieces", Dimension::Count, "write a plain number without a unit"),
     ] {
         assert_eq!(hint(text, wanted), expected, "{text}");
