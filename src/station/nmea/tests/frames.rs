@@ -184,3 +184,44 @@ fn what_was_under_way_is_no_error() {
         assert!(!epochs.is_empty());
     }
 }
+
+/// The played logs with bytes altered, taken out and put in: the same however they are cut, and nothing in them that is not
+/// of the earth. Seeded; a failure names log and round.
+#[test]
+fn spoilt_logs_say_nothing_impossible() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../hw-mocks/receivers");
+    let mut logs: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    logs.retain(|path| path.extension().is_some_and(|end| end == "nmea" || end == "bin" || end == "ubx"));
+    logs.sort();
+    assert!(logs.len() > 30);
+    let mut state = 0x2545_f491_4f6c_dd1d_u64;
+    let mut dice = move |below: usize| {
+        // xorshift64*.
+        state ^= state >> 12;
+        state ^= state << 25;
+        state ^= state >> 27;
+        (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) as usize % below
+    };
+    for path in logs {
+        let log = std::fs::read(&path).unwrap();
+        for round in 0..6 {
+            let from = dice(log.len() / 2);
+            let mut bytes: Vec<u8> = log[from..].iter().take(2500).copied().collect();
+            for _ in 0..=dice(8) {
+                let at = dice(bytes.len());
+                match dice(4) {
+                    0 => bytes[at] ^= 1 << dice(8),
+                    1 => drop(bytes.drain(at..(at + 40).min(bytes.len()))),
+                    2 => bytes.insert(at, [0xd3, 0xb5, 0xa0, 0x10, b'$', b'#', 0xaa, b'\\'][dice(8)]),
+                    _ => bytes.insert(at, dice(256) as u8),
+                }
+            }
+            let (epochs, _) = heard(&bytes);
+            for epoch in epochs {
+                let within = |angle: Option<f64>, most: f64| angle.is_none_or(|angle| angle.abs() <= most);
+                let right = within(epoch.latitude_deg, 90.0) && within(epoch.longitude_deg, 180.0);
+                assert!(right && epoch.hdop.is_none_or(|hdop| hdop >= 0.0), "{} {round}: {epoch:?}", path.display());
+            }
+        }
+    }
+}
