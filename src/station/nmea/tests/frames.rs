@@ -34,7 +34,23 @@ fn frames_of_other_protocols_are_passed_over() {
     }
 }
 
+/// A payload may be anything, were it a whole sentence; a frame that was cut off takes none with it.
+#[test]
+fn frames_are_passed_over_by_their_length() {
+    let inside = text(&[&gga("GP", 40, 1)]);
+    let body = [&[1, 7, inside.len() as u8, 0], inside.as_bytes()].concat();
+    let sums =
+        body.iter().fold((0_u8, 0_u8), |(a, b), byte| (a.wrapping_add(*byte), b.wrapping_add(a.wrapping_add(*byte))));
+    let whole = [&[0xb5, 0x62][..], &body, &[sums.0, sums.1]].concat();
+    assert_eq!(between(&whole), (2, Counts { foreign: 1, ..Counts::default() }, "1 UBX".to_owned()));
+    let cut = &whole[..20];
+    let (epochs, counts, _) = between(cut);
+    assert_eq!((epochs, counts.foreign), (2, 0));
+    assert!((1..=2).contains(&counts.errors), "{counts:?}");
+}
+
 const FRAMES: &[(&str, &str)] = &[
+    ("RTCM 3", "d3 00 00 47 ea 4b"),
     (
         "UBX",
         "b5 62 01 07 21 00 03 0a 11 18 1f 26 2d 34 3b 42 49 50 57 5e 65 6c 73 7a 81 88 8f 96 9d a4 24 47 \
