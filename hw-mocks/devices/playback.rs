@@ -120,7 +120,7 @@ mod tests {
         check(b"$GPRMC,1$GPGGA,1\n\n$GPRMC,2", &[b"$GPRMC,1$GPGGA,1\n\n", b"$GPRMC,2"]);
         check(
             b"$GPGSV,1\n$GPGSV,2\n$GPGGA,1\n$GPGSV,1\n$GPGGA,2\n",
-            &[b"$GPGSV,1\n$GPGSV,2\n$GPGGA,1\n$GPGSV,1\n", b"$GPGGA,2\n"],
+            &[b"$GPGSV,1\n$GPGSV,2\n", b"$GPGGA,1\n$GPGSV,1\n", b"$GPGGA,2\n"],
         );
     }
 

@@ -10,6 +10,8 @@ use chrono::NaiveDate;
 use super::fault::Fault;
 
 const DAY_MS: u32 = 86_400_000;
+/// No field has a number like that; its square is still one.
+const IMPOSSIBLE: f64 = 1e9;
 /// A field may be as long as a sentence.
 const SHOWN: usize = 24;
 /// Decimals of a time differ between the sentences of one epoch.
@@ -74,7 +76,7 @@ impl<'a> Fields<'a> {
             return Ok(None);
         }
         let written = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
-        let number = text.parse::<f64>().ok().filter(|number| written && number.is_finite());
+        let number = text.parse::<f64>().ok().filter(|number| written && number.abs() < IMPOSSIBLE);
         number.map(Some).ok_or_else(|| self.wrong(what, text))
     }
 
@@ -166,8 +168,9 @@ impl<'a> Fields<'a> {
         [positive, negative]: [char; 2],
     ) -> Result<f64, Fault> {
         let (sentence, text) = (self.sentence, self.get(at));
-        let value = self.amount(at, what)?.filter(|_| !text.starts_with(['+', '-']));
-        let value = value.ok_or_else(|| self.wrong(what, text))?;
+        if self.amount(at, what)?.is_none() || text.starts_with(['+', '-']) {
+            return Err(self.wrong(what, text));
+        }
         let digits = text.find('.').unwrap_or(text.len());
         if digits != needed {
             return Err(Fault::Digits { sentence, what, text: shown(text), digits, needed });
@@ -180,7 +183,7 @@ impl<'a> Fields<'a> {
         }
         let degrees: f64 = degrees.parse().map_err(|_| self.wrong(what, text))?;
         let angle_deg = degrees + minutes / 60.0;
-        if angle_deg > f64::from(most_deg) || !value.is_finite() {
+        if angle_deg > f64::from(most_deg) {
             return Err(Fault::Beyond { sentence, what, text: shown(text), most_deg });
         }
         match self.letter(at + 1) {

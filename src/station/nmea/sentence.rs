@@ -105,16 +105,17 @@ pub(super) fn read(body: &str) -> Result<Option<Sentence>, Fault> {
 /// Time, place, quality, satellites, dilution, altitude M, geoid M.
 fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
     let fields = Fields::new("GGA", text, 6)?;
+    let quality = match fields.whole(5, "quality")? {
+        // 9 is a fix with corrections from satellites (NovAtel).
+        Some(1..=5 | 9) => Quality::Satellites,
+        Some(6) => Quality::Estimated,
+        Some(7) => Quality::Manual,
+        Some(8) => Quality::Simulated,
+        _ => Quality::None,
+    };
     Ok(Sentence::Solution(Solution {
-        quality: match fields.whole(5, "quality")? {
-            // 9 is a fix with corrections from satellites (NovAtel).
-            Some(1..=5 | 9) => Quality::Satellites,
-            Some(6) => Quality::Estimated,
-            Some(7) => Quality::Manual,
-            Some(8) => Quality::Simulated,
-            _ => Quality::None,
-        },
-        place: fields.place(1)?,
+        quality,
+        place: place(&fields, 1, quality)?,
         satellites: fields.whole(6, "satellites")?,
         hdop: fields.amount(7, "HDOP")?,
         altitude_m: fields.metres(8, "altitude")?,
@@ -126,9 +127,10 @@ fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
 /// Time, place, a letter for each system, satellites, dilution, altitude, geoid.
 fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
     let fields = Fields::new("GNS", text, 6)?;
+    let quality = modes(fields.get(5));
     Ok(Sentence::Solution(Solution {
-        quality: modes(fields.get(5)),
-        place: fields.place(1)?,
+        quality,
+        place: place(&fields, 1, quality)?,
         satellites: fields.whole(6, "satellites")?,
         hdop: fields.amount(7, "HDOP")?,
         altitude_m: fields.number(8, "altitude")?,
@@ -143,10 +145,9 @@ fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
     let quality = status(fields.letter(1), fields.get(11));
     Ok(Sentence::Solution(Solution {
         quality,
-        place: fields.place(2)?,
+        place: place(&fields, 2, quality)?,
         speed_mps: fields.amount(6, "speed")?.map(|knots| knots * KNOT_MPS),
-        // Before its first fix a receiver has any date.
-        date: if quality == Quality::None { fields.date(8).ok().flatten() } else { fields.date(8)? },
+        date: told(fields.date(8), quality)?,
         ..empty(Source::Rmc, talker, fields.time(0)?)
     }))
 }
@@ -154,11 +155,21 @@ fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
 /// Place, time, status, mode.
 fn gll(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
     let fields = Fields::new("GLL", text, 4)?;
+    let quality = status(fields.letter(5), fields.get(6));
     Ok(Sentence::Solution(Solution {
-        quality: status(fields.letter(5), fields.get(6)),
-        place: fields.place(0)?,
+        quality,
+        place: place(&fields, 0, quality)?,
         ..empty(Source::Gll, talker, fields.time(4)?)
     }))
+}
+
+fn place(fields: &Fields<'_>, at: usize, quality: Quality) -> Result<Option<(f64, f64)>, Fault> {
+    told(fields.place(at), quality)
+}
+
+/// Before its first fix a receiver has any place and any date.
+fn told<T>(field: Result<Option<T>, Fault>, quality: Quality) -> Result<Option<T>, Fault> {
+    if quality == Quality::None { Ok(field.ok().flatten()) } else { field }
 }
 
 fn empty(source: Source, talker: [u8; 2], time: Option<Time>) -> Solution {

@@ -351,6 +351,8 @@ fn what_cannot_be_is_named() {
     assert_eq!(field("1.0", "nan", "12.0"), "GGA: altitude is `nan`");
     assert_eq!(field("1.0", "400.0", "-inf"), "GGA: geoid separation is `-inf`");
     assert_eq!(field("1.0", "1e39", "12.0"), "GGA: altitude is `1e39`");
+    // As much of a field as one can read.
+    assert_eq!(field("1.0", &"9".repeat(40), "12.0"), format!("GGA: altitude is `{}`", "9".repeat(24)));
     assert_eq!(fault(&["GPGGA,126000,,,,,0,,,,,,,,", GSA_3D]), "GGA: time is `126000`");
     assert_eq!(fault(&["GPGGA,12000,,,,,0,,,,,,,,", GSA_3D]), "GGA: time is `12000`");
     assert_eq!(fault(&["GPGGA,120000,,"]), "GGA ends after 3 fields");
@@ -360,6 +362,17 @@ fn what_cannot_be_is_named() {
     assert_eq!(fault(&["GPRMC,120000.00,A,3413.92,N,10854.92,E,0.0,,310226,,,A"]), "RMC: date is `310226`");
     let (fix, void, next) = (gga("GP", 0, 1), rmc("GP", 0, 'V'), gga("GP", 1, 1));
     assert_eq!(fault(&[&fix, GSA_3D, &void, &next]), "RMC is void where GGA of the same time says a fix");
+}
+
+/// Without a fix a receiver may say any place and date.
+#[test]
+fn what_is_void_is_not_believed() {
+    let (_, sentences) = of(&[
+        "GPRMC,120000,V,0000.0000,N,0000.0000,E,,,320015,,,N",
+        "GPGGA,120000,9999.0000,N,0000.0000,E,0,00,99.9,,M,,M,,",
+        "GPGGA,120001,9999.0000,N,0000.0000,E,0,00,99.9,,M,,M,,",
+    ]);
+    assert_eq!(sentences.counts(), Counts::default(), "{:?}", sentences.fault());
 }
 
 /// Of an impossible GGA the epoch is none, were RMC good: a receiver that says GGA is judged by it.
@@ -391,7 +404,7 @@ fn the_peer_reads_the_same() {
         assert!(close(epoch.latitude_deg, peer.latitude) && close(epoch.longitude_deg, peer.longitude), "{body}");
         assert!(close(epoch.altitude_m, peer.altitude.map(f64::from)), "{body}");
         assert!(close(epoch.hdop, peer.hdop.map(f64::from)), "{body}");
-        assert_eq!(epoch.fix.is_fix(), peer.fix_type.is_some_and(|fix| fix.is_valid()), "{body}");
+        assert_eq!(epoch.fix.is_fix(), peer.fix_type.is_some_and(nmea::sentences::FixType::is_valid), "{body}");
     }
     let refused = [
         "GPGSA,A,2,02,05,07,,,,,,,,,,,3.2,",

@@ -34,7 +34,23 @@ fn frames_of_other_protocols_are_passed_over() {
     }
 }
 
+/// A payload may be anything, were it a whole sentence; a frame that was cut off takes none with it.
+#[test]
+fn frames_are_passed_over_by_their_length() {
+    let inside = text(&[&gga("GP", 40, 1)]);
+    let body = [&[1, 7, inside.len() as u8, 0], inside.as_bytes()].concat();
+    let sums =
+        body.iter().fold((0_u8, 0_u8), |(a, b), byte| (a.wrapping_add(*byte), b.wrapping_add(a.wrapping_add(*byte))));
+    let whole = [&[0xb5, 0x62][..], &body, &[sums.0, sums.1]].concat();
+    assert_eq!(between(&whole), (2, Counts { foreign: 1, ..Counts::default() }, "1 UBX".to_owned()));
+    let cut = &whole[..20];
+    let (epochs, counts, _) = between(cut);
+    assert_eq!((epochs, counts.foreign), (2, 0));
+    assert!((1..=2).contains(&counts.errors), "{counts:?}");
+}
+
 const FRAMES: &[(&str, &str)] = &[
+    ("RTCM 3", "d3 00 00 47 ea 4b"),
     (
         "UBX",
         "b5 62 01 07 21 00 03 0a 11 18 1f 26 2d 34 3b 42 49 50 57 5e 65 6c 73 7a 81 88 8f 96 9d a4 24 47 \
@@ -182,5 +198,46 @@ fn what_was_under_way_is_no_error() {
         let (epochs, sentences) = heard(&log.as_bytes()[from..]);
         assert_eq!(sentences.counts().errors, 0, "from {from}");
         assert!(!epochs.is_empty());
+    }
+}
+
+/// The played logs with bytes altered, taken out and put in: the same however they are cut, and nothing in them that is not
+/// of the earth. Seeded; a failure names log and round.
+#[test]
+fn spoilt_logs_say_nothing_impossible() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../hw-mocks/receivers");
+    let mut logs: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    logs.retain(|path| path.extension().is_some_and(|end| end == "nmea" || end == "bin" || end == "ubx"));
+    logs.sort();
+    assert!(logs.len() > 30);
+    let mut state = 0x2545_f491_4f6c_dd1d_u64;
+    let mut dice = move |below: usize| {
+        // xorshift64*.
+        state ^= state >> 12;
+        state ^= state << 25;
+        state ^= state >> 27;
+        (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) as usize % below
+    };
+    for path in logs {
+        let log = std::fs::read(&path).unwrap();
+        for round in 0..6 {
+            let from = dice(log.len() / 2);
+            let mut bytes: Vec<u8> = log[from..].iter().take(2500).copied().collect();
+            for _ in 0..=dice(8) {
+                let at = dice(bytes.len());
+                match dice(4) {
+                    0 => bytes[at] ^= 1 << dice(8),
+                    1 => drop(bytes.drain(at..(at + 40).min(bytes.len()))),
+                    2 => bytes.insert(at, [0xd3, 0xb5, 0xa0, 0x10, b'$', b'#', 0xaa, b'\\'][dice(8)]),
+                    _ => bytes.insert(at, dice(256) as u8),
+                }
+            }
+            let (epochs, _) = heard(&bytes);
+            for epoch in epochs {
+                let within = |angle: Option<f64>, most: f64| angle.is_none_or(|angle| angle.abs() <= most);
+                let right = within(epoch.latitude_deg, 90.0) && within(epoch.longitude_deg, 180.0);
+                assert!(right && epoch.hdop.is_none_or(|hdop| hdop >= 0.0), "{} {round}: {epoch:?}", path.display());
+            }
+        }
     }
 }
