@@ -58,7 +58,7 @@ mod tests {
         assert_eq!((counted.taken_ns(994, 1000), counted.told_ns(994, 1000)), (1_000_000_000, 995_000_000));
         let step = Some(TimeStep { at_s: 0.5, for_s: 0.1, step_us: -40 });
         let stepped = SamplingFaults { step, ..SamplingFaults::default() };
-        let off_us = [498, 499, 598, 599].map(|k| stepped.told_ns(k, 1000) as i64 / 1000 - (k as i64 + 1) * 1000);
+        let off_us = [498, 499, 598, 599].map(|k| stepped.told_ns(k, 1000) as i64 / 1000 - (i64::from(k) + 1) * 1000);
         assert_eq!(off_us, [0, -40, -40, 0]);
     }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use gnc_protocol::stream::ImuSample;
 use gnc_station::board::stream::Losses;
-use gnc_station::capture::{About, Pose};
+use gnc_station::capture::{About, HostView, Pose};
 use gnc_station::raw::{Piece, RawWriter, read};
 
 const SAMPLES: u32 = 1_000_000;

@@ -172,10 +172,12 @@ struct Turned {
 
 /// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
 fn integrate(capture: &Capture, axis: usize, clock: &clock::Known) -> Result<Turned, FigureError> {
-    let rate_hz = clock.rate_hz(f64::from(capture.about.rate_hz));
+    // Windows go by the rate that was asked for; time goes by the clock as it is known.
+    let asked_hz = f64::from(capture.about.rate_hz);
+    let rate_hz = clock.rate_hz(asked_hz);
     let rates: Vec<Vector3<f64>> = capture.compensated.iter().map(rate_rps).collect();
     let own: Vec<f64> = rates.iter().map(|rate| rate[axis]).collect();
-    let block = (0.05 * rate_hz).ceil() as usize;
+    let block = (0.05 * asked_hz).ceil() as usize;
     let means: Vec<f64> = own.chunks(block.max(1)).map(stats::mean).collect();
     // The turn may fill most of the record: rest is at both ends.
     let edge = (means.len() / 2).min(10);
@@ -187,7 +189,7 @@ fn integrate(capture: &Capture, axis: usize, clock: &clock::Known) -> Result<Tur
     let last = means.iter().rposition(|mean| moving(&mean));
     let unfit = |why: &str| FigureError::Unfit { label: capture.about.label.clone(), why: why.into() };
     let (Some(first), Some(last)) = (first, last) else { return Err(unfit("no turn is seen in it")) };
-    let margin = (0.25 * rate_hz).ceil() as usize;
+    let margin = (0.25 * asked_hz).ceil() as usize;
     let (start, end) = ((first * block).saturating_sub(margin), ((last + 1) * block + margin).min(rates.len()));
     if first * block < 2 * margin || rates.len() < (last + 1) * block + 2 * margin {
         return Err(unfit("the turn is cut off: it needs half a second of rest before and after it"));
