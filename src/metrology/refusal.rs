@@ -169,6 +169,20 @@ pub enum Refusal {
         /// Limit, percent.
         limit_percent: f64,
     },
+    /// A row that is left out lies where the motion bends.
+    #[error(
+        "{channel}: row {row} is left out where the motion bends: its neighbours leave {open:.3e} open, the integral's noise is {noise:.1e}"
+    )]
+    Unbridged {
+        /// Channel.
+        channel: String,
+        /// First row of the hole, from 1.
+        row: usize,
+        /// What the lines through both sides leave open, sum of the outputs.
+        open: f64,
+        /// Noise of the sum over the run.
+        noise: f64,
+    },
     /// Rows repeat the row before, so that the record holds fewer measurements than rows.
     #[error(
         "{samples} of {total} rows ({:.2} %) repeat the row before on all channels, first in row {first_row}; new rows come at 1/{rows_per_update:.3} of the record's rate",
@@ -398,7 +412,9 @@ impl Refusal {
             Self::Short { .. } => "dwell as long in every position",
             Self::Saturated { .. } => "use a wider range, or turn more slowly",
             Self::Clipped { .. } => "use a wider range, or correct the offset, and record again",
-            Self::BadRows { .. } => "look at the first row named: check the line to the sensor, and record again",
+            Self::BadRows { .. } | Self::Unbridged { .. } => {
+                "look at the first row named: check the line to the sensor, and record again"
+            }
             Self::Stale { .. } => {
                 "keep each new row once and state the rate at which the sensor updates, or read it only when it has new data"
             }

@@ -101,6 +101,16 @@ pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
         .sum()
 }
 
+/// Standard deviation of noise from the median absolute difference of neighbours: motion in less than half of the record
+/// does not enter it. 0 below two values.
+#[must_use]
+pub fn median_step(values: &[f64]) -> f64 {
+    // Of two normal values: 0.6745 sqrt 2 standard deviations.
+    const MEDIAN_DIFFERENCE: f64 = 0.953_87;
+    let mut steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    if steps.is_empty() { 0.0 } else { median(&mut steps) / MEDIAN_DIFFERENCE }
+}
+
 /// Standard deviation of the white part of a record, from successive differences: `sqrt(mean(diff^2) / 2)`
 /// (von Neumann). Drift and steps hardly enter it.
 #[must_use]

@@ -6,9 +6,10 @@
 #[path = "../tests/contamination/mod.rs"]
 mod contamination;
 
-use contamination::{KINDS, Kind, METHODS, SHARES, Spoil, Tally};
+use contamination::{KINDS, Kind, METHODS, Spoil, Tally};
 
 const SEED: u64 = 1;
+const SHARES: [f64; 5] = [0.001, 0.005, 0.01, 0.02, 0.05];
 
 fn main() {
     let records = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(1000);

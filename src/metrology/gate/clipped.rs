@@ -11,9 +11,10 @@ const PART: usize = 64;
 /// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
 const RATIO: f64 = 3.0;
 /// And so many rows more.
-const MORE: f64 = 6.0;
-/// Width in which the codes inside are counted, in scales.
+const MORE: f64 = 8.0;
+/// Width in which the codes inside are counted, in scales and in codes.
 const INSIDE: f64 = 0.25;
+const CODES: f64 = 4.0;
 
 pub(super) fn search(
     found: &mut Screening,
@@ -35,7 +36,7 @@ pub(super) fn search(
         }
         for sign in [1.0, -1.0] {
             let Some(extreme) = usual_extreme(found, values, block, sign) else { continue };
-            let width = (INSIDE * scale).max(1.5 * character.step);
+            let width = (INSIDE * scale).max((CODES + 0.5) * character.step);
             let (mut at, mut inside) = (0, 0);
             for row in block.clone().filter(|row| found.keeps(*row)) {
                 let below = sign * (extreme - values[row]);

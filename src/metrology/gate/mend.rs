@@ -3,8 +3,10 @@
 use std::ops::Range;
 
 use super::Fault;
-use crate::stats;
+use crate::{Refusal, stats};
 
+/// Part of the noise of a sum that one bridge may leave open.
+const BENT: f64 = 0.25;
 /// Rows beside a hole from which its level is known.
 const BESIDE: usize = 16;
 /// Rows from which the correlation of neighbours is learned.
@@ -26,6 +28,37 @@ fn holes(faults: &[Option<Fault>], block: &Range<usize>) -> Vec<Range<usize>> {
         holes.push(start..row);
     }
     holes
+}
+
+/// The lines through both sides meet within the noise of a block's sum at every hole.
+pub(super) fn unbent(
+    name: &str,
+    values: &[f64],
+    faults: &[Option<Fault>],
+    blocks: &[Range<usize>],
+) -> Result<(), Refusal> {
+    for block in blocks {
+        let holes = holes(faults, block);
+        if holes.is_empty() {
+            continue;
+        }
+        let noise = stats::median_step(&values[block.clone()]) * (block.len() as f64).sqrt();
+        for hole in holes {
+            let slope = |from: usize| {
+                let other = from + 1;
+                let inside = block.contains(&from) && block.contains(&other);
+                (inside && faults[from].is_none() && faults[other].is_none()).then(|| values[other] - values[from])
+            };
+            let left = hole.start.checked_sub(2).and_then(slope);
+            let (Some(left), Some(right)) = (left, slope(hole.end)) else { continue };
+            // Half of what the slopes leave open, in each row of the hole.
+            let open = (left - right).abs() / 2.0 * hole.len() as f64;
+            if open > BENT * noise {
+                return Err(Refusal::Unbridged { channel: name.to_owned(), row: hole.start + 1, open, noise });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The line between the neighbours; the nearer one where there is but one.

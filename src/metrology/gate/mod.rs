@@ -187,9 +187,12 @@ impl Screening {
     }
 
     /// A motion, with the line between the neighbours in place of what is left out.
-    #[must_use]
-    pub fn bridged(&self, values: &[f64], blocks: &[Range<usize>]) -> Vec<f64> {
-        mend::bridge(values, &self.faults, blocks)
+    ///
+    /// # Errors
+    /// [`Refusal::Unbridged`]: the motion bends where a row is left out, so that the integral is not known to its noise.
+    pub fn bridged(&self, name: &str, values: &[f64], blocks: &[Range<usize>]) -> Result<Vec<f64>, Refusal> {
+        mend::unbent(name, values, &self.faults, blocks)?;
+        Ok(mend::bridge(values, &self.faults, blocks))
     }
 
     /// Noise, with values of the same distribution in place of what is left out.
@@ -239,10 +242,11 @@ impl Screening {
         self.polled
     }
 
-    fn mark(&mut self, row: usize, fault: Fault) {
-        if let Some(place @ None) = self.faults.get_mut(row) {
-            *place = Some(fault);
-            *self.left_out.of(fault) += 1;
-        }
+    /// Marks a row that nothing is known of yet; whether it did.
+    fn mark(&mut self, row: usize, fault: Fault) -> bool {
+        let Some(place @ None) = self.faults.get_mut(row) else { return false };
+        *place = Some(fault);
+        *self.left_out.of(fault) += 1;
+        true
     }
 }

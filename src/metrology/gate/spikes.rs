@@ -21,6 +21,11 @@ const HONEST: f64 = 0.1;
 /// Steps below which a difference is no spike, in scales of [`FAR`]: quantised noise of a fraction of a code jumps by
 /// two or three codes.
 const STEP: f64 = 0.75;
+/// A line through five samples predicts the next with half as much noise again as their median has.
+const LINES: f64 = 1.5;
+/// Rows on each side that say by how much a curved motion leaves such lines, and how many times that a spike does.
+const CURVE: usize = 12;
+const CURVED: f64 = 8.0;
 /// Spikes hide each other; each pass finds what the one before laid open.
 const PASSES: usize = 5;
 
@@ -135,13 +140,58 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
     let left = median(found, values, (row.saturating_sub(REACH).max(block.start)..row).rev());
     let right = median(found, values, row + 1..(row + 1 + REACH).min(block.end));
     match (left, right) {
-        (Some(left), Some(right)) => {
-            let (left, right) = (value - left, value - right);
-            (left > limit && right > limit) || (left < -limit && right < -limit)
-        }
+        (Some(left), Some(right)) if (right - left).abs() > limit => leaves_motion(found, values, block, row, limit),
+        (Some(left), Some(right)) => one_sided(value - left, value - right).abs() > limit,
         (Some(side), None) | (None, Some(side)) => (value - side).abs() > limit,
         (None, None) => false,
     }
+}
+
+/// The smaller of two differences of one sign; 0 where their signs differ.
+fn one_sided(left: f64, right: f64) -> f64 {
+    match left.signum() == right.signum() {
+        true if left.abs() < right.abs() => left,
+        true => right,
+        false => 0.0,
+    }
+}
+
+/// Whether a sample leaves the lines through its neighbours on both sides, where these move so fast that medians hide it: by
+/// more than noise does, and by far more than the samples beside it, which a curved motion leaves as well.
+fn leaves_motion(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> bool {
+    let sides = |row: usize| {
+        let left = line(found, values, (row.saturating_sub(REACH).max(block.start)..row).rev(), row)?;
+        Some((values[row] - left, values[row] - line(found, values, row + 1..(row + 1 + REACH).min(block.end), row)?))
+    };
+    let Some((left, right)) = sides(row) else { return false };
+    let off = one_sided(left, right).abs();
+    if off <= LINES * limit {
+        return false;
+    }
+    let beside = row.saturating_sub(CURVE).max(block.start)..(row + CURVE + 1).min(block.end);
+    let mut usual: Vec<f64> = beside
+        .filter(|other| *other != row && found.keeps(*other))
+        .filter_map(|other| sides(other).map(|(left, right)| f64::midpoint(left, right).abs()))
+        .collect();
+    !usual.is_empty() && off > CURVED * stats::median(&mut usual)
+}
+
+/// The value at a row of the line through the next rows that are used: median of their slopes, median of what is left.
+fn line(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>, row: usize) -> Option<f64> {
+    let points: Vec<(f64, f64)> = rows
+        .filter(|row| found.keeps(*row))
+        .take(SIDE)
+        .map(|other| (other as f64 - row as f64, values[other]))
+        .collect();
+    let mut slopes: Vec<f64> = Vec::with_capacity(SIDE * (SIDE - 1) / 2);
+    for (at, (x, y)) in points.iter().enumerate() {
+        slopes.extend(points[at + 1..].iter().map(|(other_x, other_y)| (other_y - y) / (other_x - x)));
+    }
+    if points.len() < 3 {
+        return None;
+    }
+    let slope = stats::median(&mut slopes);
+    Some(stats::median(&mut points.iter().map(|(x, y)| y - slope * x).collect::<Vec<_>>()))
 }
 
 /// Median of the next rows that are used; at the edge of a block two will do, and one says nothing.

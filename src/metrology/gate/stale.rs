@@ -7,6 +7,8 @@ use super::{Fault, Screening};
 
 /// Chance in the whole record of a run of repeats that is taken for a fault.
 const RARE: f64 = 1e-5;
+/// Scales by which neighbours of a repeat differ where the record moves.
+const MOVING: f64 = 8.0;
 /// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
 const COMMON: f64 = 0.5;
 
@@ -33,8 +35,12 @@ pub(super) fn search(
         // So many repeats in a row are no chance in a record of this length.
         let shortest = if too_many { 1 } else { (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1 };
         let mut run = 0;
+        let block = &blocks[pieces[at].block];
         for row in pieces[at].rows.clone() {
-            if repeats_at(channels, blocks[pieces[at].block].start, row) {
+            if repeats_at(channels, block.start, row) {
+                if run == 0 && pauses(channels, characters, at, block, row) {
+                    marked += usize::from(found.mark(row, Fault::Stale));
+                }
                 run += 1;
                 continue;
             }
@@ -46,12 +52,23 @@ pub(super) fn search(
     polled(found, marked, blocks)
 }
 
+/// Whether a channel moves fast before and after a repeat, and not in it: no chance, however coarse the noise.
+fn pauses(channels: &[&[f64]], characters: &[Character], at: usize, block: &Range<usize>, row: usize) -> bool {
+    if row < block.start + 2 || row + 1 >= block.end {
+        return false;
+    }
+    channels.iter().zip(characters).any(|(values, character)| {
+        let far = MOVING * character.pieces[at].moving_scale.max(character.step);
+        let (before, after) = (values[row - 1] - values[row - 2], values[row + 1] - values[row]);
+        (before > far && after > far) || (before < -far && after < -far)
+    })
+}
+
 fn mark(found: &mut Screening, end: usize, run: usize, shortest: usize) -> usize {
     if run == 0 || run < shortest {
         return 0;
     }
-    (end - run..end).for_each(|row| found.mark(row, Fault::Stale));
-    run
+    (end - run..end).filter(|row| found.mark(*row, Fault::Stale)).count()
 }
 
 fn repeats_at(channels: &[&[f64]], start: usize, row: usize) -> bool {
@@ -86,27 +103,25 @@ fn chance(characters: &[Character], at: usize) -> f64 {
     before.into_iter().chain(after).map(of_piece).reduce(f64::max).unwrap_or(1.0)
 }
 
-/// Rows for each update, where nearly all updates last as long as each other.
+/// Rows for each update, where nearly all rows lie in updates of one length.
 fn polled(found: &Screening, stale: usize, blocks: &[Range<usize>]) -> Option<f64> {
     let rows: usize = blocks.iter().map(Range::len).sum();
     let ratio = rows as f64 / (rows - stale.min(rows)).max(1) as f64;
     if ratio < 1.2 {
         return None;
     }
-    let (mut updates, mut even) = (0, 0);
+    let even = |length: usize| if (length as f64 - ratio).abs() <= 1.0 { length } else { 0 };
+    let mut evenly = 0;
     for block in blocks {
         let mut length = 0;
         for row in block.clone() {
-            if found.fault(row) == Some(Fault::Stale) {
-                length += 1;
-                continue;
+            if found.fault(row) != Some(Fault::Stale) {
+                evenly += even(length);
+                length = 0;
             }
-            if length > 0 {
-                updates += 1;
-                even += usize::from((f64::from(length) - ratio).abs() <= 1.0);
-            }
-            length = 1;
+            length += 1;
         }
+        evenly += even(length);
     }
-    (even as f64 > 0.95 * updates as f64).then_some(ratio)
+    (evenly as f64 > 0.95 * rows as f64).then_some(ratio)
 }

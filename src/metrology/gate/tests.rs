@@ -40,6 +40,7 @@ fn honest_records_pass_whole() {
     }
     let mut normal = dice(7);
     check("a long one", (0..1_000_000).map(|_| 0.1 * normal()).collect());
+    check("codes of 256", noise(8, 4000, 3.0, 1.3).iter().map(|value| 256.0 * value).collect());
     let step: Vec<f64> = (0..4000).map(|i| if i < 1777 { 0.0 } else { 50.0 } + normal()).collect();
     check("a step", step);
     let turn = |i: usize| {
@@ -139,7 +140,7 @@ fn stale_rows_are_told_from_chance() {
         })
         .collect();
     let found = screen(&[&held], &[0..10_000], true);
-    assert!((2500..2530).contains(&found.left_out().stale), "{:?}", found.left_out());
+    assert!((2500..2600).contains(&found.left_out().stale), "{:?}", found.left_out());
     assert!(found.admit(Rows::Samples).is_err());
 }
 

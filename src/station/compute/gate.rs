@@ -74,8 +74,8 @@ impl GateColumns {
         let layout = Layout { blocks: &blocks, still: false, range_end };
         let gated = self.screen(chip, columns, &layout, Rows::Steps)?;
         if gated.screening.left_out().total() > 0 {
-            for values in &mut columns.numbers {
-                *values = gated.screening.bridged(values, &blocks);
+            for (name, values) in chip.iter().zip(&mut columns.numbers) {
+                *values = gated.screening.bridged(name, values, &blocks)?;
             }
         }
         Ok(gated)

@@ -9,6 +9,7 @@ use std::borrow::Cow;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
+use gnc_metrology::Refusal;
 use gnc_metrology::gate::{Fault, Layout, LeftOut, Rows, Screening};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::{ImuSample, SATURATION};
@@ -43,7 +44,7 @@ pub fn integrity(item: ItemId, question: &Question<'_>) -> Vec<(String, Value)> 
 }
 
 /// Shares of bad samples, percent, in the order of [`NAMES`].
-pub fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
+fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
     [left_out.failed_reads, left_out.stale, left_out.spikes].map(|count| count as f64 * 100.0 / samples.max(1) as f64)
 }
 
@@ -64,14 +65,16 @@ impl<'c> Integrity<'c> {
                     triads.iter().map(|triad| (*triad, screen(&capture.samples, *triad, still))).collect();
                 found.take(capture, parts.iter().map(|(triad, part)| (triad.name(), part)));
                 for (triad, part) in parts.iter().filter(|(_, part)| part.left_out().total() > 0) {
-                    mend(&mut found.captures.to_mut()[index].samples, *triad, part, still);
+                    let mended = mend(&mut found.captures.to_mut()[index].samples, *triad, part, still);
+                    found.keep(capture, triad.name(), mended);
                 }
             }
             if item == ItemId::CalibrationCheck && !capture.compensated.is_empty() {
                 let parts = [Output::Rate, Output::Force].map(|of| (of, screen_compensated(&capture.compensated, of)));
                 found.take(capture, parts.iter().map(|(of, part)| (of.name(), part)));
                 for (of, part) in parts.iter().filter(|(_, part)| part.left_out().total() > 0) {
-                    mend_compensated(&mut found.captures.to_mut()[index].compensated, *of, part, still);
+                    let mended = mend_compensated(&mut found.captures.to_mut()[index].compensated, *of, part, still);
+                    found.keep(capture, of.name(), mended);
                 }
             }
         }
@@ -81,10 +84,7 @@ impl<'c> Integrity<'c> {
     fn take<'s>(&mut self, capture: &Capture, parts: impl Iterator<Item = (&'static str, &'s Screening)>) {
         let mut whole: Option<Screening> = None;
         for (name, part) in parts {
-            if let Err(refusal) = part.admit(Rows::ClockedSteps) {
-                let place = format!("{}, {name}", capture.about.label);
-                self.refused.get_or_insert(FigureError::Refused { place, refusal });
-            }
+            self.keep(capture, name, part.admit(Rows::ClockedSteps));
             whole = Some(match whole {
                 Some(whole) => whole.and(part.clone()),
                 None => part.clone(),
@@ -99,6 +99,14 @@ impl<'c> Integrity<'c> {
         self.samples += whole.rows();
         if let Some(row) = whole.first_row() {
             self.first.get_or_insert((capture.about.label.clone(), row));
+        }
+    }
+
+    /// Keeps the first refusal.
+    fn keep(&mut self, capture: &Capture, name: &str, done: Result<(), Refusal>) {
+        if let Err(refusal) = done {
+            let place = format!("{}, {name}", capture.about.label);
+            self.refused.get_or_insert(FigureError::Refused { place, refusal });
         }
     }
 
@@ -186,18 +194,21 @@ fn screen_channels(channels: &[Vec<f64>; 3], still: bool, range_end: Option<f64>
 }
 
 /// Values of one channel with what stands in place of samples that are left out.
-fn mended(values: &[f64], part: &Screening, still: bool) -> Vec<f64> {
+fn mended(axis: usize, values: &[f64], part: &Screening, still: bool) -> Result<Vec<f64>, Refusal> {
     let blocks = [0..values.len()];
-    if still { part.refilled(values, &blocks) } else { part.bridged(values, &blocks) }
+    if still { Ok(part.refilled(values, &blocks)) } else { part.bridged(AXES[axis], values, &blocks) }
 }
 
-fn mend(samples: &mut [ImuSample], triad: Triad, part: &Screening, still: bool) {
+fn mend(samples: &mut [ImuSample], triad: Triad, part: &Screening, still: bool) -> Result<(), Refusal> {
     for axis in 0..3 {
         let values: Vec<f64> = samples.iter().map(|sample| f64::from(triad.codes(sample)[axis])).collect();
-        for (row, value) in mended(&values, part, still).into_iter().enumerate().filter(|(row, _)| !part.keeps(*row)) {
+        for (row, value) in
+            mended(axis, &values, part, still)?.into_iter().enumerate().filter(|(row, _)| !part.keeps(*row))
+        {
             triad.codes_mut(&mut samples[row])[axis] = value.round() as i32;
         }
     }
+    Ok(())
 }
 
 /// What the board itself made of its samples.
@@ -229,10 +240,17 @@ fn screen_compensated(samples: &[CompensatedSample], of: Output) -> Screening {
     screen_channels(&channels, false, None)
 }
 
-fn mend_compensated(samples: &mut [CompensatedSample], of: Output, part: &Screening, still: bool) {
+fn mend_compensated(
+    samples: &mut [CompensatedSample],
+    of: Output,
+    part: &Screening,
+    still: bool,
+) -> Result<(), Refusal> {
     for axis in 0..3 {
         let values: Vec<f64> = samples.iter().map(|sample| f64::from(of.of(sample)[axis])).collect();
-        for (row, value) in mended(&values, part, still).into_iter().enumerate().filter(|(row, _)| !part.keeps(*row)) {
+        for (row, value) in
+            mended(axis, &values, part, still)?.into_iter().enumerate().filter(|(row, _)| !part.keeps(*row))
+        {
             let value = value.round() as i32;
             match of {
                 Output::Rate => samples[row].rate[axis] = value,
@@ -240,4 +258,5 @@ fn mend_compensated(samples: &mut [CompensatedSample], of: Output, part: &Screen
             }
         }
     }
+    Ok(())
 }

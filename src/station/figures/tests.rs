@@ -4,6 +4,7 @@
 
 mod calibrating;
 mod coverage;
+mod integrity;
 mod magnetometer;
 mod performance;
 mod receiver;

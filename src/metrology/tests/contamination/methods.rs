@@ -119,7 +119,7 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     const TURNS: f64 = 3.0;
     let [before, ramp, plateau, after] = [1.5, 0.5, 4.5, 3.0];
     let response = Matrix3::new(2000.0, 12.0, -7.0, -20.0, 3000.0, 15.0, 9.0, -5.0, 2500.0);
-    let (offset, noise) = (Vector3::new(12.0, -8.0, 5.0), 3.0);
+    let (offset, noise) = (Vector3::new(12.0, -8.0, 5.0), response.diagonal() * 1e-3);
     let peak = std::f64::consts::TAU * TURNS / (ramp + plateau);
     let turned = |t: f64| {
         let t = (t - before).clamp(0.0, 2.0 * ramp + plateau);
@@ -137,15 +137,16 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
                 if run % 2 == 0 { 1.0 } else { -1.0 } * (turned(t1) - turned(t0)) * RATE_HZ + earth::EARTH_RATE_RPS;
             let output = response * rate + offset;
             for (axis, values) in channels.iter_mut().enumerate() {
-                values.push((output[axis] + noise * dice.normal()).round());
+                values.push((output[axis] + noise[axis] * dice.normal()).round());
             }
         }
-        spoil.apply(&mut channels, noise, dice);
+        spoil.apply(&mut channels, noise[1], dice);
         let blocks = [0..rows];
         let layout = Layout { blocks: &blocks, still: false, range_end: None };
         let found = Screening::of(&AXES, &slices(&channels), &layout);
         found.admit(Rows::ClockedSteps).ok()?;
-        data.push(channels.map(|values| found.bridged(&values, &blocks)));
+        let [x, y, z] = channels.map(|values| found.bridged("", &values, &blocks).ok());
+        data.push([x?, y?, z?]);
     }
     let runs: Vec<rotation::Run<'_>> = LABELS
         .iter()
@@ -173,10 +174,9 @@ fn flip(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let mut rows =
         |level: f64| -> Vec<f64> { (0..ROWS).map(|_| ((level + noise * dice.normal()) * 1e4).round() / 1e4).collect() };
     let mut channels = [[rows(offset + gain), rows(offset - gain)].concat()];
-    let scaled = Spoil { ..spoil };
     // Spikes are whole codes.
     channels[0].iter_mut().for_each(|value| *value *= 1e4);
-    scaled.apply(&mut channels, noise * 1e4, dice);
+    spoil.apply(&mut channels, noise * 1e4, dice);
     channels[0].iter_mut().for_each(|value| *value /= 1e4);
     let blocks = [0..ROWS, ROWS..2 * ROWS];
     let found = kept(&mut channels, &blocks, true)?;

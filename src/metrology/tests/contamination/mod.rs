@@ -46,7 +46,6 @@ pub enum Kind {
 }
 
 pub const KINDS: [Kind; 5] = [Kind::Nothing, Kind::Zeros, Kind::RangeEnds, Kind::Spikes, Kind::Stale];
-pub const SHARES: [f64; 5] = [0.001, 0.005, 0.01, 0.02, 0.05];
 
 /// How a record is spoilt.
 #[derive(Debug, Clone, Copy)]

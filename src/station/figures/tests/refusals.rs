@@ -25,13 +25,14 @@ fn positions() {
     assert_eq!(missing.to_string(), "no capture of position y-: 0 of 1");
     let doubled = with(&|captures| captures.push(captures[0].clone()));
     assert_eq!(doubled.to_string(), "x+ does not fit: it is the same attitude as x+");
-    let saturated = with(&|captures| captures[4].samples[7].accel[2] = 8_388_607);
-    assert_eq!(saturated.to_string(), "z+: accel z is saturated in 1 samples");
-    let below = with(&|captures| captures[4].samples[7].accel[2] = -8_388_608);
-    assert!(matches!(below, FigureError::Saturated { samples: 1, .. }));
+    // A single one is a failed read; many in a row are the end of the range.
+    let saturated = with(&|captures| captures[4].samples[7..27].iter_mut().for_each(|s| s.accel[2] = 8_388_607));
+    assert_eq!(saturated.to_string(), "z+: accel z is saturated in 20 samples");
+    let below = with(&|captures| captures[4].samples[7..27].iter_mut().for_each(|s| s.accel[2] = -8_388_608));
+    assert!(matches!(below, FigureError::Saturated { samples: 20, .. }));
     // A gyroscope that is not used may do what it likes.
     let mut idle = good.clone();
-    idle[4].samples[7].gyro[2] = 8_388_607;
+    idle[4].samples[7..27].iter_mut().for_each(|sample| sample.gyro[2] = 8_388_607);
     assert!(ask(ItemId::SixPosition, SIX, &idle, &[]).is_ok());
     let stuck = with(&|captures| captures[0].samples.iter_mut().for_each(|sample| sample.accel[1] = 77));
     assert_eq!(stuck.to_string(), "x+: accel y stands still at 77");
@@ -75,7 +76,7 @@ fn rotations() {
         matches!(missing, FigureError::Refused { refusal: gnc_metrology::Refusal::Missing { .. }, .. }),
         "{missing}"
     );
-    let fast = refuse(&|captures| captures[0].samples[700].gyro[0] = 8_388_607);
+    let fast = refuse(&|captures| captures[0].samples[700..720].iter_mut().for_each(|s| s.gyro[0] = 8_388_607));
     assert!(matches!(fast, FigureError::Saturated { .. }), "{fast}");
     let nudged =
         refuse(&|captures| captures[2].samples[1500..1600].iter_mut().for_each(|sample| sample.gyro[1] += 40_000));
