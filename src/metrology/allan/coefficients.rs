@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::fit::{self, B, FLAT, K, N, Q, R, Search, Solved};
+use super::fit::{B, FLAT, K, N, Q, R, Search, Solved};
 use super::lines::Line;
 use crate::psd::Plateau;
 use crate::stats;
@@ -60,10 +60,10 @@ pub enum Absence {
         /// The square of the coefficient over what chance makes of it.
         odds: f64,
     },
-    /// It exceeds what the lowest deviation allows.
+    /// Its whole interval exceeds what the lowest deviation allows.
     AboveBound {
-        /// Value that was found.
-        value: f64,
+        /// Lower end of the interval that was found.
+        low: f64,
         /// Upper bound.
         bound: f64,
     },
@@ -103,8 +103,8 @@ impl fmt::Display for Absence {
             Self::Chance { odds } => {
                 write!(f, "its square is {odds:.1} times what chance makes of it, {CHANCE:.0} are needed")
             }
-            Self::AboveBound { value, bound } => {
-                write!(f, "the fit gives {value:.4e}, more than its upper bound of {bound:.4e}")
+            Self::AboveBound { low, bound } => {
+                write!(f, "the fit gives {low:.4e} at least, more than the upper bound of {bound:.4e}")
             }
             Self::LeftOut { used_from_s } => {
                 write!(f, "the sensor's memory hides it: the fit begins at {used_from_s} s")
@@ -127,8 +127,8 @@ pub struct Coefficients {
     pub k: Result<Coefficient, Absence>,
     /// Ramp of the rate, u / s.
     pub r: Result<Coefficient, Absence>,
-    /// Smallest upper end of a 95 % interval of the deviations / 0.664: an upper bound of the bias instability, whether a
-    /// flat part is seen or not.
+    /// Smallest upper end of a 95 % interval of the deviations / 0.664 (or the upper end of B, where that is more): an upper
+    /// bound of the bias instability, whether a flat part is seen or not.
     pub b_upper_bound: Option<f64>,
 }
 
@@ -197,9 +197,11 @@ pub(super) fn of(
     };
     let seen = |term| seen(solved, term, tau_s);
     let b = seen(B).and_then(|b| match b_upper_bound {
-        Some(bound) if b.value > bound => Err(Absence::AboveBound { value: b.value, bound }),
+        Some(bound) if b.low > bound => Err(Absence::AboveBound { low: b.low, bound }),
         _ => Ok(b),
     });
+    // Where both agree, B may still exceed the bound by chance.
+    let b_upper_bound = b_upper_bound.map(|bound| b.map_or(bound, |b| bound.max(b.high)));
     let q = if solved.start == 0 { seen(Q) } else { Err(Absence::LeftOut { used_from_s: tau_s[solved.start] }) };
     let found = Coefficients { q, n: seen(N), b, k: seen(K), r: seen(R), b_upper_bound };
     match (found.n, plateau) {
@@ -213,7 +215,7 @@ pub(super) fn of(
 }
 
 fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Absence> {
-    let (Some(sd), Some(odds)) = (solved.sd(term), solved.over_chance(term, tau_s)) else {
+    let (Some((square, sd)), Some(odds)) = (solved.given(term), solved.over_chance(term, tau_s)) else {
         return Err(Absence::NotNeeded);
     };
     let share = solved.share(term, tau_s);
@@ -224,7 +226,6 @@ fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Abse
         return Err(Absence::Chance { odds });
     }
     // A square of so many degrees of freedom has this scatter.
-    let square = solved.squares[term];
     let value = square.sqrt();
     let (low, high) = stats::sd_interval(value, 2.0 * (square / sd).powi(2), stats::ONE_SIGMA);
     Ok(Coefficient { value, low, high })
@@ -264,6 +265,3 @@ pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, l
 pub(super) fn bound(dev: f64, edf: f64) -> f64 {
     stats::sd_interval(dev, edf, 0.95).1 / FLAT
 }
-
-/// Probability from which on a fit holds.
-pub const HOLDS: f64 = fit::HOLDS;

@@ -67,8 +67,10 @@ impl Filter {
             }
         } else if self.alpha <= 0 {
             if terms <= J_MAX {
-                // With a long filter the phase is as good as continuous.
-                self.sum(terms, count, s, if m * (d + 1.0) <= J_MAX { m } else { f64::INFINITY })
+                // With a long filter the phase is as good as continuous. That of white rate is a sum of independent samples at
+                // any length, and smoothing it, as the paper does, would make 17 % too many at one sample.
+                let smooth = self.alpha < 0 && m * (d + 1.0) <= J_MAX;
+                self.sum(terms, count, s, if smooth { m } else { f64::INFINITY })
             } else if r > d + 1.0 {
                 long(self.table2(), r)
             } else {

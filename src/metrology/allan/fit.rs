@@ -26,7 +26,7 @@ pub(super) const R: usize = 4;
 pub(super) const FLAT: f64 = 0.664_282;
 
 /// A fit holds from this probability of chi-square on.
-pub(super) const HOLDS: f64 = 0.001;
+const HOLDS: f64 = 0.001;
 /// A point belongs to the curve behind it unless it raises chi-square by more than chance does with this probability.
 const BELONGS: f64 = 0.02;
 /// Points that are asked whether they belong, one after the other.
@@ -40,7 +40,7 @@ const BAND_LIMIT: f64 = 1.5;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
 /// What a term must improve chi-square by to be fitted.
-const TERM_COST: f64 = 1.0;
+const TERM_COST: f64 = 1.5;
 /// Too few degrees of freedom to be believed.
 const FEWEST_DOF: usize = 3;
 
@@ -67,6 +67,8 @@ pub(super) struct Solved {
     pub(super) fitted: Vec<usize>,
     /// Covariance of their squares.
     pub(super) covariance: DMatrix<f64>,
+    /// Square of N and its standard deviation, where weak slow terms take part too.
+    walk: Option<(f64, f64)>,
     /// How they follow from the squared deviations used.
     estimator: DMatrix<f64>,
     /// Covariance of the squared deviations used.
@@ -95,28 +97,28 @@ pub(super) fn search(curve: &Curve) -> Search {
     let mut nearest: Option<Solved> = None;
     for model_error in [0.0, MODEL_ERROR] {
         let fits = |banded: bool, starts: usize| -> Vec<Solved> {
-            (0..starts).map_while(|start| curve.solve(start, banded, model_error)).collect()
+            (0..starts).map_while(|start| curve.solve(start, banded, model_error, TERM_COST)).collect()
         };
         let plain = fits(false, 1 + ASKED);
-        let odds = curve.solve(0, true, model_error).and_then(|banded| banded.odds(Q)).unwrap_or(0.0);
+        let odds = curve.solve(0, true, model_error, TERM_COST).and_then(|banded| banded.odds(Q)).unwrap_or(0.0);
         if let Some(first) = plain.first() {
             if model_error == 0.0 && first.dof > FEWEST_DOF && 1.0 - first.p < TOO_GOOD {
                 return Search::TooGood(first.clone());
             }
             if belongs(&plain) && (-BAND_LIMIT..QUANTISATION).contains(&odds) {
-                return Search::Holds(first.clone());
+                return curve.holds(first, false);
             }
         }
         let banded = fits(true, curve.tau_s.len());
         if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
-            return Search::Holds(first.clone());
+            return curve.holds(first, true);
         }
         for start in 0..banded.len() {
             if belongs(&banded[start..])
                 && let Some(further) = banded.get(start + 1)
                 && further.p >= HOLDS
             {
-                return Search::Holds(further.clone());
+                return curve.holds(further, true);
             }
         }
         let all = plain.into_iter().chain(banded).filter(|fit| fit.dof >= FEWEST_DOF);
@@ -136,8 +138,20 @@ fn belongs(fits: &[Solved]) -> bool {
 }
 
 impl Curve {
+    /// N from the same points with every slow term that improves the fit at all: one that is there but too weak to be
+    /// chosen would bend N.
+    fn holds(&self, chosen: &Solved, banded: bool) -> Search {
+        let mut solved = chosen.clone();
+        if let Some(free) = self.solve(chosen.start, banded, chosen.model_error, 0.0)
+            && let Some(sd) = free.sd(N)
+        {
+            solved.walk = Some((free.squares[N], sd));
+        }
+        Search::Holds(solved)
+    }
+
     /// Generalised least squares from point `start` on. `None` with too few points or without any solution.
-    fn solve(&self, start: usize, banded: bool, model_error: f64) -> Option<Solved> {
+    fn solve(&self, start: usize, banded: bool, model_error: f64, term_cost: f64) -> Option<Solved> {
         let square = DVector::from_column_slice(self.square.get(start..)?);
         let design = DMatrix::from_fn(square.len(), TERMS, |r, c| terms(self.tau_s[start + r])[c]);
         let mut allowed: Vec<usize> = (usize::from(!banded)..TERMS).collect();
@@ -147,7 +161,7 @@ impl Curve {
         let mut solved = None;
         for round in 0..ROUNDS {
             let covariance = self.covariance(start, &parts, model_error);
-            let cost = if round == CHOICE { TERM_COST } else { 0.0 };
+            let cost = if round == CHOICE { term_cost } else { 0.0 };
             let fit = Constrained::fit(&design, &square, &covariance, &allowed, cost)?;
             parts = self.tau_s.iter().zip(&self.square).map(|(t, s)| fit.parts(*t, *s)).collect();
             if round == CHOICE {
@@ -166,6 +180,7 @@ impl Curve {
             squares: fit.squares,
             fitted: fit.columns,
             covariance: &estimator * &points * estimator.transpose(),
+            walk: None,
             estimator,
             points,
             model_error,
@@ -200,8 +215,14 @@ impl Solved {
     }
 
     /// Standard deviation of the square of a coefficient.
-    pub(super) fn sd(&self, term: usize) -> Option<f64> {
+    fn sd(&self, term: usize) -> Option<f64> {
         self.row(term).map(|row| self.covariance[(row, row)].max(0.0).sqrt())
+    }
+
+    /// Square of a coefficient and its standard deviation, as they are given.
+    pub(super) fn given(&self, term: usize) -> Option<(f64, f64)> {
+        let walk = self.walk.filter(|_| term == N);
+        walk.or_else(|| self.sd(term).map(|sd| (self.squares[term], sd)))
     }
 
     /// Largest share of the fitted square that a term has at an averaging time used.
@@ -275,7 +296,8 @@ impl Constrained {
     ) -> Option<Self> {
         let lower = covariance.clone().cholesky()?.l();
         let white = |m: &DMatrix<f64>| lower.solve_lower_triangular(m);
-        let (whitened, data) = (white(design)?, white(&DMatrix::from_column_slice(square.len(), 1, square.as_slice()))?);
+        let (whitened, data) =
+            (white(design)?, white(&DMatrix::from_column_slice(square.len(), 1, square.as_slice()))?);
         let mut best: Option<(f64, Self)> = None;
         for subset in 1_u32..1 << allowed.len() {
             let columns: Vec<usize> =

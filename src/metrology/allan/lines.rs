@@ -86,8 +86,7 @@ fn peak(values: &[f64], near: f64, width: f64) -> Option<f64> {
     let mut output = transform.make_output_vec();
     transform.process(&mut input, &mut output).ok()?;
     let bin = |f: f64| ((f * n as f64).round().max(1.0) as usize).min(output.len() - 1);
-    let best = (bin(near - width)..=bin(near + width)).max_by(|a, b| {
-        output[*a].norm_sqr().total_cmp(&output[*b].norm_sqr())
-    })?;
+    let best = (bin(near - width)..=bin(near + width))
+        .max_by(|a, b| output[*a].norm_sqr().total_cmp(&output[*b].norm_sqr()))?;
     Some(best as f64 / n as f64)
 }

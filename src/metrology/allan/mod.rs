@@ -16,7 +16,7 @@ mod scatter;
 
 use std::borrow::Cow;
 
-pub use coefficients::{Absence, Coefficient, Coefficients, Fit, HOLDS};
+pub use coefficients::{Absence, Coefficient, Coefficients, Fit};
 use fit::Search;
 pub use lines::Line;
 pub use noise::Noise;
@@ -181,17 +181,15 @@ pub fn analyse(
     let Some(fitted) = &fitted else {
         return Ok(Analysis { points, coefficients: Coefficients::default(), fit: None, plateau: None });
     };
-    // Within the sensor's memory the deviation falls below any flat part.
-    let shortest_s = fitted.used_from_s().max(MEMORY_SAMPLES / rate_hz);
-    let bounds = points.iter().filter(|p| p.edf.is_finite() && p.dev > 0.0 && p.tau_s >= shortest_s);
-    let b_upper_bound = bounds.map(|p| coefficients::bound(p.dev, p.edf)).reduce(f64::min);
+    let b_upper_bound = fitted.b_upper_bound(&points, rate_hz);
     let coefficients = coefficients::of(&fitted.search, &fitted.tau_s, fitted.plateau.as_ref(), b_upper_bound);
     let fit = coefficients::fit(&fitted.search, &fitted.tau_s, &coefficients, &fitted.lines);
     Ok(Analysis { points, coefficients, fit, plateau: fitted.plateau })
 }
 
-/// Averaging times of fewer samples say nothing about how small the flat part is.
-const MEMORY_SAMPLES: f64 = 8.0;
+/// Within the sensor's memory the deviation falls below any flat part; averaging times of fewer samples than this say
+/// nothing about how small that is, as long as there are others.
+const MEMORY_SAMPLES: f64 = 32.0;
 
 /// The fit of a record, and what it rests on.
 struct Fitted {
@@ -213,7 +211,8 @@ impl Fitted {
         threads: usize,
     ) -> Self {
         let samples = rates.len();
-        let grid: Vec<usize> = (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
+        let grid: Vec<usize> =
+            (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
         let tau_s: Vec<f64> = grid.iter().map(|m| *m as f64 / rate_hz).collect();
         let mut spectrum = Spectrum::of(&rates, rate_hz);
         let mut lines = Vec::new();
@@ -233,6 +232,15 @@ impl Fitted {
         let search = fit::search(&curve);
         let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
         Self { tau_s: curve.tau_s, search, lines, spectrum, plateau }
+    }
+
+    /// Upper bound of B, from the deviations beyond the sensor's memory.
+    fn b_upper_bound(&self, points: &[Point], rate_hz: f64) -> Option<f64> {
+        let lowest = |shortest_s: f64| {
+            let usable = points.iter().filter(|p| p.edf.is_finite() && p.dev > 0.0 && p.tau_s >= shortest_s);
+            usable.map(|p| coefficients::bound(p.dev, p.edf)).reduce(f64::min)
+        };
+        lowest(self.used_from_s().max(MEMORY_SAMPLES / rate_hz)).or_else(|| lowest(0.0))
     }
 
     /// First averaging time of the fit, s.

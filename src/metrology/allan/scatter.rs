@@ -12,8 +12,7 @@ use nalgebra::DMatrix;
 use super::{Kind, Noise, edf};
 
 /// The noises of which a curve is made, bluest first.
-pub(super) const BASIS: [Noise; 4] =
-    [Noise::WhitePhase, Noise::WhiteRate, Noise::FlickerRate, Noise::RateRandomWalk];
+pub(super) const BASIS: [Noise; 4] = [Noise::WhitePhase, Noise::WhiteRate, Noise::FlickerRate, Noise::RateRandomWalk];
 /// The part of each of them in a squared deviation.
 pub(super) type Parts = [f64; BASIS.len()];
 

@@ -11,7 +11,8 @@ use std::time::Instant;
 const SEED: u64 = 1;
 
 fn main() {
-    let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-') && a.parse::<usize>().is_err()).collect();
+    let only: Vec<String> =
+        std::env::args().skip(1).filter(|a| !a.starts_with('-') && a.parse::<usize>().is_err()).collect();
     let wanted = |part: &str| only.is_empty() || only.iter().any(|o| part.contains(o.as_str()));
     let trials = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(10_000);
     println!(

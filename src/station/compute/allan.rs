@@ -102,6 +102,8 @@ impl Allan {
             ("K", "u / sqrt(s)", c.k),
             ("R", "u / s", c.r),
         ];
+        let reasons: serde_json::Map<String, Value> =
+            named.iter().filter_map(|(k, _, c)| Some(((*k).to_owned(), c.err()?.to_string().into()))).collect();
         let mut report = Report::new("allan");
         report
             .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
@@ -112,11 +114,7 @@ impl Allan {
                 &["value", "low", "high", "unit u of the rate"],
                 named.iter().map(|(k, unit, c)| (*k, *unit, c.map_or(Value::Null, interval))).collect(),
             )
-            .named(
-                "reasons",
-                &["reason", "why it is not given"],
-                named.iter().filter_map(|(k, _, c)| Some((*k, "", json!({ "reason": c.err()?.to_string() })))).collect(),
-            )
+            .put("reasons", "", Value::Object(reasons))
             .put("B_upper_bound", "smallest upper end of a 95 % interval / 0.664", json!(c.b_upper_bound));
         told(&mut report, &analysis);
         report.put("interval", "", "68.3 %").put("gate", "rows", gated.json());

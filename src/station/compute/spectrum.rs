@@ -51,7 +51,8 @@ impl Psd {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
         let (values, gated) = self.source.read()?;
         let psd = psd::welch(&values, self.source.rate, self.segment)?;
-        let plateau = psd::Spectrum::of(&values, self.source.rate).and_then(|spectrum| spectrum.without_lines().plateau());
+        let plateau =
+            psd::Spectrum::of(&values, self.source.rate).and_then(|spectrum| spectrum.without_lines().plateau());
         let n = plateau.map_or(Value::Null, |plateau| {
             let n = plateau.n();
             json!({ "value": n.value, "low": n.low, "high": n.high, "from_hz": plateau.from_hz, "to_hz": plateau.to_hz })

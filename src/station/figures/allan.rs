@@ -99,7 +99,8 @@ fn walks(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
         _ => ("velocity_random_walk", Unit::MetrePerSecondPerRootHour, 60.0 * earth::STANDARD_GRAVITY_MPS2 / 1e3),
     };
     for (axis, analysis) in AXES.iter().zip(found) {
-        let value = analysis.coefficients.n.map_or_else(|why| absent("slope of -1/2", why), |n| estimate(n, factor, unit));
+        let value =
+            analysis.coefficients.n.map_or_else(|why| absent("slope of -1/2", why), |n| estimate(n, factor, unit));
         findings.put(format!("{name}_{axis}"), value);
     }
 }

@@ -60,7 +60,9 @@ fn density_unit(triad: Triad) -> (Unit, f64) {
 
 fn density(level: Option<psd::Plateau>, triad: Triad, probability: f64) -> Value {
     let Some(level) = level else {
-        return Value::NotAvailable("the spectrum has no level part of two octaves: longer segments reach lower".into());
+        return Value::NotAvailable(
+            "the spectrum has no level part of two octaves: longer segments reach lower".into(),
+        );
     };
     let (unit, factor) = density_unit(triad);
     let value = level.density.sqrt();
@@ -85,7 +87,12 @@ fn strongest_line(found: &psd::Psd) -> (f64, f64) {
 }
 
 /// Its densities are those of 0, 1, 2 ... times the step.
-fn spectrum(found: &psd::Psd, unit: Unit, white: Option<psd::Plateau>, (line_hz, line): (f64, f64)) -> serde_json::Value {
+fn spectrum(
+    found: &psd::Psd,
+    unit: Unit,
+    white: Option<psd::Plateau>,
+    (line_hz, line): (f64, f64),
+) -> serde_json::Value {
     json!({
         "unit": format!("({})^2/Hz", unit.symbol()), "segments": found.segments,
         "frequency_step_hz": found.frequency_hz.get(1), "density": found.density,

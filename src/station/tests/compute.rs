@@ -262,9 +262,19 @@ fn series() {
         "coefficients.B",
         "coefficients.K",
         "coefficients.R",
+        "reasons.B",
+        "fit.chi_square",
+        "fit.dof",
+        "fit.p",
+        "fit.terms",
+        "fit.used_from_s",
+        "N_psd.value",
+        "N_psd.low",
+        "N_psd.high",
     ];
     let v = good(&text, "allan r.csv --rate 2 --column y", &keys);
     assert_eq!(v["coefficients"]["B"], Value::Null);
+    assert_eq!((&v["fit"]["holds"], v["N_and_N_psd"].as_str()), (&Value::Bool(true), Some("agree")));
     for dev in ["adev", "oadev", "mdev", "hdev", "ohdev", "totdev"] {
         good(&text, &format!("allan r.csv --rate 2 --column y --dev {dev} --taus decade"), &keys[..7]);
     }
@@ -316,4 +326,16 @@ fn usage() {
     bad("", "allan", 2, "required arguments");
     bad("", "sixpos r.csv", 2, "unrecognized subcommand");
     bad("", "psd r.csv --rate 1 --column x", 2, "no header row");
+}
+
+/// A sensor with a low-pass of the second order at a fifth of the rate, white noise of N = 3 behind it, no flat part.
+#[test]
+fn a_band_limit_bends_neither_n_nor_makes_b() {
+    let text = include_str!("data/allan-band-limited.csv");
+    let v = good(text, "allan r.csv --rate 100 --column w", &["reasons.B"]);
+    let n = &v["coefficients"]["N"];
+    let [low, high] = ["low", "high"].map(|end| n[end].as_f64().unwrap());
+    assert!(low < 3.0 && 3.0 < high && high - low < 2.0, "{n}");
+    assert_eq!(v["coefficients"]["B"], Value::Null);
+    assert!(v["fit"]["terms"].as_array().unwrap().contains(&"band limit".into()), "{}", v["fit"]);
 }

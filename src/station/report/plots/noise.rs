@@ -93,7 +93,8 @@ pub(super) fn spectra(details: &Value) -> Option<Vec<Panel>> {
                 .skip(1)
                 .map(|(k, density)| (k as f64 * spectrum.frequency_step_hz, *density))
                 .collect();
-            let ends = points.first().into_iter().chain(points.last()).filter_map(|(hz, _)| Some((*hz, spectrum.white?)));
+            let ends =
+                points.first().into_iter().chain(points.last()).filter_map(|(hz, _)| Some((*hz, spectrum.white?)));
             let near = |point: &&(f64, f64)| (point.0 - spectrum.strongest_line.frequency_hz).abs();
             let line = points.iter().min_by(|a, b| near(a).total_cmp(&near(b))).copied();
             [
