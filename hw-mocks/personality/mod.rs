@@ -85,8 +85,7 @@
 //! noise_per_k = [0.01, 0.0, 0.0]       # the white noise grows by the exponential of this a kelvin; as it is at 25 degC
 //! clip_low_dps = -inf                  # the converter ends there; inf is none
 //! clip_high_dps = [inf, 150.0, inf]
-//! spikes = { share = 1e-4, size_dps = 50.0, axis = "x" } # one in each 10,000 conversions, somewhere in them; size in g
-//!                                      # and gauss alike; without an axis any of the three; up or down by chance
+//! spikes = { share = 1e-4, size_dps = 50.0, axis = "x" } # one in each 10,000 conversions; without an axis any of three
 //! failed_reads = { share = 0.001, code = 0 } # of this chip, all its channels at once; or -1, 8388607, -8388608
 //!
 //! [imu]                                # gyroscopes, accelerometers and magnetometer are a chip each; this is their bus

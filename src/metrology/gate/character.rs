@@ -15,6 +15,8 @@ const MEDIAN_DIFFERENCE: f64 = 0.953_87;
 /// Of independent values two differences in three change their sign, of low-passed ones a tenth at a twentieth of the
 /// rate; a smooth motion turns once or twice.
 const NOISY: f64 = 0.08;
+/// Largest whole numbers whose differences are exact.
+const WHOLE: f64 = 1e15;
 /// Differences that say whether there is noise.
 const FEWEST: usize = 12;
 
@@ -138,6 +140,10 @@ impl Room {
     }
 }
 
+fn common_divisor(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { common_divisor(b, a % b) }
+}
+
 /// Whether the differences that are not 0 change their sign as noise does.
 fn turns_of_moving(values: &[f64]) -> bool {
     let (mut turns, mut pairs, mut before) = (0, 0, 0.0);
@@ -152,13 +158,18 @@ fn turns_of_moving(values: &[f64]) -> bool {
     pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
 }
 
-/// Step between codes: 1 for whole numbers, else the smallest distance of two values.
+/// Step between codes: the largest common divisor of the distances of whole numbers, else the smallest distance.
 fn step(values: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = values.iter().copied().take(LEARN).filter(|value| value.is_finite()).collect();
-    if sorted.iter().all(|value| value.fract() == 0.0) {
-        return 1.0;
-    }
     sorted.sort_by(f64::total_cmp);
+    let whole = sorted.iter().all(|value| value.fract() == 0.0 && value.abs() < WHOLE);
+    if whole {
+        let alone = sorted.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).count();
+        let divisor = sorted.windows(2).fold(0, |divisor, pair| common_divisor(divisor, (pair[1] - pair[0]) as u64));
+        // One value that differs from all others says nothing about codes.
+        let told = sorted.chunk_by(|a, b| a == b).count() > 1 + alone.min(1);
+        return if told { divisor.max(1) as f64 } else { 1.0 };
+    }
     let largest = sorted.first().map_or(0.0, |low| low.abs()).max(sorted.last().map_or(0.0, |high| high.abs()));
     // Below this a distance is rounding.
     let rounding = 1e-13 * largest;

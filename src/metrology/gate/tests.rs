@@ -40,6 +40,7 @@ fn honest_records_pass_whole() {
     }
     let mut normal = dice(7);
     check("a long one", (0..1_000_000).map(|_| 0.1 * normal()).collect());
+    check("codes of 256", noise(8, 4000, 3.0, 1.3).iter().map(|value| 256.0 * value).collect());
     let step: Vec<f64> = (0..4000).map(|i| if i < 1777 { 0.0 } else { 50.0 } + normal()).collect();
     check("a step", step);
     let turn = |i: usize| {

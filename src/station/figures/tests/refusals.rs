@@ -78,7 +78,7 @@ fn rotations() {
         matches!(missing, FigureError::Refused { refusal: gnc_metrology::Refusal::Missing { .. }, .. }),
         "{missing}"
     );
-    let fast = refuse(&|captures| captures[0].samples[700].gyro[0] = 8_388_607);
+    let fast = refuse(&|captures| captures[0].samples[700..720].iter_mut().for_each(|s| s.gyro[0] = 8_388_607));
     assert!(matches!(fast, FigureError::Saturated { .. }), "{fast}");
     let nudged =
         refuse(&|captures| captures[2].samples[1500..1600].iter_mut().for_each(|sample| sample.gyro[1] += 40_000));
