@@ -39,8 +39,8 @@ const MODEL_ERROR: f64 = 0.03;
 const BAND_LIMIT: f64 = 1.5;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
-/// What a term must improve chi-square by to be fitted.
-const TERM_COST: f64 = 1.5;
+/// What a term must improve chi-square by to be fitted (Akaike).
+const TERM_COST: f64 = 2.0;
 /// Too few degrees of freedom to be believed.
 const FEWEST_DOF: usize = 3;
 
@@ -54,6 +54,8 @@ pub(super) struct Curve {
     pub(super) tau_s: Vec<f64>,
     pub(super) square: Vec<f64>,
     pub(super) scatter: Scatter,
+    /// How much more than white noise the record scatters at each averaging time by its spectrum, within a band limit.
+    pub(super) memory: Vec<f64>,
 }
 
 /// A fit.
@@ -160,7 +162,7 @@ impl Curve {
         let mut parts: Vec<Parts> = self.square.iter().map(|s| [0.0, *s, 0.0, 0.0]).collect();
         let mut solved = None;
         for round in 0..ROUNDS {
-            let covariance = self.covariance(start, &parts, model_error);
+            let covariance = self.covariance(start, &parts, banded, model_error);
             let cost = if round == CHOICE { term_cost } else { 0.0 };
             let fit = Constrained::fit(&design, &square, &covariance, &allowed, cost)?;
             parts = self.tau_s.iter().zip(&self.square).map(|(t, s)| fit.parts(*t, *s)).collect();
@@ -171,7 +173,7 @@ impl Curve {
         }
         let fit = solved?;
         let dof = square.len().checked_sub(fit.columns.len()).filter(|dof| *dof > 0)?;
-        let points = self.covariance(start, &parts, model_error);
+        let points = self.covariance(start, &parts, banded, model_error);
         let model = &design * DVector::from_column_slice(&fit.squares);
         let chi_square = chi_square(&square, &model, &points)?;
         let estimator = fit.estimator;
@@ -190,8 +192,12 @@ impl Curve {
         })
     }
 
-    fn covariance(&self, start: usize, parts: &[Parts], model_error: f64) -> DMatrix<f64> {
+    fn covariance(&self, start: usize, parts: &[Parts], banded: bool, model_error: f64) -> DMatrix<f64> {
         let mut covariance = self.scatter.covariance(start, parts);
+        if banded {
+            let memory = &self.memory[start..];
+            covariance = covariance.map_with_location(|a, b, c| c * memory[a] * memory[b]);
+        }
         for (r, parts) in parts[start..].iter().enumerate() {
             // Twice the relative error of a deviation is that of its square.
             covariance[(r, r)] += (2.0 * model_error * parts.iter().sum::<f64>()).powi(2);
@@ -205,6 +211,11 @@ const ROUNDS: usize = 9;
 const CHOICE: usize = 3;
 
 impl Solved {
+    /// Whether a memory of the sensor was fitted, of either sign.
+    pub(super) fn memory(&self) -> bool {
+        self.start > 0 || self.squares[Q] < 0.0
+    }
+
     fn row(&self, term: usize) -> Option<usize> {
         self.fitted.iter().position(|f| *f == term)
     }

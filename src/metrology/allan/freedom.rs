@@ -2,7 +2,7 @@
 
 use super::fit::Solved;
 use super::lines::Line;
-use super::scatter::{BASIS, Parts, window};
+use super::scatter::{self, BASIS, Parts, window};
 use super::{Kind, Noise, edf};
 use crate::psd::Spectrum;
 
@@ -18,9 +18,6 @@ pub(super) struct Known<'a> {
     pub(super) kind: Kind,
     pub(super) phases: usize,
 }
-
-/// Up to this part of a segment of the spectrum its frequencies are close enough to show the window of an averaging time.
-const OF_SEGMENT: usize = 16;
 
 impl Known<'_> {
     /// Noise that dominates at an averaging factor, and the degrees of freedom there.
@@ -49,33 +46,18 @@ impl Known<'_> {
             && let Some(spectrum) = self.spectrum
         {
             // Within the sensor's memory no power law holds; there the spectrum itself says how the deviation scatters.
-            let short = m * OF_SEGMENT < 2 * spectrum.density.len();
-            let noise = if short { Some(self.measured(spectrum, m)) } else { None };
-            if tau_s < self.used_from_s
-                && let Some((_, measured)) = noise
+            let measured = scatter::measured(spectrum, self.rate_hz, self.phases - 1, m);
+            if self.fit.memory()
+                && let Some((_, measured)) = measured
             {
                 variance = measured;
             }
             if !self.lines.is_empty() {
-                let square = noise.map_or_else(|| self.fit.model(tau_s), |(square, _)| square);
+                let square = measured.map_or_else(|| self.fit.model(tau_s), |(square, _)| square);
                 variance = self.with_lines(spectrum, m, square, variance);
             }
         }
         (noise, 2.0 / variance)
-    }
-
-    /// Squared deviation and its relative variance by a spectrum: `(1 / n) int S^2 H^2 / (int S H)^2`.
-    fn measured(&self, spectrum: &Spectrum, m: usize) -> (f64, f64) {
-        let step = 1.0 / (2 * (spectrum.density.len() - 1)) as f64;
-        let (mut level, mut squares) = (0.0, 0.0);
-        for (k, density) in spectrum.density.iter().enumerate().skip(1) {
-            let sh = density * self.rate_hz * window(m, k as f64 * step);
-            level += sh * step;
-            squares += sh * sh * step;
-        }
-        // The square of a density that scatters is too large by its variance.
-        squares /= 1.0 + spectrum.relative_sd.powi(2);
-        (level, squares / (self.phases - 1) as f64 / (level * level))
     }
 
     /// Relative variance of a squared deviation of noise and lines: the lines themselves do not scatter, only the noise

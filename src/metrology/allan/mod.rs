@@ -228,7 +228,13 @@ impl Fitted {
             _ => deviation::mean_squares(cleaned.as_deref().unwrap_or(phase), &grid, Kind::Oadev, threads),
         };
         let square = sums.iter().zip(&tau_s).map(|((square, _), tau_s)| square / (tau_s * tau_s)).collect();
-        let curve = fit::Curve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square };
+        let stretch = |&m: &usize| {
+            let white = 2.0 / edf::edf(Kind::Oadev, Noise::WhiteRate, m, phase.len());
+            let measured = spectrum.as_ref().and_then(|s| scatter::measured(s, rate_hz, samples, m));
+            measured.map_or(1.0, |(_, variance)| (variance / white).sqrt().max(1.0))
+        };
+        let memory = grid.iter().map(stretch).collect();
+        let curve = fit::Curve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square, memory };
         let search = fit::search(&curve);
         let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
         Self { tau_s: curve.tau_s, search, lines, spectrum, plateau }

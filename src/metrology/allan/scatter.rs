@@ -10,6 +10,7 @@
 use nalgebra::DMatrix;
 
 use super::{Kind, Noise, edf};
+use crate::psd::Spectrum;
 
 /// The noises of which a curve is made, bluest first.
 pub(super) const BASIS: [Noise; 4] = [Noise::WhitePhase, Noise::WhiteRate, Noise::FlickerRate, Noise::RateRandomWalk];
@@ -26,6 +27,28 @@ pub(super) fn window(m: usize, frequency: f64) -> f64 {
     let x = std::f64::consts::PI * frequency;
     2.0 * (x * m as f64).sin().powi(4) / (m as f64 * x.sin()).powi(2)
 }
+
+/// Squared deviation and its relative variance by a measured spectrum: `(1 / n) int S^2 H^2 / (int S H)^2`. `None` where its
+/// frequencies are too far apart to show the window of an averaging factor.
+pub(super) fn measured(spectrum: &Spectrum, rate_hz: f64, samples: usize, m: usize) -> Option<(f64, f64)> {
+    let segment = 2 * (spectrum.density.len() - 1);
+    if m * OF_SEGMENT > segment {
+        return None;
+    }
+    let step = 1.0 / segment as f64;
+    let (mut level, mut squares) = (0.0, 0.0);
+    for (k, density) in spectrum.density.iter().enumerate().skip(1) {
+        let sh = density * rate_hz * window(m, k as f64 * step);
+        level += sh * step;
+        squares += sh * sh * step;
+    }
+    // The square of a density that scatters is too large by its variance.
+    squares /= 1.0 + spectrum.relative_sd.powi(2);
+    Some((level, squares / samples as f64 / (level * level)))
+}
+
+/// An averaging factor is at most this part of a segment.
+const OF_SEGMENT: usize = 32;
 
 /// Relative covariances of the squared deviations at some averaging factors, for each pair of noises.
 pub(super) struct Scatter {
