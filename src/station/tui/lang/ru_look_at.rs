@@ -245,4 +245,10 @@ const SENTENCES: &[(&str, &str)] = &[
      "Эпох не хватает: решение терялось, или линия теряет предложения."),
     ("So few epochs are independent that the figure is uncertain: collect longer.",
      "Независимых эпох так мало, что число неточно: собирайте дольше."),
+    ("A failed read gives 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
+     "Неудачное чтение даёт 0, -1 или край диапазона: подозревайте линию между датчиком и ПЛИС, затем датчик."),
+    ("The sensor is read more often than it updates, or it stops at times: compare its output rate with that of the stream.",
+     "Датчик читают чаще, чем он обновляется, или он временами замирает: сравните его частоту с частотой потока."),
+    ("Single samples jump: look for loose contacts and disturbances, then suspect the sensor.",
+     "Отдельные отсчёты скачут: ищите плохие контакты и помехи, затем подозревайте датчик."),
 ];

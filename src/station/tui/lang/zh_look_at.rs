@@ -245,4 +245,10 @@ const SENTENCES: &[(&str, &str)] = &[
      "缺少历元：定位丢失，或线路丢失语句。"),
     ("So few epochs are independent that the figure is uncertain: collect longer.",
      "独立历元太少，结果不确定：延长采集时间。"),
+    ("A failed read gives 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
+     "读取失败得到 0、-1 或量程端值：怀疑传感器与 FPGA 之间的线路，其次怀疑传感器。"),
+    ("The sensor is read more often than it updates, or it stops at times: compare its output rate with that of the stream.",
+     "读取传感器比其更新更频繁，或传感器有时停顿：将其输出速率与数据流速率比较。"),
+    ("Single samples jump: look for loose contacts and disturbances, then suspect the sensor.",
+     "单个采样跳变：查找接触不良和干扰，其次怀疑传感器。"),
 ];
