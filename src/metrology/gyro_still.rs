@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
-use crate::{Refusal, earth, position::Position, series, six_position::TriadFit, stats};
+use crate::{AXES, Refusal, earth, position::Position, series, six_position::TriadFit, stats};
 
 /// What the parameters mean.
 pub const EQUATION: &str = "w_out = w + bias + g_sensitivity f, bias measured less true; rad/s and m/s^2";
@@ -58,7 +58,8 @@ impl StillGyro {
 /// unit vector to true north in the axes of the fixture, where the headings are known.
 ///
 /// # Errors
-/// As [`crate::six_position::calibrate`]; [`Refusal::Lengths`] when `north` does not fit the positions.
+/// As [`crate::six_position::calibrate`]; [`Refusal::Constant`] for a sensor that shows one value in all positions: it is
+/// dead, and its bias would have no uncertainty; [`Refusal::Lengths`] when `north` does not fit the positions.
 pub fn calibrate(
     positions: &[Position],
     gravity_mps2: f64,
@@ -68,6 +69,12 @@ pub fn calibrate(
     series::positive("gravity (m/s^2)", gravity_mps2)?;
     if let Some(north) = north.filter(|n| n.len() != positions.len()) {
         return Err(Refusal::Lengths { left: positions.len(), right: north.len() });
+    }
+    for (i, axis) in AXES.into_iter().enumerate() {
+        if positions.len() > 1 && positions.iter().all(|p| p.mean[i] == positions[0].mean[i]) {
+            let samples = positions.iter().map(|p| p.rows).sum();
+            return Err(Refusal::Constant { channel: axis.to_owned(), samples, value: positions[0].mean[i] });
+        }
     }
     let vertical = earth::vertical_rate_rps(latitude_deg)?;
     let horizontal = earth::north_rate_rps(latitude_deg)?;

@@ -1,13 +1,14 @@
 //! Scale factor of one sensor from its output at many inputs: `x = K w + F0` by least squares.
 //!
 //! The input w is a rate of a gyroscope, or the specific force of an accelerometer; the output x has the record's unit. Names
-//! and formulas are those of IEEE Std 528 (terms), GJB 2426A and JJF 1535 (tests of gyroscopes):
+//! and formulas are those of IEEE Std 528 (terms) and GJB 2426A (tests of fibre-optic gyroscopes):
 //!
 //! - *nonlinearity over the full scale* (GJB 2426A: `max |F_j fitted - F_j| / |F_m|`; IEEE Std 528: linearity error in percent
 //!   of full scale): the largest distance from the line over `|K| w_max`. The print's F_m is an output, with the output
 //!   at rest taken off; here it is that of the line, so that no single point decides.
 //! - *nonlinearity over the output* (IEEE Std 528: linearity error in percent of output): the largest distance over `|K w_j|`
-//!   of the same point. It does not exist at rest, and at small rates it is noise more than anything else.
+//!   of the same point. It does not exist at rest, below a thousandth of the largest input; at small rates it is noise more
+//!   than anything else.
 //! - *asymmetry* (GJB 2426A: `|K+ - K-|` over the mean of both; IEEE Std 528 divides by K of the whole range, which differs
 //!   by the square of it): lines through the points of each sense alone.
 //! - *repeatability* (GJB 2426A): sample standard deviation (n - 1) of the K of each cycle over their mean.
@@ -15,6 +16,7 @@
 //! All uncertainties are of type A: errors of the table's rate that all points share go into K one to one.
 
 mod line;
+mod rows;
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use thiserror::Error;
@@ -23,54 +25,22 @@ use crate::stability::{Repeatability, repeatability};
 use crate::{Refusal, series, stats};
 use line::Line;
 
+pub use rows::{Point, Rows};
+
 /// What the parameters mean.
 pub const EQUATION: &str = "x = scale_factor rate + offset";
 
 /// A point that misses the line by more than this part of the full scale has a wrong sign or rows, or the sensor is none.
 pub const RESIDUAL_LIMIT: f64 = 0.05;
 
+/// Inputs below this part of the largest one count as rest, where a distance over the output says nothing.
+const REST: f64 = 1e-3;
+
 /// Different rates that a line with a residual needs.
 const FEWEST: usize = 3;
 
 /// Points outside by chance in one record of a thousand are named.
 const SUSPECT_PROBABILITY: f64 = 1e-3;
-
-/// Mean output at one input.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
-    /// Input, in the record's unit.
-    pub rate: f64,
-    /// Mean output.
-    pub output: f64,
-    /// Number of the cycle that it belongs to.
-    pub cycle: f64,
-    /// First of its rows, from 1.
-    pub row: usize,
-    /// Rows that were averaged.
-    pub rows: usize,
-}
-
-/// Means of neighbouring rows of equal rate and cycle. A rate that comes again later is a point of its own.
-///
-/// # Errors
-/// [`Refusal::Lengths`], [`Refusal::NotFinite`].
-pub fn points(rates: &[f64], outputs: &[f64], cycles: Option<&[f64]>) -> Result<Vec<Point>, Refusal> {
-    series::channels(&["rate", "output"], &[rates, outputs])?;
-    if let Some(cycles) = cycles {
-        series::channels(&["rate", "cycle"], &[rates, cycles])?;
-    }
-    let cycle = |row: usize| cycles.map_or(0.0, |cycles| cycles[row]);
-    let mut points = Vec::new();
-    let mut first = 0;
-    for row in 1..=rates.len() {
-        if row == rates.len() || rates[row] != rates[first] || cycle(row) != cycle(first) {
-            let output = stats::mean(&outputs[first..row]);
-            points.push(Point { rate: rates[first], output, cycle: cycle(first), row: first + 1, rows: row - first });
-            first = row;
-        }
-    }
-    Ok(points)
-}
 
 /// How the points are judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,9 +116,6 @@ pub enum Absent {
     /// Repeated points agree exactly.
     #[error("repeated points agree exactly")]
     NoScatter,
-    /// Every input is zero, or none is above it.
-    #[error("every point lies at rest")]
-    AtRest,
 }
 
 /// Points of one rate over all visits and cycles.
@@ -175,8 +142,27 @@ pub struct Largest {
     pub value: f64,
     /// The rate at which it is.
     pub rate: f64,
-    /// Half width of the 95 % interval of this residual from the scatter of repeated points, relative; `None` without one.
-    pub expanded: Option<f64>,
+    /// Ends of an interval that holds the largest distance of the sensor itself with 95 % and more, relative: all residuals
+    /// at once keep to the scatter of repeated points (Bonferroni). `None` without repeated points.
+    pub interval: Option<(f64, f64)>,
+}
+
+impl Largest {
+    /// Of the residuals times a factor; points without a factor are left out.
+    fn of(curve: &[CurvePoint], reach: Option<&[f64]>, factor: impl Fn(&CurvePoint) -> Option<f64>) -> Self {
+        let mut found = Self { value: 0.0, rate: f64::NAN, interval: reach.map(|_| (0.0, 0.0)) };
+        for (i, (point, factor)) in curve.iter().enumerate().filter_map(|(i, p)| Some((i, (p, factor(p)?)))) {
+            let value = point.residual.abs() * factor;
+            if value > found.value || found.rate.is_nan() {
+                (found.value, found.rate) = (value, point.rate);
+            }
+            if let (Some((low, high)), Some(reach)) = (&mut found.interval, reach) {
+                *low = low.max(value - reach[i] * factor);
+                *high = high.max(value + reach[i] * factor);
+            }
+        }
+        found
+    }
 }
 
 /// Whether the residuals are more than the scatter of repeated points (F test).
@@ -245,7 +231,7 @@ pub struct ScaleFactor {
     /// Largest residual over the full scale.
     pub nonlinearity_full_scale: Largest,
     /// Largest residual over the output.
-    pub nonlinearity_output: Result<Largest, Absent>,
+    pub nonlinearity_output: Largest,
     /// Test of the line by repeated points.
     pub lack_of_fit: Result<LackOfFit, Absent>,
     /// Difference of the senses.
@@ -288,6 +274,10 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
     };
     let repeatability = match &lines[..] {
         [_] => Err(Absent::OneCycle),
+        [first, ..] if lines.iter().all(|line| line.slope == first.slope) => {
+            let what = "scale factors of the cycles";
+            return Err(Refusal::Alike { what, count: lines.len(), value: first.slope });
+        }
         _ => Ok(repeatability(&lines.iter().map(|line| line.slope).collect::<Vec<_>>())?),
     };
     let k = scale_factor.value;
@@ -303,29 +293,19 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
         .collect();
     on_line(&residuals, (k * largest_rate).abs(), options.residual)?;
 
-    let curve = curve(&residuals, k, full_scale);
+    let curve = curve(&residuals, k, full_scale, largest_rate);
     let lack_of_fit = lack_of_fit(&residuals, &curve, &cycles);
-    let balanced_visits = lack_of_fit.as_ref().ok().map(|found| (found.pure_sd, found.pure_dof));
-    let design = Line::through_rates(&curve);
-    let largest = |of: fn(&CurvePoint) -> Option<f64>| {
-        let found = curve.iter().filter_map(|p| Some((p, of(p)?.abs()))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let (point, value) = found;
-        // The scatter of the mean of this rate about the line, in units of the residual.
-        let expanded = balanced_visits.filter(|_| point.residual != 0.0).map(|(sd, dof)| {
-            let own = (1.0 - design.leverage(point.rate)).max(0.0) / point.visits as f64;
-            stats::coverage_factor(0.95, dof) * sd * own.sqrt() * value / point.residual.abs()
-        });
-        Some(Largest { value, rate: point.rate, expanded })
-    };
-    let nothing = Largest { value: f64::NAN, rate: f64::NAN, expanded: None };
+    let reach = lack_of_fit.as_ref().ok().map(|test| reach(&curve, test));
+    let of_full_scale = |_: &CurvePoint| Some(1.0 / (k * full_scale).abs());
+    let of_output = |p: &CurvePoint| p.of_output.map(|_| 1.0 / (k * p.rate).abs());
     let squares: f64 = residuals.iter().map(|(_, r)| r * r).sum();
     Ok(ScaleFactor {
         scale_factor,
         offset,
         full_scale,
         residual_rms: (squares / residuals.len() as f64).sqrt(),
-        nonlinearity_full_scale: largest(|p| Some(p.of_full_scale)).unwrap_or(nothing),
-        nonlinearity_output: largest(|p| p.of_output).ok_or(Absent::AtRest),
+        nonlinearity_full_scale: Largest::of(&curve, reach.as_deref(), of_full_scale),
+        nonlinearity_output: Largest::of(&curve, reach.as_deref(), of_output),
         lack_of_fit,
         asymmetry: asymmetry(&cycles),
         repeatability,
@@ -381,8 +361,7 @@ fn different(values: impl Iterator<Item = f64>) -> usize {
 fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<(), Refusal> {
     let worst = residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     match worst {
-        // Written so that an output without any response, and its NaN, are refused.
-        Some((point, residual)) if !(residual.abs() <= limit * full_scale) => Err(Refusal::OffLine {
+        Some((point, residual)) if residual.is_nan() || residual.abs() > limit * full_scale => Err(Refusal::OffLine {
             rate: point.rate,
             row: point.row,
             percent: residual.abs() / full_scale * 100.0,
@@ -392,7 +371,7 @@ fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<()
     }
 }
 
-fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64) -> Vec<CurvePoint> {
+fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64, largest_rate: f64) -> Vec<CurvePoint> {
     let mut sorted = residuals.to_vec();
     sorted.sort_by(|a, b| a.0.rate.total_cmp(&b.0.rate));
     sorted
@@ -406,7 +385,7 @@ fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64) -> Vec<CurvePoint>
                 residual,
                 visits: visits.len(),
                 of_full_scale: residual / (k * full_scale).abs(),
-                of_output: (rate != 0.0).then(|| residual / (k * rate).abs()),
+                of_output: (rate.abs() > REST * largest_rate).then(|| residual / (k * rate).abs()),
             }
         })
         .collect()
@@ -438,6 +417,15 @@ fn lack_of_fit(residuals: &[(Point, f64)], curve: &[CurvePoint], cycles: &[Vec<P
     let f = (of_curve / dof) / (pure / pure_dof);
     let p = FisherSnedecor::new(dof, pure_dof).map_or(f64::NAN, |distribution| distribution.sf(f));
     Ok(LackOfFit { f, p, dof, pure_dof, pure_sd: (pure / pure_dof).sqrt() })
+}
+
+/// How far each point of the curve may be from where the sensor is, for all points at once: `t s sqrt((1 - h) / visits)` with t
+/// for 95 % shared by the points, h the leverage.
+fn reach(curve: &[CurvePoint], test: &LackOfFit) -> Vec<f64> {
+    let design = Line::through_rates(curve);
+    let t = stats::coverage_factor(1.0 - 0.05 / curve.len() as f64, test.pure_dof);
+    let own = |p: &CurvePoint| (1.0 - design.leverage(p.rate)).max(0.0) / p.visits as f64;
+    curve.iter().map(|p| t * test.pure_sd * own(p).sqrt()).collect()
 }
 
 fn asymmetry(cycles: &[Vec<Point>]) -> Result<Asymmetry, Absent> {

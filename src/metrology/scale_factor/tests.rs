@@ -7,14 +7,17 @@ const OUTPUTS: [[f64; 9]; 3] = [
     [-59886.2, -29921.2, -9955.8, -1970.9, 26.3, 2022.8, 10008.4, 29979.6, 59940.6],
 ];
 
+/// `scipy.stats.t.ppf(1 - 0.05 / 9 / 2, 14)`
+const T_OF_14: f64 = 3.2727427095929515;
+
 fn of(rates: &[f64], outputs: &[f64]) -> Vec<Point> {
-    points(rates, outputs, None).unwrap()
+    Rows { rates, outputs, cycles: None, points: None }.means().unwrap()
 }
 
 fn of_cycles(count: usize) -> Vec<Point> {
     let rows = (0..count).flat_map(|c| (0..9).map(move |j| (RATES[j], OUTPUTS[c][j], c as f64 + 1.0)));
     let (rates, (outputs, cycles)): (Vec<f64>, (Vec<f64>, Vec<f64>)) = rows.map(|(r, o, c)| (r, (o, c))).unzip();
-    points(&rates, &outputs, Some(&cycles)).unwrap()
+    Rows { rates: &rates, outputs: &outputs, cycles: Some(&cycles), points: None }.means().unwrap()
 }
 
 #[track_caller]
@@ -33,8 +36,8 @@ fn one_cycle_as_numpy_has_it() {
     assert_eq!(found.scale_factor.dof, 7.0);
     let of_full_scale = found.nonlinearity_full_scale;
     near(of_full_scale.value, 0.0001105840789468795);
-    assert_eq!((of_full_scale.rate, of_full_scale.expanded, found.full_scale), (-150.0, None, 300.0));
-    let of_output = found.nonlinearity_output.unwrap();
+    assert_eq!((of_full_scale.rate, of_full_scale.interval, found.full_scale), (-150.0, None, 300.0));
+    let of_output = found.nonlinearity_output;
     near(of_output.value, 0.000590121129508951);
     assert_eq!(of_output.rate, -10.0);
     let asymmetry = found.asymmetry.unwrap();
@@ -46,7 +49,7 @@ fn one_cycle_as_numpy_has_it() {
     // A range of twice the largest rate halves the first nonlinearity, and nothing else.
     let wider = fit(&of(&RATES, &OUTPUTS[0]), &Options { full_scale: Some(600.0), ..Options::default() }).unwrap();
     near(wider.nonlinearity_full_scale.value, 0.0001105840789468795 / 2.0);
-    near(wider.nonlinearity_output.unwrap().value, 0.000590121129508951);
+    near(wider.nonlinearity_output.value, 0.000590121129508951);
 }
 
 #[test]
@@ -65,11 +68,12 @@ fn three_cycles_as_numpy_has_them() {
     assert!((test.p / 2.778094827368608e-10 - 1.0).abs() < 1e-6, "{}", test.p);
     near(test.pure_sd, 0.6441819588535068);
     assert_eq!(found.asymmetry.unwrap().uncertainty.map(|(_, dof)| dof), Some(2.0));
-    // The mean of three visits, about a line through nine rates: t of 14 is 2.144787, the leverage of -150 is 0.2243.
-    let expanded = found.nonlinearity_full_scale.expanded.unwrap();
+    // The mean of three visits, about a line through nine rates; scipy: t of 14 degrees at 1 - 0.05 / 9 / 2.
     let leverage = 1.0 / 9.0 + 22_500.0 / (2.0 * (90_000.0 + 22_500.0 + 2_500.0 + 100.0));
-    let by_hand = 2.144_787 * 0.644_182 * ((1.0 - leverage) / 3.0_f64).sqrt() / (199.682_884 * 300.0);
-    assert!(found.nonlinearity_full_scale.rate.abs() == 150.0 && (expanded / by_hand - 1.0).abs() < 1e-6, "{expanded}");
+    let by_hand = T_OF_14 * 0.644_182 * ((1.0 - leverage) / 3.0_f64).sqrt() / (199.682_884 * 300.0);
+    let Largest { value, rate, interval } = found.nonlinearity_full_scale;
+    let (low, high) = interval.unwrap();
+    assert!(rate.abs() == 150.0 && low > 0.0 && ((high - value) / by_hand - 1.0).abs() < 1e-5, "{value} {low} {high}");
 }
 
 /// By hand: x = 2 w + 1 + c (w^2 - mean) with rates -2 -1 0 1 2, so that the line keeps its slope and the residuals are
@@ -85,7 +89,7 @@ fn a_parabola_by_hand() {
     // sqrt(14e-4 / 3 / 10)
     close(found.scale_factor.sd, (14e-4_f64 / 30.0).sqrt());
     close(found.nonlinearity_full_scale.value, 0.02 / 4.0);
-    close(found.nonlinearity_output.clone().unwrap().value, 0.01 / 2.0);
+    close(found.nonlinearity_output.value, 0.01 / 2.0);
     // K+ = 2.03, K- = 1.97.
     let asymmetry = found.asymmetry.unwrap();
     close(asymmetry.relative, 0.06 / 2.0);
@@ -98,13 +102,32 @@ fn a_parabola_by_hand() {
     close(reversed.asymmetry.unwrap().relative, 0.03);
 }
 
+/// Measured rates differ from row to row: numbered points are averaged in rate and output.
+#[test]
+fn numbered_points() {
+    let rows = Rows {
+        rates: &[9.0, 11.0, -9.5, -10.5, 0.0, 2e-3],
+        outputs: &[19.0, 21.0, -19.0, -21.0, 0.5, 0.5],
+        cycles: None,
+        points: Some(&[1.0, 1.0, 2.0, 2.0, 3.0, 3.0]),
+    };
+    let found = rows.means().unwrap();
+    let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.rows)).collect();
+    assert_eq!(seen, [(10.0, 20.0, 2), (-10.0, -20.0, 2), (1e-3, 0.5, 2)]);
+    // A ten-thousandth of the full scale is rest.
+    let found = fit(&found, &Options::default()).unwrap();
+    assert_eq!(found.curve.iter().map(|p| p.of_output.is_some()).collect::<Vec<_>>(), [true, false, true]);
+    assert_eq!(found.nonlinearity_output.rate.abs(), 10.0);
+}
+
 /// Rows of a rate in a block are one point, whatever their number; visits in two blocks are two.
 #[test]
 fn rows_become_points() {
     let found = of(&[1.0, 1.0, 2.0, 1.0], &[3.0, 5.0, 7.0, 9.0]);
     let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.row, p.rows)).collect();
     assert_eq!(seen, [(1.0, 4.0, 1, 2), (2.0, 7.0, 3, 1), (1.0, 9.0, 4, 1)]);
-    let split = points(&[1.0, 1.0], &[3.0, 5.0], Some(&[1.0, 2.0])).unwrap();
+    let rows = Rows { rates: &[1.0, 1.0], outputs: &[3.0, 5.0], cycles: Some(&[1.0, 2.0]), points: None };
+    let split = rows.means().unwrap();
     assert_eq!(split.iter().map(|p| (p.cycle, p.row)).collect::<Vec<_>>(), [(1.0, 1), (2.0, 2)]);
 }
 
@@ -134,12 +157,13 @@ fn refusals() {
     check(&[-1.0, 1.0, -1.0], &[1.0, 2.0, 3.0], "2 different rates, needs at least 3");
     check(&[0.0, -0.0, 1.0], &[1.0, 2.0, 3.0], "2 different rates, needs at least 3");
     check(&[1.0, 2.0, 3.0], &[7.0; 3], "output: all 3 samples are 7");
-    assert_eq!(points(&[1.0, f64::NAN], &[7.0; 2], None).unwrap_err().to_string(), "rate: sample 1 is NaN");
-    // A rate with the wrong sign: line -0.2 + 1.9 w, full scale 3.8.
+    let not_finite = Rows { rates: &[1.0, f64::NAN], outputs: &[7.0; 2], cycles: None, points: None };
+    assert_eq!(not_finite.means().unwrap_err().to_string(), "rate: sample 1 is NaN");
+    // A rate with the wrong sign: sums by hand give the line 0.5 + 0.5 w, full scale 1, residual 2.5.
     check(
         &[-2.0, -1.0, 0.0, 1.0, 2.0, -2.0],
         &[-2.0, -1.0, 0.0, 1.0, 2.0, 2.0],
-        "rate -2 (row 6) misses the line by 198.91 % of the full scale, limit 5 %",
+        "rate -2 (row 6) misses the line by 250.00 % of the full scale, limit 5 %",
     );
     // No response: noise alone.
     check(&[-1.0, 0.0, 1.0], &[1.0, -1.0, 1.0], "rate 0 (row 2) misses the line by inf % of the full scale, limit 5 %");
@@ -147,10 +171,8 @@ fn refusals() {
         .into_iter()
         .flat_map(|cycle| of(&RATES, &OUTPUTS[0]).into_iter().map(move |p| Point { cycle, ..p }))
         .collect();
-    assert_eq!(
-        fit(&twice, &Options::default()).unwrap_err().to_string(),
-        "all 2 figures of the runs are 199.68216333622934"
-    );
+    let copied = fit(&twice, &Options::default()).unwrap_err().to_string();
+    assert!(copied.starts_with("all 2 scale factors of the cycles are 199.6821633362293"), "{copied}");
     let short: Vec<Point> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate > 100.0).collect();
     assert_eq!(
         fit(&short, &Options::default()).unwrap_err().to_string(),

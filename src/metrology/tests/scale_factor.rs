@@ -4,7 +4,7 @@
 
 mod truth;
 
-use gnc_metrology::scale_factor::{Options, fit, points};
+use gnc_metrology::scale_factor::{Options, Rows, ScaleFactor, fit};
 use truth::Dice;
 
 const SEED: u64 = 81;
@@ -14,6 +14,10 @@ const TRIALS: usize = 1000;
 const K: f64 = 200.0;
 const OFFSET: f64 = 31.0;
 const RATES: [f64; 11] = [-300.0, -200.0, -100.0, -50.0, -20.0, 0.0, 20.0, 50.0, 100.0, 200.0, 300.0];
+
+fn fitted(rates: &[f64], outputs: &[f64], cycles: Option<&[f64]>) -> ScaleFactor {
+    fit(&Rows { rates, outputs, cycles, points: None }.means().unwrap(), &Options::default()).unwrap()
+}
 
 /// What the 95 % interval of a name covered.
 struct Coverage(Vec<(&'static str, usize)>);
@@ -41,7 +45,7 @@ fn one_cycle() {
     let mut coverage = Coverage(Vec::new());
     for _ in 0..TRIALS {
         let outputs = RATES.map(|w| K * w + OFFSET + 3.0 * dice.normal());
-        let found = fit(&points(&RATES, &outputs, None).unwrap(), &Options::default()).unwrap();
+        let found = fitted(&RATES, &outputs, None);
         coverage.count("scale factor", (found.scale_factor.value - K).abs() <= found.scale_factor.expanded());
         coverage.count("offset", (found.offset.value - OFFSET).abs() <= found.offset.expanded());
         let asymmetry = found.asymmetry.unwrap();
@@ -62,7 +66,7 @@ fn power_cycles() {
     let mut coverage = Coverage(Vec::new());
     let clean = |w: f64, k: f64| k * w * (1.0 + ASYMMETRY / 2.0 * w.signum()) + 2e-8 * K * w * w * w / 300.0;
     // The line's own slope, and its distance from the curve at each rate, without noise.
-    let truth = fit(&points(&RATES, &RATES.map(|w| clean(w, K) + OFFSET), None).unwrap(), &Options::default()).unwrap();
+    let truth = fitted(&RATES, &RATES.map(|w| clean(w, K) + OFFSET), None);
     let (mut rates, mut cycles) = (Vec::new(), Vec::new());
     for cycle in 0..CYCLES {
         rates.extend(RATES);
@@ -70,18 +74,21 @@ fn power_cycles() {
     }
     let slope_sd = 3.0 / RATES.iter().map(|w| w * w).sum::<f64>().sqrt();
     let spread = (K * TURN_ON).hypot(slope_sd);
+    let mut held = 0;
     for _ in 0..TRIALS {
         let mut outputs = Vec::new();
         for _ in 0..CYCLES {
             let (k, offset) = (K * (1.0 + TURN_ON * dice.normal()), OFFSET + 20.0 * dice.normal());
             outputs.extend(RATES.map(|w| clean(w, k) + offset + 3.0 * dice.normal()));
         }
-        let found = fit(&points(&rates, &outputs, Some(&cycles)).unwrap(), &Options::default()).unwrap();
+        let found = fitted(&rates, &outputs, Some(&cycles));
         let error = found.scale_factor.value - truth.scale_factor.value;
         coverage.count("scale factor", error.abs() <= found.scale_factor.expanded());
         coverage.count("offset", (found.offset.value - truth.offset.value).abs() <= found.offset.expanded());
         let repeatability = found.repeatability.unwrap();
         coverage.count("repeatability", repeatability.sd_low <= spread && spread <= repeatability.sd_high);
+        let (low, high) = found.nonlinearity_full_scale.interval.unwrap();
+        held += usize::from((low..=high).contains(&truth.nonlinearity_full_scale.value));
         let (asymmetry, expected) = (found.asymmetry.unwrap(), truth.asymmetry.as_ref().unwrap());
         let (sd, dof) = asymmetry.uncertainty.unwrap();
         let error = (asymmetry.positive - asymmetry.negative - expected.positive + expected.negative) / K;
@@ -93,6 +100,9 @@ fn power_cycles() {
         });
     }
     coverage.check();
+    // It holds for all points at once, so it covers the largest more often than 95 %.
+    println!("seed {SEED}: nonlinearity covered in {held} of {TRIALS}");
+    assert!(held >= 923, "{held}");
 }
 
 /// A linear sensor is called non-linear in one record of twenty by the test of the line.
@@ -103,12 +113,8 @@ fn the_test_of_the_line_is_honest() {
     let mut kept = Coverage(Vec::new());
     for _ in 0..TRIALS {
         let outputs: Vec<f64> = rates.iter().map(|w| K * w + OFFSET + 3.0 * dice.normal()).collect();
-        let found = fit(&points(&rates, &outputs, None).unwrap(), &Options::default()).unwrap();
+        let found = fitted(&rates, &outputs, None);
         kept.count("linear", found.lack_of_fit.as_ref().unwrap().p > 0.05);
-        // The interval of the largest residual is that of a residual at a rate given beforehand.
-        let line = found.curve.iter().find(|p| p.rate == 200.0).unwrap();
-        let largest = found.nonlinearity_full_scale;
-        assert!(largest.value >= line.of_full_scale.abs() && largest.expanded.unwrap() > 0.0);
     }
     kept.check();
 }

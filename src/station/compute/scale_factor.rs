@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options};
+use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options, Rows};
 use serde_json::{Value, json};
 
 use super::plot::{Panel, Series};
@@ -14,9 +14,12 @@ use super::{ComputeError, Outcome};
 /// Relative figures are given in parts per million.
 const PPM: f64 = 1e6;
 
+/// More points than a table is set to are samples with measured rates.
+const MANY_POINTS: usize = 100;
+
 #[derive(Debug, Args)]
 pub(super) struct ScaleFactor {
-    /// Columns rate,x: one row a rate, or many in a block, which are averaged; optional column cycle
+    /// Columns rate,x: one row a rate, or many in a block, which are averaged; optional columns cycle, point
     file: PathBuf,
     /// Column of the output
     #[arg(long, value_name = "NAME", default_value = "x")]
@@ -36,15 +39,30 @@ impl ScaleFactor {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         // Means at settled rates are cut out of a longer record: their times say nothing.
         let table = Table::open(&self.file, reading)?;
-        let has_cycle = table.has("cycle");
+        let (has_cycle, has_point) = (table.has("cycle"), table.has("point"));
         let mut names = vec![self.input.as_str(), self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
-        let columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
-        let cycles = has_cycle.then(|| columns.numbers[2].as_slice());
-        let points = scale_factor::points(&columns.numbers[0], &columns.numbers[1], cycles)?;
+        names.extend(has_point.then_some("point"));
+        let read = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        let columns = &read.numbers;
+        let rows = Rows {
+            rates: &columns[0],
+            outputs: &columns[1],
+            cycles: has_cycle.then(|| columns[2].as_slice()),
+            points: has_point.then(|| columns[2 + usize::from(has_cycle)].as_slice()),
+        };
+        let points = rows.means()?;
         let options = Options { full_scale: self.full_scale, residual: self.residual / 100.0 };
         let found = scale_factor::fit(&points, &options)?;
-        Ok(Outcome { report: self.report(&columns, &found), panels: self.panels(&found) })
+        let mut report = self.report(&read, &found);
+        if points.len() > MANY_POINTS && points.iter().all(|p| p.rows == 1) {
+            report.put(
+                "note",
+                "",
+                "every row has a rate of its own: number the points in a column point to average them",
+            );
+        }
+        Ok(Outcome { report, panels: self.panels(&found) })
     }
 
     fn report(&self, columns: &Columns, c: &scale_factor::ScaleFactor) -> Report {
@@ -75,13 +93,12 @@ impl ScaleFactor {
                 "nonlinearity_full_scale",
                 "largest residual / (scale_factor full_scale) (GJB 2426A)",
                 largest(&c.nonlinearity_full_scale),
+            )
+            .put(
+                "nonlinearity_output",
+                "largest residual / (scale_factor rate), each at its own rate (IEEE 528)",
+                largest(&c.nonlinearity_output),
             );
-        put(
-            &mut report,
-            "nonlinearity_output",
-            "largest residual / (scale_factor rate), each at its own rate (IEEE 528)",
-            c.nonlinearity_output.as_ref().map(largest),
-        );
         put(&mut report, "asymmetry", "K of each sense alone", c.asymmetry.as_ref().map(asymmetry));
         put(
             &mut report,
@@ -119,8 +136,12 @@ impl ScaleFactor {
                 &["rate", "output", "line", "residual", "of_full_scale_ppm", "of_output_ppm", "visits"],
                 points.collect(),
             )
-            .rows("cycles", &["cycle", "points", "scale_factor", "offset"], cycles.collect())
-            .rows("suspects", &["rate", "cycle", "row", "studentised_residual"], suspects.collect());
+            .rows("cycles", &["cycle", "points", "scale_factor", "offset"], cycles.collect());
+        if c.suspects.is_empty() {
+            report.put("suspects", "no point stands out", json!([]));
+        } else {
+            report.rows("suspects", &["rate", "cycle", "row", "studentised_residual"], suspects.collect());
+        }
         report
     }
 
@@ -148,10 +169,10 @@ fn put(report: &mut Report, key: &'static str, unit: &str, value: Result<Value, 
 }
 
 fn largest(found: &Largest) -> Value {
-    let expanded = found.expanded.map(|v| v * PPM);
-    let mut value = json!({ "ppm": found.value * PPM, "at_rate": found.rate, "expanded_ppm": expanded });
-    if expanded.is_none() {
-        value["expanded_absent"] = json!("it needs repeated points, alike in every cycle");
+    let ends = found.interval.map(|(low, high)| (low * PPM, high * PPM)).unzip();
+    let mut value = json!({ "ppm": found.value * PPM, "at_rate": found.rate, "low_ppm": ends.0, "high_ppm": ends.1 });
+    if found.interval.is_none() {
+        value["interval_absent"] = json!("it needs repeated points, alike in every cycle");
     }
     value
 }

@@ -168,6 +168,8 @@ fn still_gyroscope() {
          heading_bound.bias_rps bias",
     );
     refuses("gyro-still --latitude 91", &record, "latitude (deg) is 91");
+    let dead = table("position,x,y,z", still(100, 0.0, |i, f| if i == 1 { 0.0 } else { 1e-4 * f + 1e-3 }));
+    refuses("gyro-still --latitude 34", &dead, "y: all 600 samples are 0");
 }
 
 #[test]
@@ -418,5 +420,100 @@ fn usage() {
         "compute allan f --rate 1",
     ] {
         assert!(Command::try_parse_from(words.split(' ')).is_err(), "{words}");
+    }
+}
+
+/// Output of a sensor of 200 LSB per deg/s at eleven rates in each of these cycles, many rows a rate.
+fn rated(cycles: usize, rows: usize, cubic: f64) -> Vec<String> {
+    let row = |k: usize| {
+        let (cycle, rate) = (k / (11 * rows), (k / rows % 11) as f64 * 60.0 - 300.0);
+        let gain = 200.0 * (1.0 + 2e-5 * [0.0, 1.0, -0.5][cycle % 3]);
+        format!("{rate},{},{}", gain * rate + 31.0 + cubic * rate.powi(3) + noise(7 * k), cycle + 1)
+    };
+    (0..11 * rows * cycles).map(row).collect()
+}
+
+#[test]
+fn scale_factors() {
+    let head = "rate,x,cycle";
+    let json = gives(
+        "scale-factor",
+        &table(head, rated(3, 20, 0.0)),
+        "equation scale_factor offset bias sd.scale_factor expanded.scale_factor expanded_ppm dof residual_rms full_scale \
+         nonlinearity_full_scale.ppm nonlinearity_full_scale.low_ppm nonlinearity_output.at_rate asymmetry.ppm \
+         asymmetry.expanded_ppm repeatability.relative_ppm repeatability.sd_high lack_of_fit.p points.residual \
+         points.of_output_ppm cycles.scale_factor label",
+    );
+    let number = |key: &str| json.pointer(key).and_then(Value::as_f64).unwrap();
+    assert!((number("/scale_factor") - 200.0).abs() < number("/expanded/scale_factor") && number("/dof") == 2.0);
+    assert!((number("/bias") - 31.0 / 200.0).abs() < 1e-3, "measured less true, by the output at rest");
+    // Gains of 0, 20 and -10 ppm: n - 1 gives 15.3.
+    assert!((number("/repeatability/relative_ppm") - 15.275).abs() < 1.0);
+    assert_eq!((json["points"].as_array().unwrap().len(), json["suspects"].as_array().unwrap().len()), (11, 0));
+    // A cubic term of 27 LSB at the full scale of 60,000.
+    let bent = gives("scale-factor", &table(head, rated(3, 20, 1e-6)), "lack_of_fit.p");
+    assert!(bent["lack_of_fit"]["p"].as_f64().unwrap() < 1e-6, "{bent:#}");
+    assert!(bent["nonlinearity_full_scale"]["ppm"].as_f64().unwrap() > 50.0);
+}
+
+#[test]
+fn scale_factors_of_one_cycle_and_refusals() {
+    let rows: Vec<String> = rated(1, 1, 0.0).iter().map(|row| row.rsplit_once(',').unwrap().0.to_owned()).collect();
+    let json = gives(
+        "scale-factor",
+        &table("rate,x", rows.clone()),
+        "absent.repeatability absent.lack_of_fit nonlinearity_full_scale.interval_absent asymmetry.expanded_ppm",
+    );
+    assert!(json["repeatability"].is_null() && json["dof"] == 9.0);
+    let one_sense = gives("scale-factor", &table("rate,x", rows[5..].to_vec()), "absent.asymmetry");
+    assert_eq!(one_sense["absent"]["asymmetry"], "0 rates of the negative sense, a line needs 2");
+    // Other names, and times with gaps, which say nothing here.
+    let timed = rows.iter().enumerate().map(|(k, row)| format!("{},{row}", k * k));
+    gives("scale-factor --input table --column wx", &table("t,table,wx", timed), "scale_factor");
+    // Rates as an encoder measures them, with the points numbered and without.
+    let measured = |k: usize| (60.0 * (k / 50) as f64 - 300.0) + 0.01 * noise(k);
+    let sample = |k: usize| format!("{},{},{}", k / 50, measured(k), 200.0 * measured(k) + noise(9 * k));
+    let numbered = gives("scale-factor", &table("point,rate,x", (0..550).map(sample)), "scale_factor");
+    assert!(numbered["points"].as_array().unwrap().len() == 11 && numbered.get("note").is_none());
+    let unnumbered = (0..550).map(|k| sample(k).split_once(',').unwrap().1.to_owned());
+    gives("scale-factor", &table("rate,x", unnumbered), "note");
+    refuses("scale-factor", &table("rate,x", rows[..2].to_vec()), "2 different rates, needs at least 3");
+    refuses("scale-factor", &table("rate,x", ["1,5", "2,5", "3,5"].map(str::to_owned)), "output: all 3 samples are 5");
+    let wrong = rows.iter().map(|row| row.strip_prefix("-300,").map_or(row.clone(), |x| format!("300,{x}")));
+    refuses("scale-factor", &table("rate,x", wrong), "(row 1) misses the line by");
+    refuses("scale-factor --full-scale 0", &table("rate,x", rows.clone()), "full scale is 0");
+    cannot_read("scale-factor", &table("rate,y", rows), ":1:1: no column `x`; the header has rate, y");
+}
+
+#[test]
+fn repeatabilities() {
+    // By hand: 1 to 6 have a standard deviation of sqrt(3.5), t of 5 is 2.5706.
+    let figures = (1..=6).map(|k| k.to_string());
+    let json =
+        gives("repeatability", &table("x", figures), "runs mean sd sd_low sd_high mean_expanded means.deviation");
+    let number = |key: &str| json[key].as_f64().unwrap();
+    assert!((number("sd") - 3.5_f64.sqrt()).abs() < 1e-12 && number("mean") == 3.5);
+    assert!((number("mean_expanded") - 2.570_582 * (3.5_f64 / 6.0).sqrt()).abs() < 1e-5);
+    assert!(json["noise_of_a_mean"].is_null() && json["absent"]["noise_of_a_mean"].is_string());
+    let rows = |run: usize| (0..100).map(move |k| format!("{run},{}", run as f64 + 0.1 * noise(100 * run + k)));
+    let many = gives("repeatability", &table("run,x", (1..=6).flat_map(rows)), "noise_of_a_mean means.rows");
+    assert!((many["sd"].as_f64().unwrap() - 3.5_f64.sqrt()).abs() < 0.02 && many["means"][5]["rows"] == 100);
+    let white = many["noise_of_a_mean"].as_f64().unwrap();
+    assert!((0.002..0.006).contains(&white), "0.1 x 0.4 / sqrt(100): {white}");
+    refuses("repeatability", &table("x", ["3".to_owned()]), "runs: 1 samples");
+    refuses("repeatability", &table("x", ["3", "3", "3"].map(str::to_owned)), "all 3 figures of the runs are 3");
+    let dead = (0..100).map(|_| "7,5".to_owned());
+    refuses(
+        "repeatability",
+        &table("run,x", (1..=6).flat_map(rows).chain(dead)),
+        "x stands still at 5 for 100 samples of run 7",
+    );
+}
+
+#[test]
+fn a_dead_sensor_is_not_stable() {
+    let dead = table("w", (0..1000).map(|_| "7".to_owned()));
+    for method in ["stability --rate 100 --block 1", "psd --rate 100 --segment 64", "allan --rate 100"] {
+        refuses(&format!("{method} --column w"), &dead, "record: all 1000 samples are 7");
     }
 }

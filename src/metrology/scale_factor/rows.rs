@@ -1,0 +1,62 @@
+//! From the rows of a record to the points of a line.
+
+use crate::{Refusal, series, stats};
+
+/// Mean output at one input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Input, in the record's unit.
+    pub rate: f64,
+    /// Mean output.
+    pub output: f64,
+    /// Number of the cycle that it belongs to.
+    pub cycle: f64,
+    /// First of its rows, from 1.
+    pub row: usize,
+    /// Rows that were averaged.
+    pub rows: usize,
+}
+
+/// Rows of a record; the columns have one length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rows<'a> {
+    /// Input of each row.
+    pub rates: &'a [f64],
+    /// Output of each row.
+    pub outputs: &'a [f64],
+    /// Number of the power cycle, where there are several.
+    pub cycles: Option<&'a [f64]>,
+    /// Number of the point, where the inputs are measured and differ from row to row.
+    pub points: Option<&'a [f64]>,
+}
+
+impl Rows<'_> {
+    /// Means of neighbouring rows of one point: of equal number where points are numbered, else of equal rate; and of one
+    /// cycle. A rate that comes again later is a point of its own.
+    ///
+    /// # Errors
+    /// [`Refusal::Lengths`], [`Refusal::NotFinite`].
+    pub fn means(&self) -> Result<Vec<Point>, Refusal> {
+        let same_point = self.points.unwrap_or(self.rates);
+        series::channels(
+            &["rate", "output", "cycle", "point"],
+            &[self.rates, self.outputs, self.cycles.unwrap_or(self.rates), same_point],
+        )?;
+        let cycle = |row: usize| self.cycles.map_or(1.0, |cycles| cycles[row]);
+        let mut points = Vec::new();
+        let mut first = 0;
+        for row in 1..=self.rates.len() {
+            if row == self.rates.len() || same_point[row] != same_point[first] || cycle(row) != cycle(first) {
+                points.push(Point {
+                    rate: stats::mean(&self.rates[first..row]),
+                    output: stats::mean(&self.outputs[first..row]),
+                    cycle: cycle(first),
+                    row: first + 1,
+                    rows: row - first,
+                });
+                first = row;
+            }
+        }
+        Ok(points)
+    }
+}
