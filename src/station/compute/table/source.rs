@@ -35,12 +35,11 @@ pub(super) fn open(path: &Path) -> Result<Source, TableError> {
     let mut file = File::open(path).map_err(fail)?;
     let mut magic = [0; 4];
     let got = file.read(&mut magic).map_err(fail)?;
-    io::Seek::rewind(&mut file).or_else(|_| Ok(())).map_err(fail)?;
+    // A pipe cannot go back: what was taken from it is put before the rest.
+    let again = io::Seek::rewind(&mut file).is_ok();
     if magic[..got] == *b"PAR1" {
         return Ok(Source::Parquet(file));
     }
-    // A pipe cannot go back: what was taken from it is put before the rest.
-    let again = io::Seek::stream_position(&mut file).is_ok();
     let before = if again { Vec::new() } else { magic[..got].to_vec() };
     of(path, Box::new(Cursor::new(before).chain(file)))
 }
