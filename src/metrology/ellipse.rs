@@ -159,8 +159,18 @@ fn figures(surface: &quadric::Surface<2>) -> [f64; 9] {
 ///
 /// # Errors
 /// Values that are not finite or are cut off; a hyperbola or parabola; fewer than three turns, poor coverage, a table
-/// that stood, too much noise, too many outliers.
+/// that stood, too much noise, too many outliers; points that lie more than 5 % of the radius off the ellipse, or a centre
+/// that moves by as much.
 pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Refusal> {
+    fit_within(x, y, saturation, quadric::RESIDUAL_LIMIT)
+}
+
+/// The same with another limit of the residual and of the centre's movement, over the radius.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_within(x: &[f64], y: &[f64], saturation: Option<f64>, limit: f64) -> Result<Ellipse, Refusal> {
+    series::positive("residual limit (of the radius)", limit)?;
     let n = series::channels(&["x", "y"], &[x, y])?;
     for (name, values) in [("x", x), ("y", y)] {
         series::unsaturated(name, values, saturation)?;
@@ -182,6 +192,11 @@ pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Ref
     let sd: [f64; 9] = std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt());
     let q = fit.surface.form.try_inverse().unwrap_or_else(|| nalgebra::Matrix2::repeat(f64::NAN));
     let radius = q[(0, 0)].sqrt();
+    quadric::step::check(n, "ellipse", limit, |row| {
+        let (u, v) = correction.apply(x[row], y[row]);
+        nalgebra::Vector2::new(u, v) / radius
+    })?;
+    quadric::step::near("ellipse", fit.residual_rms / (major * minor).sqrt(), limit)?;
     let extremes = extremes(x, y);
     let printed = Correction { dx: extremes.dx, dy: extremes.dy, ky: extremes.ky, sin_alpha };
     let (residual_peak, residual_rms_as_printed) =

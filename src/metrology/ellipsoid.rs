@@ -74,8 +74,23 @@ fn correction(surface: &quadric::Surface<3>, field: Option<f64>) -> (Matrix3<f64
 /// `saturation` the output at which a channel is cut, if known.
 ///
 /// # Errors
-/// Values that are not finite or are cut off; a hyperboloid; poor coverage, too much noise, too many outliers.
+/// Values that are not finite or are cut off; a hyperboloid; poor coverage, too much noise, too many outliers; points that
+/// lie more than 5 % of the radius off the ellipsoid, or a centre that moves by as much.
 pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Option<f64>) -> Result<Ellipsoid, Refusal> {
+    fit_within([x, y, z], field, saturation, quadric::RESIDUAL_LIMIT)
+}
+
+/// The same with another limit of the residual and of the centre's movement, over the radius.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_within(
+    [x, y, z]: [&[f64]; 3],
+    field: Option<f64>,
+    saturation: Option<f64>,
+    limit: f64,
+) -> Result<Ellipsoid, Refusal> {
+    series::positive("residual limit (of the radius)", limit)?;
     if let Some(field) = field {
         series::positive("field", field)?;
     }
@@ -98,6 +113,9 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
     let poor = |what, value, needed: String| Err(Refusal::Coverage { what, value, needed });
     if coverage.is_nan() || coverage < COVERAGE_LIMIT {
         return poor("evenness of the directions", coverage, format!("at least {COVERAGE_LIMIT}"));
+    }
+    if fit.rejected as f64 > REJECT_LIMIT * n as f64 {
+        return Err(Refusal::TooManyRejected { rejected: fit.rejected, total: n, limit_percent: 100.0 * REJECT_LIMIT });
     }
     let covariance = fit.spread(|surface| {
         let (m, f) = correction(surface, given);
@@ -124,9 +142,10 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
     if worst.is_nan() || worst > UNCERTAINTY_LIMIT {
         return poor("uncertainty of centre or axes over the radius", worst, format!("at most {UNCERTAINTY_LIMIT}"));
     }
-    if fit.rejected as f64 > REJECT_LIMIT * n as f64 {
-        return Err(Refusal::TooManyRejected { rejected: fit.rejected, total: n, limit_percent: 100.0 * REJECT_LIMIT });
-    }
+    quadric::step::check(n, "ellipsoid", limit, |i| {
+        matrix * (Vector3::new(x[i], y[i], z[i]) - fit.surface.centre) / field
+    })?;
+    quadric::step::near("ellipsoid", fit.residual_rms / semi_axes.product().cbrt(), limit)?;
     Ok(Ellipsoid {
         centre: fit.surface.centre,
         matrix,
@@ -170,6 +189,13 @@ pub fn fit_algebraic(x: &[f64], y: &[f64], z: &[f64]) -> Result<(Vector3<f64>, M
 const FLAT_LIMIT: f64 = 0.3;
 
 fn flat(points: [&[f64]; 3]) -> Option<Refusal> {
+    // Outliers stretch a cloud, and more directions would not help against them.
+    let middle = points.map(|column| crate::stats::median(&mut column.to_vec()));
+    let distance = |i: usize| Vector3::from_fn(|k, _| points[k][i] - middle[k]).norm();
+    let usual = crate::stats::median(&mut (0..points[0].len()).map(distance).collect::<Vec<_>>());
+    let kept: Vec<usize> = (0..points[0].len()).filter(|&i| distance(i) <= 3.0 * usual).collect();
+    let near = points.map(|column| kept.iter().map(|&i| column[i]).collect::<Vec<f64>>());
+    let points: [&[f64]; 3] = [&near[0], &near[1], &near[2]];
     let mean = points.map(crate::stats::mean);
     let covariance = Matrix3::from_fn(|a, b| {
         let products = points[a].iter().zip(points[b]).map(|(u, v)| (u - mean[a]) * (v - mean[b]));

@@ -456,6 +456,28 @@ pub enum Refusal {
         /// Limit.
         limit: f64,
     },
+    /// The points are farther from the fitted curve or surface than a good record's.
+    #[error("the points lie {percent:.1} % of the radius off the {shape} (rms), limit {limit_percent} %")]
+    Residual {
+        /// `ellipse` or `ellipsoid`.
+        shape: &'static str,
+        /// Root mean square distance over the radius, percent.
+        percent: f64,
+        /// Limit, percent.
+        limit_percent: f64,
+    },
+    /// The centre lies elsewhere in the first and in the second part of a record.
+    #[error("the centre of the {shape} moves by {percent:.1} % of the radius about row {row}, limit {limit_percent} %")]
+    CentreMoves {
+        /// `ellipse` or `ellipsoid`.
+        shape: &'static str,
+        /// First row of the second part, from 1.
+        row: usize,
+        /// Distance of the two centres over the radius, percent.
+        percent: f64,
+        /// Limit, percent.
+        limit_percent: f64,
+    },
     /// More points were rejected than spikes can explain.
     #[error("{rejected} of {total} points do not fit, limit {limit_percent} %")]
     TooManyRejected {
@@ -513,6 +535,16 @@ impl Refusal {
             }
             Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
             Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
+            Self::Residual { .. } => {
+                "look for two fields in one record (another place, a current switched) and for vibration; \
+                 --residual allows more"
+            }
+            Self::CentreMoves { .. } => {
+                "look for iron that was moved or magnetised during the record; cut it there; --residual allows more"
+            }
+            Self::IllConditioned { what, .. } if what.contains("temperature") => {
+                "take the three temperatures farther from each other"
+            }
             Self::IllConditioned { .. } => "add attitudes that differ more from each other",
             Self::NotMonotonic { before, after, .. } if starts_again(*before, *after) => {
                 "the stamps look like a counter of 16 or 32 bits that starts again: export them unwrapped"
@@ -531,11 +563,16 @@ impl Refusal {
                 "check that both runs turned by the same angle, once forth and once back"
             }
             Self::OutOfBand { .. } => "check the number of turns and the range of the sensor",
+            Self::NotClosed { expected: "ellipsoid", .. } => {
+                "record more attitudes, in all directions and with the field or gravity alone acting"
+            }
             Self::NotClosed { .. } => "record whole turns in a steady field",
             Self::FewTurns { .. } => "record more turns",
             Self::Coverage { .. } => "turn the module through more directions",
             Self::Noisy { .. } => "check the field and the plane of rotation: the component turned must be large",
-            Self::TooManyRejected { .. } => "look at the plot: the record holds more than one curve, or a disturbance",
+            Self::TooManyRejected { .. } => {
+                "find what disturbs the record (the plot shows where): outliers on one side pull the fit, more turns do not help"
+            }
             Self::Diverged { .. } => "look at the plot: the points do not suit the model",
         }
     }

@@ -14,6 +14,7 @@
 mod algebraic;
 mod block;
 mod distance;
+pub(crate) mod step;
 
 use nalgebra::{Cholesky, DMatrix, SMatrix, SVector, SymmetricEigen};
 
@@ -28,6 +29,10 @@ const SAMPLE: usize = 4096;
 const ITERATIONS: usize = 50;
 /// Standard deviation of the noise over the smallest semi-axis: beyond it distances from a surface mean nothing.
 pub(crate) const NOISE_LIMIT: f64 = 0.25;
+
+/// Root mean square distance from the surface over its radius, and movement of the centre over the radius, that are
+/// taken for noise unless the caller says otherwise: a good magnetometer shows a part of a percent.
+pub(crate) const RESIDUAL_LIMIT: f64 = 0.05;
 
 /// Columns of a record, one for each dimension.
 pub(crate) type Columns<'a, const D: usize> = [&'a [f64]; D];

@@ -293,3 +293,43 @@ fn flat_ellipsoids_are_fitted() {
     assert!((e.semi_axes[2] - 5.0).abs() < 0.02 && (e.semi_axes[0] - 50.0).abs() < 0.05, "{:?}", e.semi_axes);
     assert!((e.matrix.determinant() - 1.0).abs() < 1e-12);
 }
+
+/// Two fields in one record, and iron that moved in the middle of it.
+#[test]
+fn records_of_two_fields_are_refused() {
+    let mut dice = Dice::new(8);
+    let (mut x, mut y) = truth::ellipse_points(2000, [3.0, -5.0, 100.0, 95.0, 25.0], 0.5, &mut dice);
+    assert!(ellipse::fit(&x, &y, None).is_ok());
+    let mut moved = x.clone();
+    moved[1000..].iter_mut().for_each(|v| *v += 15.0);
+    ellipse_refused((moved.clone(), y.clone()), "of the ellipse moves by 1");
+    assert!(ellipse::fit_within(&moved, &y, None, 0.3).is_ok());
+    // Turns in fields that differ by 30 %, in turn.
+    for k in (0..2000).filter(|k| k / 100 % 2 == 0) {
+        x[k] = 3.0 + 1.3 * (x[k] - 3.0);
+        y[k] = -5.0 + 1.3 * (y[k] + 5.0);
+    }
+    ellipse_refused((x, y), "of the radius off the ellipse");
+    let mut points = sphere(|_| true, [50.0, 48.0, 45.0], 0.2);
+    // In the order of the heights no part would see its centre.
+    let order: Vec<usize> = (0..points[0].len()).map(|k| k * 1597 % points[0].len()).collect();
+    points = points.map(|column| order.iter().map(|&k| column[k]).collect());
+    let half = points[0].len() / 2;
+    let mut moved = points.clone();
+    moved[2][half..].iter_mut().for_each(|v| *v += 7.5);
+    ellipsoid_refused(moved, "of the ellipsoid moves by 1");
+    for k in (0..2 * half).filter(|k| k / 50 % 2 == 0) {
+        (0..3).for_each(|i| points[i][k] = 10.0 + 1.3 * (points[i][k] - 10.0));
+    }
+    ellipsoid_refused(points, "of the radius off the ellipsoid");
+}
+
+/// Outliers on one side are called so, and not missing directions.
+#[test]
+fn one_sided_outliers_are_not_poor_coverage() {
+    let mut points = sphere(|_| true, [50.0, 48.0, 45.0], 0.2);
+    points[0].iter_mut().step_by(15).for_each(|v| *v += 400.0);
+    let [x, y, z] = points;
+    let refusal = ellipsoid::fit(&x, &y, &z, None, None).unwrap_err();
+    assert!(!matches!(refusal, Refusal::Coverage { .. }), "{refusal}");
+}

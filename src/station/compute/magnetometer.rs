@@ -24,6 +24,9 @@ pub(super) struct Ellipse {
     saturation: Option<f64>,
     #[command(flatten)]
     gate: GateColumns,
+    /// Largest rms distance from the ellipse, and movement of its centre, percent of the radius
+    #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
+    residual: f64,
 }
 
 impl Ellipse {
@@ -34,7 +37,7 @@ impl Ellipse {
         let gated = self.gate.points(&["x", "y"], &mut columns, self.saturation)?;
         columns.unit(0..2, Dimension::MagneticField)?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
-        let e = ellipse::fit(x, y, self.saturation)?;
+        let e = ellipse::fit_within(x, y, self.saturation, self.residual / 100.0)?;
         let correction =
             |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
         let mut report = Report::new("ellipse");
@@ -117,6 +120,9 @@ pub(super) struct Ellipsoid {
     saturation: Option<f64>,
     #[command(flatten)]
     gate: GateColumns,
+    /// Largest rms distance from the ellipsoid, and movement of its centre, percent of the radius
+    #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
+    residual: f64,
 }
 
 impl Ellipsoid {
@@ -129,7 +135,7 @@ impl Ellipsoid {
         let accelerations = columns.units.iter().any(|unit| columns.is_in(unit.as_ref(), Dimension::Acceleration));
         columns.unit(0..3, if accelerations { Dimension::Acceleration } else { Dimension::MagneticField })?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
-        let e = ellipsoid::fit(x, y, z, self.field, self.saturation)?;
+        let e = ellipsoid::fit_within([x, y, z], self.field, self.saturation, self.residual / 100.0)?;
         let mut report = Report::new("ellipsoid");
         report
             .record(&columns)

@@ -293,6 +293,123 @@ fn zero_bias() {
     refuses("zero-bias --rate 100 --ring 1", &record, "ring (blocks) is 1");
 }
 
+fn said(words: &str, record: &str, key: &str) -> String {
+    gives(words, record, key)[key]["said"].as_str().unwrap_or_default().to_owned()
+}
+
+/// Records of the kinds that made other readers give wrong numbers.
+#[test]
+fn records_with_troubles() {
+    let words = "allan --rate 100 --column w";
+    refuses(words, include_str!("trouble/gap-of-5-s-timestamp.csv"), "gap at sample");
+    let jittered = include_str!("trouble/host-stamps-jitter.csv");
+    let clock = &gives(words, jittered, "clock.rate_hz")["clock"];
+    let (rate, jitter) = (clock["rate_hz"].as_f64().unwrap(), clock["jitter_s"].as_f64().unwrap());
+    assert!((rate - 100.0).abs() < 4.0 * clock["rate_u_hz"].as_f64().unwrap(), "{clock}");
+    assert!((0.0015..0.003).contains(&jitter), "{clock}");
+    let german = include_str!("trouble/german-excel.csv");
+    let json = gives("stability --rate 100 --column w --block 0.1", german, "understood clock.said");
+    assert_eq!(json["understood"], serde_json::json!(["decimal comma"]));
+    // 100 Hz for a second, then 1000 Hz.
+    let changes = table(
+        "t,w",
+        (0..6000).map(|i| {
+            let at = if i < 100 { i as f64 / 100.0 } else { 1.0 + (i - 100) as f64 / 1000.0 };
+            format!("{at:.6},{}", noise(i))
+        }),
+    );
+    refuses(words, &changes, "the rate changes at row 101: 100.000000 Hz before it, 1000.000000 Hz after it");
+    assert_eq!(
+        said(words, &table("w", (0..3000).map(|k| noise(k).to_string())), "clock"),
+        "not checked: no time column"
+    );
+}
+
+/// 203.9 Hz are not 200 Hz for any method that uses a rate, and are said where they are right.
+#[test]
+fn the_clock_is_compared_with_the_rate() {
+    let stamped = table("t,w", (0..5000).map(|k| format!("{:.6},{}", k as f64 / 203.9, 7.0 + noise(k))));
+    for method in ["allan", "psd", "stability --block 10", "zero-bias"] {
+        let (method, options) = method.split_once(' ').unwrap_or((method, ""));
+        let words = |rate: f64| format!("{method} --rate {rate} --column w {options}");
+        refuses(&words(200.0), &stamped, "time column says 203.9");
+        let clock = said(&words(203.9), &stamped, "clock");
+        assert!(clock.starts_with("checked, 203.9000"), "{clock}");
+        gives(&format!("{} --rate-tolerance 30000", words(200.0)), &stamped, "clock.checked");
+    }
+    let rows = runs(3.0);
+    let at =
+        |rate: f64| table("t,run,x,y,z", rows.iter().enumerate().map(|(k, r)| format!("{:.6},{r}", k as f64 / rate)));
+    refuses("rotation --rate 100 --turns 3", &at(101.95), "time column says 101.95");
+    refuses("rotation --rate 100 --turns 3", &at(100.02), "time column says 100.02");
+    gives("rotation --rate 100 --turns 3", &at(100.0001), "clock.rate_hz");
+}
+
+/// Units of a header are used: the same record in deg/s and rad/s gives the same bias, and contradictions are refused.
+#[test]
+fn units_of_a_header_are_used() {
+    let rows = |factor: f64| still(100, 1e-6 * factor, |i, f| factor * (0.01 * i as f64 + 1e-4 * f + 1e-3));
+    let deg = 1.0_f64.to_degrees();
+    let words = "gyro-still --latitude 34";
+    let plain = gives(words, &table("position,x,y,z", rows(1.0)), "bias_rps");
+    let bias = |json: &Value| json["bias_rps"][1].as_f64().unwrap();
+    for (head, factor) in [
+        ("position,x [deg/s],y [deg/s],z [deg/s]", deg),
+        ("POSITION,X (dps),Y (dps),Z (dps)", deg),
+        ("position,x_dps,y_dps,z_dps", deg),
+        ("position,x [°/s],y [°/s],z [°/s]", deg),
+        ("position,x,y,z\n,deg/h,deg/h,deg/h", deg * 3600.0),
+        ("position,x [rad/s],y [rad/s],z [rad/s]", 1.0),
+    ] {
+        let json = gives(words, &table(head, rows(factor)), "units.x");
+        assert!((bias(&json) / bias(&plain) - 1.0).abs() < 1e-9, "{head}: {json:#}");
+    }
+    let rad = table("position,x [rad/s],y [rad/s],z [rad/s]", rows(1.0));
+    cannot_read(&format!("{words} --deg"), &rad, "are in rad/s, --deg in deg/s");
+    cannot_read(&format!("{words} --response 1000"), &rad, "are in rad/s, --response that they are counts");
+    let wrong = table("position,x [mg],y [mg],z [mg]", rows(1.0));
+    cannot_read(words, &wrong, "column `x` is in mg, and the method is about angular rate");
+    let some = table("position,x [rad/s],y,z", rows(1.0));
+    cannot_read(words, &some, "column `x` has rad/s, column `y` no unit");
+}
+
+#[test]
+fn gravity_in_other_units_is_refused() {
+    let record = table("position,x,y,z", still(100, 0.1, |i, f| 9800.0 * f + 50.0 * i as f64));
+    for gravity in ["979", "1", "9.6"] {
+        refuses(&format!("six-position --gravity {gravity}"), &record, "expected 9.7 to 9.9: 979 is in Gal and 1 in g");
+        gives(&format!("six-position --gravity {gravity} --any-gravity"), &record, "matrix");
+    }
+}
+
+/// An export of this station, with its rotations among the positions, and captures that are asked for by name.
+#[test]
+fn exports_are_read() {
+    let head = "capture,series,position,run,number,t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z";
+    let capture = |name: &str, position: &str, run: &str, rows: &[String]| -> Vec<String> {
+        let row = |(k, r): (usize, &String)| {
+            let values = r.split_once(',').map_or("", |(_, v)| v);
+            format!("\"{name}\",1,{position},{run},{k},{:.6},{values},{values},{values}", k as f64 / 100.0)
+        };
+        rows.iter().enumerate().map(row).collect()
+    };
+    let positions = still(100, 0.1, |i, f| 9800.0 * f + 50.0 * i as f64);
+    let turns = runs(3.0);
+    let mut rows = Vec::new();
+    for (i, label) in LABELS.iter().enumerate() {
+        rows.extend(capture(&format!("still, {label}"), label, "", &positions[i * 100..(i + 1) * 100]));
+        rows.extend(capture(&format!("turn {label}"), "", label, &turns[i * 1200..(i + 1) * 1200]));
+    }
+    let export = table(head, rows);
+    let same = |words: &str, plain: String, key: &str| {
+        let (a, b) = (gives(words, &export, key), gives(words, &plain, key));
+        assert_eq!(a[key], b[key], "{words}");
+    };
+    same("six-position --gravity 9.8", table("position,x,y,z", positions), "matrix");
+    same("rotation --rate 100 --turns 3", table("run,x,y,z", turns.clone()), "matrix");
+    cannot_read("allan --rate 100 --column gyro_x", &export, "#turn z+ #still, z- #turn z-");
+}
+
 /// What people type is judged by the command line itself.
 #[test]
 fn usage() {

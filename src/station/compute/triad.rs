@@ -299,7 +299,14 @@ fn still_positions(
         position::from_directions([&rest[0], &rest[1], &rest[2]], channels, &limits)?
     } else {
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
-        position::from_labels(&labels, channels, &limits)?
+        if columns.about.export && position::blocks(&labels).is_err() {
+            // Positions that come at several headings are attitudes, as those of raw captures are.
+            let ups: Vec<Vector3<f64>> = labels.iter().filter_map(|label| position::up_of(label)).collect();
+            let [x, y, z] = [0, 1, 2].map(|i| ups.iter().map(|up| up[i]).collect::<Vec<f64>>());
+            position::from_directions([&x, &y, &z], channels, &limits)?
+        } else {
+            position::from_labels(&labels, channels, &limits)?
+        }
     };
     let north = has_north.then(|| {
         let n = &rest[rest.len() - 3..];

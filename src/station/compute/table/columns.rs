@@ -69,6 +69,8 @@ pub(in crate::compute) struct About {
     /// What the reader made of the form of the file.
     pub(in crate::compute) understood: Vec<String>,
     pub(in crate::compute) clock: Clock,
+    /// It is an export of this station.
+    pub(in crate::compute) export: bool,
 }
 
 /// What the clock of a record says.
@@ -194,7 +196,13 @@ impl<'a> Plan<'a> {
         let understood = understood.iter().cloned().chain(std::mem::take(&mut self.understood)).collect();
         let Gathered { numbers, labels, .. } = gathered;
         let names = self.wanted.numbers.iter().map(|name| (*name).to_owned()).collect();
-        Ok(Columns { numbers, labels, units: self.units, names, about: About { understood, clock } })
+        Ok(Columns {
+            numbers,
+            labels,
+            units: self.units,
+            names,
+            about: About { understood, clock, export: self.export },
+        })
     }
 
     fn no_rows(&self, gathered: &Gathered) -> TableError {

@@ -210,6 +210,10 @@ fn above<'a>(
         .last()
         .is_some_and(|(at, end)| solid[row].text[*at..*end].trim_ascii().is_empty());
     let fits = |text: &[u8]| {
+        // A single column whose name holds a delimiter is a header of more columns than the rows have.
+        if fields == 1 && text.iter().any(|b| matches!(b, b'\t' | b';' | b',')) {
+            return false;
+        }
         let texts: Vec<String> = split(delimiter, text);
         let named = texts.iter().any(|t| !t.is_empty()) && !texts.iter().any(|t| number::is_number(t.as_bytes()));
         named && (texts.len() == fields || (ends_empty && texts.len() + 1 == fields))

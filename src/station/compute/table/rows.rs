@@ -255,6 +255,9 @@ impl Rows<'_> {
             let (at, end) = fields[column];
             let field = &line[at..end];
             let mistake = |ambiguous| {
+                if field.iter().filter(|b| **b == b'"').count() % 2 == 1 {
+                    return (at + 1, Mistake::OpenQuote);
+                }
                 let text = number::decoded(field.strip_suffix(b"\r").unwrap_or(field)).into_owned();
                 (at + 1, Mistake::Number { field: column, text, ambiguous })
             };

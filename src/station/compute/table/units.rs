@@ -79,16 +79,6 @@ impl Columns {
     pub(in crate::compute) fn is_in(&self, text: Option<&String>, dimension: Dimension) -> bool {
         matches!(named(text), Named::Unit(unit) if unit.dimension() == dimension)
     }
-
-    /// Brings columns whose unit was named to another one.
-    pub(in crate::compute) fn convert(&mut self, columns: Range<usize>, from: Unit, to: Unit) {
-        let Some(factor) = from.convert(1.0, to).filter(|_| from != to) else { return };
-        for k in columns.clone() {
-            self.numbers[k].iter_mut().for_each(|v| *v *= factor);
-        }
-        let names = self.names[columns].join(", ");
-        self.about.understood.push(format!("{names} from {from} to {to}"));
-    }
 }
 
 fn text_of(named: &Named) -> &str {
