@@ -79,10 +79,10 @@ fn six_positions(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let averaged = from_labels(&labels(&found), [x, y, z], &Limits::ACCELEROMETER).ok()?;
     let c = six_position::calibrate(&averaged, gravity).ok()?;
     let matrix = response.try_inverse()?;
-    let bias = -matrix * offset;
+    let bias = matrix * offset;
     let (matrix_u, bias_u) = c.expanded();
     let mut covers = within(c.matrix.iter(), matrix.iter(), matrix_u.iter());
-    covers.extend(within(c.bias_mps2.iter(), bias.iter(), bias_u.iter()));
+    covers.extend(within(c.bias_mps2().iter(), bias.iter(), bias_u.iter()));
     Some(covers)
 }
 
@@ -164,7 +164,7 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let (response_u, bias_u) = c.expanded();
     let bias = response.try_inverse()? * offset;
     let mut covers = within(c.response.iter(), response.iter(), response_u.iter());
-    covers.extend(within(c.bias_rps.iter(), bias.iter(), bias_u.iter()));
+    covers.extend(within(c.bias_rps().iter(), bias.iter(), bias_u.iter()));
     Some(covers)
 }
 
