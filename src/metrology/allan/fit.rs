@@ -39,8 +39,8 @@ const MODEL_ERROR: f64 = 0.03;
 const BAND_LIMIT: f64 = 1.5;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
-/// What a term must improve chi-square by to be fitted (Akaike).
-const TERM_COST: f64 = 2.0;
+/// What a term must improve chi-square by to be fitted. (At 2, after Akaike, a weak walk is taken for a flat part.)
+const TERM_COST: f64 = 1.6;
 /// Too few degrees of freedom to be believed.
 const FEWEST_DOF: usize = 3;
 
