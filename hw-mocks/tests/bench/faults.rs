@@ -109,7 +109,7 @@ fn imu(host: &mut Host) -> Option<bool> {
         codes[200]
     });
     let odd = |sample: &ImuSample| {
-        let jumps = (0..3).any(|axis| (sample.accel[axis] - middle[axis]).abs() > 160_000);
+        let jumps = (0..3).any(|axis| (sample.accel[axis] - middle[axis]).abs() > 32_000);
         same(&sample.gyro) || same(&sample.accel) || jumps
     };
     let stale =

@@ -427,7 +427,7 @@ fn boards_of_real_sensors_stream_what_they_state() {
     assert!((1..=2).contains(&count("failed-reads-few", &|sample| all(sample, -1))));
     assert!((11..=13).contains(&count("mag-failed-reads", &|sample| sample.mag == [8_388_607; 3])));
     let far = |sample: &ImuSample, axis: usize| {
-        (f64::from(sample.accel[axis]) / G - if axis == 2 { 1.0 } else { 0.0 }).abs() > 1.0
+        (f64::from(sample.accel[axis]) / G - if axis == 2 { 1.0 } else { 0.0 }).abs() > 0.2
     };
     assert!((11..=13).contains(&count("accel-spikes", &|sample| (0..3).any(|axis| far(sample, axis)))));
     assert!((1..=2).contains(&count("accel-spikes-few", &|sample| far(sample, 1))));
