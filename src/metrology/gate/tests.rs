@@ -107,9 +107,9 @@ fn spikes_are_found_alone_and_in_company() {
     let mut values = noise(5, 10_000, 100.0, 20.0);
     let mut dice = ChaCha8Rng::seed_from_u64(9);
     let mut bad = Vec::new();
-    for row in 0..10_000 {
+    for (row, value) in values.iter_mut().enumerate() {
         if dice.random::<f64>() < 0.04 {
-            values[row] += (200.0 + 4000.0 * dice.random::<f64>()).round();
+            *value += (200.0 + 4000.0 * dice.random::<f64>()).round();
             bad.push(row);
         }
     }
