@@ -99,6 +99,12 @@ pub struct Layout<'a> {
     pub range_end: Option<f64>,
 }
 
+/// A record that is one stretch.
+#[must_use]
+pub fn one_stretch(rows: usize) -> [Range<usize>; 1] {
+    std::array::from_fn(|_| 0..rows)
+}
+
 /// What the gate found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screening {

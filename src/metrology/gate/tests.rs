@@ -24,7 +24,8 @@ fn screen(channels: &[&[f64]], blocks: &[Range<usize>], still: bool) -> Screenin
 
 /// What is left out of a single stretch: failed reads, spikes, stale, clipped.
 fn counts(channels: &[&[f64]], still: bool) -> [usize; 4] {
-    let LeftOut { failed_reads, spikes, stale, clipped } = *screen(channels, &[0..channels[0].len()], still).left_out();
+    let LeftOut { failed_reads, spikes, stale, clipped } =
+        *screen(channels, &one_stretch(channels[0].len()), still).left_out();
     [failed_reads, spikes, stale, clipped]
 }
 
@@ -86,7 +87,7 @@ fn failed_reads_are_found_by_where_they_stand() {
                 bad.iter().for_each(|row| channel[*row] = word);
             }
             let [x, y, z] = &channels;
-            let found = screen(&[x, y, z], &[0..4000], true);
+            let found = screen(&[x, y, z], &one_stretch(4000), true);
             assert_eq!(found.left_out().failed_reads, 80, "{what} at {level}");
             assert_eq!(found.left_out().total(), 80, "{what} at {level}");
             assert_eq!(found.first_row(), Some(25));
@@ -106,13 +107,13 @@ fn spikes_are_found_alone_and_in_company() {
     let mut values = noise(5, 10_000, 100.0, 20.0);
     let mut dice = ChaCha8Rng::seed_from_u64(9);
     let mut bad = Vec::new();
-    for row in 0..10_000 {
+    for (row, value) in values.iter_mut().enumerate() {
         if dice.random::<f64>() < 0.04 {
-            values[row] += (200.0 + 4000.0 * dice.random::<f64>()).round();
+            *value += (200.0 + 4000.0 * dice.random::<f64>()).round();
             bad.push(row);
         }
     }
-    let found = screen(&[&values], &[0..10_000], true);
+    let found = screen(&[&values], &one_stretch(10_000), true);
     let missed = bad.iter().filter(|row| found.keeps(**row)).count();
     assert_eq!(missed, 0, "of {}", bad.len());
     assert!(found.left_out().total() < bad.len() + bad.len() / 10, "{:?} of {}", found.left_out(), bad.len());
@@ -123,7 +124,7 @@ fn stale_rows_are_told_from_chance() {
     for sd in [3.0, 30.0, 700.0] {
         let fresh = noise(6, 5000, 10.0, sd);
         let doubled: Vec<f64> = fresh.iter().flat_map(|value| [*value; 2]).collect();
-        let found = screen(&[&doubled], &[0..10_000], true);
+        let found = screen(&[&doubled], &one_stretch(10_000), true);
         // Neighbours that are alike by chance lie in one run with their copies.
         assert!((5000..5500).contains(&found.left_out().stale), "{sd}: {:?}", found.left_out());
         assert_eq!(found.rows_per_update().is_some(), sd > 5.0, "{sd}: {:?}", found.polled);
@@ -139,7 +140,7 @@ fn stale_rows_are_told_from_chance() {
             Some(*last)
         })
         .collect();
-    let found = screen(&[&held], &[0..10_000], true);
+    let found = screen(&[&held], &one_stretch(10_000), true);
     assert!((2500..2600).contains(&found.left_out().stale), "{:?}", found.left_out());
     assert!(found.admit(Rows::Samples).is_err());
 }
@@ -151,10 +152,10 @@ fn a_tail_cut_at_one_side_is_found() {
             let mut values = noise(8, 4000, 8000.0, 40.0);
             let from = if half { 2000 } else { 0 };
             values[from..].iter_mut().for_each(|value| *value = value.min(8000.0 + (cut * 40.0_f64).round()));
-            let found = screen(&[&values], &[0..4000], true);
+            let found = screen(&[&values], &one_stretch(4000), true);
             assert!(matches!(found.admit(Rows::Samples), Err(Refusal::Clipped { .. })), "{cut} {half}");
             values.iter_mut().for_each(|value| *value = -*value);
-            assert!(screen(&[&values], &[0..4000], true).admit(Rows::Samples).is_err(), "{cut} {half}, below");
+            assert!(screen(&[&values], &one_stretch(4000), true).admit(Rows::Samples).is_err(), "{cut} {half}, below");
         }
     }
 }

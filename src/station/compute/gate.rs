@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use clap::Args;
-use gnc_metrology::gate::{Layout, Rows, Screening};
+use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
 use gnc_metrology::{Refusal, series};
 use serde_json::{Value, json};
 
@@ -55,7 +55,7 @@ impl GateColumns {
         columns: &mut Columns,
         range_end: Option<f64>,
     ) -> Result<Gated, Refusal> {
-        let blocks = [0..columns.numbers.first().map_or(0, Vec::len)];
+        let blocks = one_stretch(columns.numbers.first().map_or(0, Vec::len));
         let layout = Layout { blocks: &blocks, still: false, range_end };
         let gated = self.screen(chip, columns, &layout, Rows::Samples)?;
         gated.keep(columns);
@@ -83,7 +83,7 @@ impl GateColumns {
 
     /// One column over time; rows are refilled.
     pub(super) fn series(&self, column: &str, columns: &mut Columns, still: bool) -> Result<Gated, Refusal> {
-        let blocks = [0..columns.numbers.first().map_or(0, Vec::len)];
+        let blocks = one_stretch(columns.numbers.first().map_or(0, Vec::len));
         self.stretches_of_series(column, columns, &blocks, still)
     }
 

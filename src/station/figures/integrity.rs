@@ -10,7 +10,7 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::Refusal;
-use gnc_metrology::gate::{Fault, Layout, LeftOut, Rows, Screening};
+use gnc_metrology::gate::{Fault, Layout, LeftOut, Rows, Screening, one_stretch};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::{ImuSample, SATURATION};
 use serde_json::json;
@@ -189,13 +189,13 @@ fn screen(samples: &[ImuSample], triad: Triad, still: bool) -> Screening {
 }
 
 fn screen_channels(channels: &[Vec<f64>; 3], still: bool, range_end: Option<f64>) -> Screening {
-    let layout = Layout { blocks: &[0..channels[0].len()], still, range_end };
+    let layout = Layout { blocks: &one_stretch(channels[0].len()), still, range_end };
     Screening::of(&AXES, &[&channels[0], &channels[1], &channels[2]], &layout)
 }
 
 /// Values of one channel with what stands in place of samples that are left out.
 fn mended(axis: usize, values: &[f64], part: &Screening, still: bool) -> Result<Vec<f64>, Refusal> {
-    let blocks = [0..values.len()];
+    let blocks = one_stretch(values.len());
     if still { Ok(part.refilled(values, &blocks)) } else { part.bridged(AXES[axis], values, &blocks) }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use gnc_metrology::allan::{Input, Kind as Deviation, Taus};
-use gnc_metrology::gate::{Layout, Rows, Screening};
+use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
 use gnc_metrology::{AXES, allan, earth, ellipse, ellipsoid, gyro_still, psd, rotation, six_position, stability, tilt};
 use nalgebra::{Matrix3, Vector3};
@@ -141,7 +141,7 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
             }
         }
         spoil.apply(&mut channels, noise[1], dice);
-        let blocks = [0..rows];
+        let blocks = one_stretch(rows);
         let layout = Layout { blocks: &blocks, still: false, range_end: None };
         let found = Screening::of(&AXES, &slices(&channels), &layout);
         found.admit(Rows::ClockedSteps).ok()?;
@@ -194,7 +194,7 @@ fn ellipses(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
         channels[1].push((centre[1] + ratio * radius * sin + noise * dice.normal()).round());
     }
     spoil.apply(&mut channels, noise, dice);
-    let blocks = [0..channels[0].len()];
+    let blocks = one_stretch(channels[0].len());
     kept(&mut channels, &blocks, false)?;
     let e = ellipse::fit(&channels[0], &channels[1], None).ok()?;
     let k = 1.96;
@@ -216,7 +216,7 @@ fn ellipsoids(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
         }
     }
     spoil.apply(&mut channels, noise, dice);
-    let blocks = [0..channels[0].len()];
+    let blocks = one_stretch(channels[0].len());
     kept(&mut channels, &blocks, false)?;
     let e = ellipsoid::fit(&channels[0], &channels[1], &channels[2], None, None).ok()?;
     let expanded = e.centre_sd * 1.96;
@@ -230,7 +230,7 @@ const SIGMA: f64 = 30.0;
 fn series(spoil: Spoil, dice: &mut Dice) -> Option<Vec<f64>> {
     let mut channels = [(0..SERIES).map(|_| (3.0 + SIGMA * dice.normal()).round()).collect::<Vec<f64>>()];
     spoil.apply(&mut channels, SIGMA, dice);
-    let blocks = [0..SERIES];
+    let blocks = one_stretch(SERIES);
     let layout = Layout { blocks: &blocks, still: true, range_end: None };
     let found = Screening::of(&["w"], &slices(&channels), &layout);
     found.admit(Rows::ClockedSteps).ok()?;
