@@ -43,7 +43,7 @@ impl Frames<'_> {
         let angles_rad = nonorthogonality_rad(self.response);
         for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
             let name = format!("nonorthogonality_{}{}", AXES[i], AXES[j]);
-            findings.figure(name, angles_rad[k] * 1e6, &of_angle(budget(i, j), budget(j, i)), probability);
+            findings.figure(name, angles_rad[k] * 1e6, &of_angle(&budget(i, j), &budget(j, i)), probability);
         }
         let measured = self.fixture.mounting_rad;
         findings.detail(
@@ -65,7 +65,7 @@ impl Frames<'_> {
 }
 
 /// To first order the angle between two sensors' axes is the sum of both couplings; the mounting cancels.
-pub(super) fn of_angle(one: Budget, other: Budget) -> Budget {
+pub(super) fn of_angle(one: &Budget, other: &Budget) -> Budget {
     let [(one, one_dof), (other, other_dof)] = [one.combined(), other.combined()];
     Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof)
 }

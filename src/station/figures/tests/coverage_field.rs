@@ -36,6 +36,9 @@ const WHITE: f64 = 134e-6;
 const SLOW: f64 = 8e-6;
 const CORRELATION_S: f64 = 0.05;
 
+/// Figures of an item with their truths.
+type Truths = Vec<(&'static str, f64)>;
+
 /// What the bench does in one trial.
 struct Bench {
     fixture: Fixture,
@@ -154,7 +157,7 @@ fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
     // The field along the axis stays on both sensors by their response to Z.
     let zero = |i: usize| HARD[i] + SOFT[(i, 2)] * AXIAL;
     let correction = SOFT.try_inverse().expect("soft iron is regular") * SOFT.determinant().cbrt();
-    let figures: [(ItemId, Vec<Capture>, Vec<(&str, f64)>); 2] = [
+    let figures: [(ItemId, Vec<Capture>, Truths); 2] = [
         (
             ItemId::MagnetometerEllipse,
             bench.spins(),
