@@ -144,6 +144,6 @@ fn mistakes_of_a_fixture() {
     bench.toml:7:13: "1 deg" is an angle, and "ambient_u" is a magnetic field
      7 | ambient_u = "1 deg"
        |             ^^^^^^^
-       = try: a magnetic field is written in gauss, mgauss, uT, nT
+       = try: a magnetic field is written in gauss, mgauss, T, mT, uT, nT
     "#);
 }

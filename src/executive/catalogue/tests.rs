@@ -88,11 +88,14 @@ fn shared_pins_and_motion_exclude() {
 #[test]
 fn counts_of_measurements_are_those_of_the_specification() {
     let counts: Vec<usize> = ItemId::ALL.iter().map(|item| item.spec().measurements.len()).collect();
-    // identity 7, cpu 2 x 4, timers 3 x (4 x 3 + 1), memories 5 + 2, flashes 5 and 4, imu 17 and the rate, gnss 21,
-    // ad 5 x 2 + 1 + 3, io 3, spi 3, sci 6, can 8: its seven and what the host's adapter saw.
-    assert_eq!(counts[..14], [7, 8, 39, 7, 7, 5, 4, 18, 21, 14, 3, 3, 6, 8]);
+    // identity 7, cpu 2 x 4, timers 3 x (4 x 3 + 1), memories 5 + 2, flashes 5 and 4, imu 17, the rate and three kinds of
+    // bad samples, gnss 21, ad 5 x 2 + 1 + 3, io 3, spi 3, sci 6, can 8: its seven and what the host's adapter saw.
+    assert_eq!(counts[..14], [7, 8, 39, 7, 7, 5, 4, 17 + 4, 21, 14, 3, 3, 6, 8]);
     // six-position 3 biases, 3 scales, 6 couplings, 3 angles, 3; gyro-still 3 + 9 + 3; rotation 3 + 6 + 3 + 3 + 3 + 2;
     // biases 5 and 4; stability and repeatability 6 + 2 each; coupling 2 x (6 + 3); resolution 6 + 3; allan 18; psd 12;
-    // and of each that captures samples how far their rate is off true time.
-    assert_eq!(counts[14..], [19, 16, 21, 6, 5, 9, 9, 9, 19, 10, 19, 13, 14, 15, 9, 4, 9]);
+    // and of each that captures samples how far their rate is off true time and three kinds of bad ones.
+    let of_figures = [18, 15, 20, 5, 4, 8, 8, 8, 18, 9, 18, 12, 13, 14];
+    assert_eq!(counts[14..28], of_figures.map(|figures| figures + 4));
+    // The receiver's accuracy with the board's clock; the download; the check.
+    assert_eq!(counts[28..], [9, 4, 8 + 4]);
 }

@@ -35,13 +35,23 @@ fn params(item: ItemId, params: &str) -> Params {
     plan.items().iter().find(|other| other.name == "this").unwrap().params.clone()
 }
 
+/// A bench without errors of its own, so that what is left is the method's.
+const PERFECT: Fixture = Fixture {
+    mounting_rad: None,
+    mounting_u_rad: 0.0,
+    axis_u_rad: 0.0,
+    runout_u_rad: 0.0,
+    field_u_gauss: 0.0,
+    ambient_u_gauss: 0.0,
+};
+
 fn site() -> Site {
     Site {
         name: None,
         place: Some(SitePlace { latitude_deg: world::LATITUDE_DEG, longitude_deg: 108.9, height_m: 412.0 }),
         gravity_mps2: Some(world::GRAVITY),
         field_gauss: Some(0.5),
-        fixture: None,
+        fixture: Some(PERFECT),
     }
 }
 

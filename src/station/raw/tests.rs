@@ -283,17 +283,28 @@ fn a_record_does_not_leave_its_chunk() {
 
 /// Few samples of each.
 pub(super) fn short_captures() -> Vec<Capture> {
-    let mut captures = captures();
-    for capture in &mut captures {
-        capture.samples.truncate(60);
-        capture.compensated.truncate(60);
+    captures().into_iter().map(|capture| cut(capture, 60)).collect()
+}
+
+/// The first samples of a capture.
+pub(super) fn cut(mut capture: Capture, samples: usize) -> Capture {
+    if capture.samples.len() > samples {
+        capture.samples.truncate(samples);
+        capture.compensated.truncate(samples);
+        let even = Timing::even(capture.about.rate_hz, capture.first_us, samples);
+        capture.timing = Timing { host: capture.timing.host, ..even };
     }
-    captures
+    capture
 }
 
 /// A file as it was written before fields had explicit presence; it is never written again.
 #[test]
 fn files_of_earlier_versions_are_read() {
     let found = read(&include_bytes!("implicit-presence.mcap")[..]).unwrap();
-    assert!(found == RawRecord { captures: short_captures(), unfinished: None, cut_off: false }, "other samples");
+    let mut captures = short_captures();
+    for capture in &mut captures {
+        // Nobody compared the clocks then.
+        capture.timing.host = HostView::default();
+    }
+    assert!(found == RawRecord { captures, unfinished: None, cut_off: false }, "other samples");
 }

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::coverage::Tally;
 use super::world::{Dice, capture};
 use crate::capture::{Along, Capture, Pose};
-use crate::figures::{Question, analyse};
+use crate::figures::{FigureError, Question, analyse};
 
 const PLAN: &str = r#"
 name = "coverage"
@@ -136,7 +136,10 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     let params: Vec<Params> = plan.items().iter().map(|item| item.params.clone()).collect();
     let mut tallies: Vec<Tally> = Vec::new();
     for trial in 0..trials {
-        let found = calibrate(&params, seed.wrapping_mul(1_000_003) + trial as u64);
+        // Once in a few hundred modules the ambient field moves so far that the ellipsoid takes an attitude for spikes and
+        // refuses: another module takes its place.
+        let seeds = (0..3).map(|again| seed.wrapping_mul(1_000_003) + (trial + again * trials) as u64);
+        let found = seeds.into_iter().find_map(|seed| calibrate(&params, seed)).expect("one of three is no rarity");
         for (k, (name, value, truth)) in found.into_iter().enumerate() {
             if trial == 0 {
                 tallies.push(Tally { name, held: 0 });
@@ -148,7 +151,8 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     tallies
 }
 
-fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
+/// Each figure with its truth; `None` where the ellipsoid is refused.
+fn calibrate(params: &[Params], seed: u64) -> Option<Vec<(String, Value, f64)>> {
     let mut bench = Bench::new(seed);
     let site = Site { field_gauss: Some(0.5334), fixture: Some(bench.fixture), ..Site::default() };
     let plane = SOFT.fixed_view::<2, 2>(0, 0);
@@ -186,13 +190,17 @@ fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
     let mut all = Vec::new();
     for ((id, captures, truths), params) in figures.into_iter().zip(params) {
         let question = Question { params, site: Some(&site), captures: &captures, earlier: &[] };
-        let findings = analyse(id, &question).unwrap_or_else(|error| panic!("seed {seed}: {id}: {error}"));
+        let findings = match analyse(id, &question) {
+            Ok(findings) => findings,
+            Err(FigureError::Refused { .. }) if id == ItemId::MagnetometerEllipsoid => return None,
+            Err(error) => panic!("seed {seed}: {id}: {error}"),
+        };
         for (name, truth) in truths {
             let value = findings.value(name).cloned().unwrap_or_else(|| panic!("{id} has no {name}"));
             all.push((format!("{id} {name}"), value, truth));
         }
     }
-    all
+    Some(all)
 }
 
 /// The long run is `cargo bench -p gnc-station --bench coverage`.

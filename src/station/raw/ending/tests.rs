@@ -4,17 +4,12 @@ use mcap::records::Statistics;
 
 use super::*;
 use crate::capture::Capture;
-use crate::raw::tests::{Shared, file, short_captures, write};
+use crate::raw::tests::{Shared, cut, file, short_captures, write};
 use crate::raw::{RawRecord, read};
 
 /// Few samples of each, so that every length can be tried.
 fn few() -> Vec<Capture> {
-    let mut captures = short_captures();
-    for capture in &mut captures {
-        capture.samples.truncate(13);
-        capture.compensated.truncate(13);
-    }
-    captures
+    short_captures().into_iter().map(|capture| cut(capture, 13)).collect()
 }
 
 /// What a kill leaves: flushed after each capture, and no end.
