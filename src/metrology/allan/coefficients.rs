@@ -245,7 +245,7 @@ pub(super) fn reaches_white(search: &Search, tau_s: &[f64], plateau: Option<&Pla
 }
 
 /// A fit that holds with less than this is looked at once more, with a Gauss-Markov noise.
-const DOUBTFUL: f64 = 0.02;
+const DOUBTFUL: f64 = 0.005;
 
 fn contradict(a: Coefficient, b: Coefficient) -> bool {
     let sd = ((a.high - a.low) / 2.0).hypot((b.high - b.low) / 2.0);

@@ -135,7 +135,7 @@ pub(super) fn search_with_markov(curve: &Curve) -> Option<Solved> {
     let candidates: Vec<f64> = octaves.flat_map(|t| [t, t * std::f64::consts::SQRT_2]).collect();
     [0.0, MODEL_ERROR].into_iter().find_map(|model_error| {
         let fitted = |markov_s: f64| match curve.search(&Model { markov_s, model_error }, EARLY) {
-            Search::Holds(fit) if fit.fitted.contains(&G) => Some(fit),
+            Search::Holds(fit) if fit.fitted.contains(&G) && fit.p >= LIKELY => Some(fit),
             _ => None,
         };
         candidates.iter().filter_map(|markov_s| fitted(*markov_s)).max_by(|a, b| a.p.total_cmp(&b.p))
@@ -144,6 +144,9 @@ pub(super) fn search_with_markov(curve: &Curve) -> Option<Solved> {
 
 /// Points from one of which on a fit with a Gauss-Markov noise begins: the sensor's memory is over by then.
 const EARLY: usize = 7;
+
+/// Probability of chi-square from which on a fit with a Gauss-Markov noise takes the place of one without.
+const LIKELY: f64 = 0.02;
 
 /// What is common to the fits of a search.
 struct Model {
