@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::fit::{B, FLAT, K, N, Q, R, Search, Solved};
+use super::fit::{B, FLAT, G, K, N, Q, R, Search, Solved};
 use super::lines::Line;
 use crate::psd::Plateau;
 use crate::stats;
@@ -160,6 +160,8 @@ pub struct Fit {
     pub terms: Vec<&'static str>,
     /// First averaging time used, s.
     pub used_from_s: f64,
+    /// Correlation time of the Gauss-Markov noise, s, where one was fitted.
+    pub correlation_s: Option<f64>,
     /// Relative standard deviation that each deviation was given for the model's own error.
     pub model_error: f64,
     /// Lines that were taken off before.
@@ -231,6 +233,20 @@ fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Abse
     Ok(Coefficient { value, low, high })
 }
 
+/// Whether a fit holds from averaging times on at which the white noise of the sensor shows (up to `memory_s`), and its N
+/// does not contradict the plateau.
+pub(super) fn reaches_white(search: &Search, tau_s: &[f64], plateau: Option<&Plateau>, memory_s: f64) -> bool {
+    let Search::Holds(solved) = search else { return !matches!(search, Search::Rejected(_)) };
+    let agrees = match (seen(solved, N, tau_s), plateau) {
+        (Ok(n), Some(plateau)) => !contradict(n, plateau.n()),
+        _ => true,
+    };
+    agrees && solved.p >= DOUBTFUL && tau_s[solved.start] <= memory_s
+}
+
+/// A fit that holds with less than this is looked at once more, with a Gauss-Markov noise.
+const DOUBTFUL: f64 = 0.005;
+
 fn contradict(a: Coefficient, b: Coefficient) -> bool {
     let sd = ((a.high - a.low) / 2.0).hypot((b.high - b.low) / 2.0);
     (a.value - b.value).abs() > CONTRADICTION * sd + BENT * a.value.min(b.value)
@@ -246,6 +262,7 @@ pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, l
         N => "N",
         B => "B",
         K => "K",
+        G => "Gauss-Markov",
         _ => "R",
     };
     let lined = if lines.is_empty() { None } else { Some("line") };
@@ -256,6 +273,7 @@ pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, l
         p: s.p,
         terms: s.fitted.iter().map(term).chain(lined).collect(),
         used_from_s: tau_s[s.start],
+        correlation_s: Some(s.markov_s).filter(|markov_s| *markov_s > 0.0),
         model_error: s.model_error,
         lines: lines.to_vec(),
     })

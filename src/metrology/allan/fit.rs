@@ -14,13 +14,14 @@ use nalgebra::{DMatrix, DVector};
 use super::scatter::{Parts, Scatter};
 use crate::{linear, stats};
 
-/// Terms of `dev^2`: Q, N, B, K, R.
-pub(super) const TERMS: usize = 5;
+/// Terms of `dev^2`: Q, N, B, K, R, and a Gauss-Markov noise of unit variance.
+pub(super) const TERMS: usize = 6;
 pub(super) const Q: usize = 0;
 pub(super) const N: usize = 1;
 pub(super) const B: usize = 2;
 pub(super) const K: usize = 3;
 pub(super) const R: usize = 4;
+pub(super) const G: usize = 5;
 
 /// `sqrt(2 ln 2 / pi)`.
 pub(super) const FLAT: f64 = 0.664_282;
@@ -44,9 +45,23 @@ const TERM_COST: f64 = 1.6;
 /// Too few degrees of freedom to be believed.
 const FEWEST_DOF: usize = 3;
 
-/// Coefficients of the terms.
-pub(super) fn terms(tau_s: f64) -> [f64; TERMS] {
-    [3.0 / (tau_s * tau_s), 1.0 / tau_s, FLAT * FLAT, tau_s / 3.0, tau_s * tau_s / 2.0]
+/// Coefficients of the terms, for a correlation time of the Gauss-Markov noise (0: there is none).
+pub(super) fn terms(tau_s: f64, markov_s: f64) -> [f64; TERMS] {
+    [3.0 / (tau_s * tau_s), 1.0 / tau_s, FLAT * FLAT, tau_s / 3.0, tau_s * tau_s / 2.0, markov(tau_s, markov_s)]
+}
+
+/// Squared Allan deviation of an exponentially correlated noise of unit variance (IEEE Std 952, annex C.1.1.6):
+/// `(2 / x) [1 - (3 - 4 e^-x + e^-2x) / 2 x]` with `x = tau / T`.
+fn markov(tau_s: f64, markov_s: f64) -> f64 {
+    if markov_s <= 0.0 {
+        return 0.0;
+    }
+    let x = tau_s / markov_s;
+    if x < 0.01 {
+        // The first terms of the series: the difference above loses its digits here.
+        return x * (2.0 / 3.0 - x * (0.5 - x * 7.0 / 30.0));
+    }
+    2.0 / x * (1.0 - (3.0 - 4.0 * (-x).exp() + (-2.0 * x).exp()) / (2.0 * x))
 }
 
 /// Squared deviations at rising averaging times, and how they scatter.
@@ -69,6 +84,8 @@ pub(super) struct Solved {
     pub(super) fitted: Vec<usize>,
     /// Covariance of their squares.
     pub(super) covariance: DMatrix<f64>,
+    /// Correlation time of the Gauss-Markov noise; 0 without one.
+    pub(super) markov_s: f64,
     /// Square of N and its standard deviation, where weak slow terms take part too.
     walk: Option<(f64, f64)>,
     /// How they follow from the squared deviations used.
@@ -98,35 +115,43 @@ pub(super) enum Search {
 pub(super) fn search(curve: &Curve) -> Search {
     let mut nearest: Option<Solved> = None;
     for model_error in [0.0, MODEL_ERROR] {
-        let fits = |banded: bool, starts: usize| -> Vec<Solved> {
-            (0..starts).map_while(|start| curve.solve(start, banded, model_error, TERM_COST)).collect()
-        };
-        let plain = fits(false, 1 + ASKED);
-        let odds = curve.solve(0, true, model_error, TERM_COST).and_then(|banded| banded.odds(Q)).unwrap_or(0.0);
-        if let Some(first) = plain.first() {
-            if model_error == 0.0 && first.dof > FEWEST_DOF && 1.0 - first.p < TOO_GOOD {
-                return Search::TooGood(first.clone());
+        match curve.search(&Model { markov_s: 0.0, model_error }, curve.tau_s.len()) {
+            Search::Rejected(rejected) => {
+                let before = nearest.take();
+                nearest = [Some(rejected), before].into_iter().flatten().max_by(|a, b| a.p.total_cmp(&b.p));
             }
-            if belongs(&plain) && (-BAND_LIMIT..QUANTISATION).contains(&odds) {
-                return curve.holds(first, false);
-            }
+            Search::TooFew => {}
+            found => return found,
         }
-        let banded = fits(true, curve.tau_s.len());
-        if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
-            return curve.holds(first, true);
-        }
-        for start in 0..banded.len() {
-            if belongs(&banded[start..])
-                && let Some(further) = banded.get(start + 1)
-                && further.p >= HOLDS
-            {
-                return curve.holds(further, true);
-            }
-        }
-        let all = plain.into_iter().chain(banded).filter(|fit| fit.dof >= FEWEST_DOF);
-        nearest = all.chain(nearest).max_by(|a, b| a.p.total_cmp(&b.p));
     }
     nearest.map_or(Search::TooFew, Search::Rejected)
+}
+
+/// The fit with a Gauss-Markov noise beside the other terms, of the likeliest correlation time: what a slow, bounded wander
+/// of the bias looks like, as of a sensor that is warmed in turns. `None` where none holds.
+pub(super) fn search_with_markov(curve: &Curve) -> Option<Solved> {
+    let longest_s = curve.tau_s.last()? / 2.0;
+    let octaves = curve.tau_s.iter().skip(EARLY).copied().take_while(|t| *t <= longest_s);
+    let candidates: Vec<f64> = octaves.flat_map(|t| [t, t * std::f64::consts::SQRT_2]).collect();
+    [0.0, MODEL_ERROR].into_iter().find_map(|model_error| {
+        let fitted = |markov_s: f64| match curve.search(&Model { markov_s, model_error }, EARLY) {
+            Search::Holds(fit) if fit.fitted.contains(&G) && fit.p >= LIKELY => Some(fit),
+            _ => None,
+        };
+        candidates.iter().filter_map(|markov_s| fitted(*markov_s)).max_by(|a, b| a.p.total_cmp(&b.p))
+    })
+}
+
+/// Points from one of which on a fit with a Gauss-Markov noise begins: the sensor's memory is over by then.
+const EARLY: usize = 7;
+
+/// Probability of chi-square from which on a fit with a Gauss-Markov noise takes the place of one without.
+const LIKELY: f64 = 0.02;
+
+/// What is common to the fits of a search.
+struct Model {
+    markov_s: f64,
+    model_error: f64,
 }
 
 /// Whether the first of these fits holds, and the points that only the first ones use belong to the curve behind them.
@@ -140,11 +165,43 @@ fn belongs(fits: &[Solved]) -> bool {
 }
 
 impl Curve {
+    /// The simplest fit of a model that holds, from one of the first `starts` points on.
+    fn search(&self, model: &Model, starts: usize) -> Search {
+        let fits = |banded: bool, starts: usize| -> Vec<Solved> {
+            (0..starts).map_while(|start| self.solve(start, banded, model, TERM_COST)).collect()
+        };
+        let plain = fits(false, 1 + ASKED);
+        let odds = self.solve(0, true, model, TERM_COST).and_then(|banded| banded.odds(Q)).unwrap_or(0.0);
+        if let Some(first) = plain.first() {
+            if model.model_error == 0.0 && first.dof > FEWEST_DOF && 1.0 - first.p < TOO_GOOD {
+                return Search::TooGood(first.clone());
+            }
+            if belongs(&plain) && (-BAND_LIMIT..QUANTISATION).contains(&odds) {
+                return self.holds(first, false);
+            }
+        }
+        let banded = fits(true, starts);
+        if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
+            return self.holds(first, true);
+        }
+        for start in 0..banded.len() {
+            if belongs(&banded[start..])
+                && let Some(further) = banded.get(start + 1)
+                && further.p >= HOLDS
+            {
+                return self.holds(further, true);
+            }
+        }
+        let all = plain.into_iter().chain(banded).filter(|fit| fit.dof >= FEWEST_DOF);
+        all.max_by(|a, b| a.p.total_cmp(&b.p)).map_or(Search::TooFew, Search::Rejected)
+    }
+
     /// N from the same points with every slow term that improves the fit at all: one that is there but too weak to be
     /// chosen would bend N.
     fn holds(&self, chosen: &Solved, banded: bool) -> Search {
         let mut solved = chosen.clone();
-        if let Some(free) = self.solve(chosen.start, banded, chosen.model_error, 0.0)
+        let model = Model { markov_s: chosen.markov_s, model_error: chosen.model_error };
+        if let Some(free) = self.solve(chosen.start, banded, &model, 0.0)
             && let Some(sd) = free.sd(N)
         {
             solved.walk = Some((free.squares[N], sd));
@@ -153,10 +210,12 @@ impl Curve {
     }
 
     /// Generalised least squares from point `start` on. `None` with too few points or without any solution.
-    fn solve(&self, start: usize, banded: bool, model_error: f64, term_cost: f64) -> Option<Solved> {
+    fn solve(&self, start: usize, banded: bool, model: &Model, term_cost: f64) -> Option<Solved> {
+        let Model { markov_s, model_error } = *model;
         let square = DVector::from_column_slice(self.square.get(start..)?);
-        let design = DMatrix::from_fn(square.len(), TERMS, |r, c| terms(self.tau_s[start + r])[c]);
-        let mut allowed: Vec<usize> = (usize::from(!banded)..TERMS).collect();
+        let design = DMatrix::from_fn(square.len(), TERMS, |r, c| terms(self.tau_s[start + r], markov_s)[c]);
+        let terms_used = if markov_s > 0.0 { TERMS } else { G };
+        let mut allowed: Vec<usize> = (usize::from(!banded)..terms_used).collect();
         // The scatter is that of the fitted curve, so that points that happen to be low do not weigh more. It begins
         // with that of white noise through the points.
         let mut parts: Vec<Parts> = self.square.iter().map(|s| [0.0, *s, 0.0, 0.0]).collect();
@@ -165,7 +224,7 @@ impl Curve {
             let covariance = self.covariance(start, &parts, banded, model_error);
             let cost = if round == CHOICE { term_cost } else { 0.0 };
             let fit = Constrained::fit(&design, &square, &covariance, &allowed, cost)?;
-            parts = self.tau_s.iter().zip(&self.square).map(|(t, s)| fit.parts(*t, *s)).collect();
+            parts = self.tau_s.iter().zip(&self.square).map(|(t, s)| fit.parts(*t, *s, markov_s)).collect();
             if round == CHOICE {
                 allowed.clone_from(&fit.columns);
             }
@@ -182,6 +241,7 @@ impl Curve {
             squares: fit.squares,
             fitted: fit.columns,
             covariance: &estimator * &points * estimator.transpose(),
+            markov_s,
             walk: None,
             estimator,
             points,
@@ -252,27 +312,34 @@ impl Solved {
     }
 
     fn part(&self, term: usize, tau_s: f64) -> f64 {
-        self.squares[term] * terms(tau_s)[term] / self.model(tau_s)
+        self.squares[term] * terms(tau_s, self.markov_s)[term] / self.model(tau_s)
     }
 
     /// Fitted square at an averaging time.
     pub(super) fn model(&self, tau_s: f64) -> f64 {
-        terms(tau_s).iter().zip(self.squares).map(|(t, s)| t * s).sum()
+        terms(tau_s, self.markov_s).iter().zip(self.squares).map(|(t, s)| t * s).sum()
     }
 
     /// Parts of the noises in it.
     pub(super) fn parts(&self, tau_s: f64) -> Parts {
-        parts(&self.squares, tau_s)
+        parts(&self.squares, tau_s, self.markov_s)
     }
 }
 
 /// Parts of the noises in the fitted square. A band limit makes white noise less; a ramp counts as a walk, which scatters
-/// most.
-fn parts(squares: &[f64; TERMS], tau_s: f64) -> Parts {
-    let t = terms(tau_s);
+/// most. A Gauss-Markov noise is a walk below its correlation time and white above it.
+fn parts(squares: &[f64; TERMS], tau_s: f64, markov_s: f64) -> Parts {
+    let t = terms(tau_s, markov_s);
     let of = |term: usize| t[term] * squares[term];
-    [of(Q).max(0.0), of(N) + of(Q).min(0.0), of(B), of(K) + of(R)]
+    let x2 = if markov_s > 0.0 { (tau_s / markov_s).powi(2) } else { 0.0 };
+    let white = x2 / (x2 + TURN);
+    let walk = of(K) + of(R) + of(G) * (1.0 - white);
+    [of(Q).max(0.0), of(N) + of(G) * white + of(Q).min(0.0), of(B), walk]
 }
+
+/// Square of the averaging time, in correlation times, at which a Gauss-Markov noise turns from walk to white: that of the
+/// frequency to which the Allan window answers most, `1 / (2 tau)`, against the corner `1 / (2 pi T)`.
+const TURN: f64 = std::f64::consts::PI * std::f64::consts::PI;
 
 /// Chi-square of the points about the model. A squared deviation of few degrees of freedom is far from normal; its cube
 /// root is not (Wilson and Hilferty 1931).
@@ -336,8 +403,34 @@ impl Constrained {
     }
 
     /// Where the fit is none, before its first point, the points speak for themselves.
-    fn parts(&self, tau_s: f64, square: f64) -> Parts {
-        let parts = parts(&self.squares, tau_s);
+    fn parts(&self, tau_s: f64, square: f64, markov_s: f64) -> Parts {
+        let parts = parts(&self.squares, tau_s, markov_s);
         if parts.iter().all(|p| *p >= 0.0) { parts } else { [0.0, square, 0.0, 0.0] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From its definition: half the mean square of the difference of two neighbouring means, with the covariance
+    /// `e^-|t|` of the noise summed over a fine grid.
+    #[test]
+    fn deviation_of_a_gauss_markov_noise() {
+        for (tau_s, markov_s) in [(0.02, 3.0), (1.0, 3.0), (6.0, 3.0), (100.0, 3.0)] {
+            let cells = 400;
+            let weight = |k: i32| if k < cells { -1.0 } else { 1.0 } / f64::from(cells);
+            let sum: f64 = (0..2 * cells)
+                .flat_map(|a| (0..2 * cells).map(move |b| (a, b)))
+                .map(|(a, b)| {
+                    let apart_s = f64::from((a - b).abs()) * tau_s / f64::from(cells);
+                    weight(a) * weight(b) * (-apart_s / markov_s).exp()
+                })
+                .sum();
+            let found = markov(tau_s, markov_s);
+            assert!((found / (sum / 2.0) - 1.0).abs() < 0.01, "{tau_s}: {found} {}", sum / 2.0);
+        }
+        // Both forms of the sum meet where one takes over.
+        assert!((markov(0.01 - 1e-9, 1.0) / markov(0.01 + 1e-9, 1.0) - 1.0).abs() < 1e-6);
     }
 }

@@ -235,8 +235,14 @@ impl Fitted {
         };
         let memory = grid.iter().map(stretch).collect();
         let curve = fit::Curve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square, memory };
-        let search = fit::search(&curve);
         let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
+        let mut search = fit::search(&curve);
+        // Without a term for a bounded wander, a fit of its long end takes that for the noise of the sensor.
+        if !coefficients::reaches_white(&search, &curve.tau_s, plateau.as_ref(), MEMORY_SAMPLES / rate_hz)
+            && let Some(fit) = fit::search_with_markov(&curve)
+        {
+            search = Search::Holds(fit);
+        }
         Self { tau_s: curve.tau_s, search, lines, spectrum, plateau }
     }
 

@@ -154,7 +154,8 @@ fn told(report: &mut Report, analysis: &Analysis) {
             .collect();
         json!({
             "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
-            "used_from_s": fit.used_from_s, "model_error": fit.model_error, "lines": lines,
+            "used_from_s": fit.used_from_s, "model_error": fit.model_error,
+            "correlation_s": fit.correlation_s, "lines": lines,
         })
     });
     let spectrum = analysis.plateau.as_ref().map_or(Value::Null, |plateau| {

@@ -67,7 +67,8 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> serde_json::Value {
             .collect();
         json!({
             "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
-            "used_from_s": fit.used_from_s, "model_error": fit.model_error, "lines": lines,
+            "used_from_s": fit.used_from_s, "model_error": fit.model_error,
+            "correlation_s": fit.correlation_s, "lines": lines,
         })
     });
     let mut curve = json!({
