@@ -14,9 +14,12 @@ const NEAR: f64 = 8.0;
 pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) {
     let lowest_step = characters.iter().map(|character| character.step).fold(f64::INFINITY, f64::min);
     let mut words = vec![0.0, -1.0];
-    // -1 of a record in units of its own is one code below 0.
-    if lowest_step.is_finite() && lowest_step > 0.0 && lowest_step != 1.0 {
-        words.push(-lowest_step);
+    if lowest_step.is_finite() && lowest_step > 0.0 {
+        // -1 of a record in units of its own is one code below 0. A link that shortens codes gives back the middle of each
+        // step, and then the codes next to 0 stand for 0 and -1.
+        let first = channels.iter().find_map(|values| values.first()).copied().unwrap_or(0.0);
+        let above = if lowest_step.fract() == 0.0 { first.rem_euclid(lowest_step) } else { 0.0 };
+        words.extend([above, above - lowest_step].into_iter().filter(|word| ![0.0, -1.0].contains(word)));
     }
     for word in words {
         let rows = rows_of(channels, word, found.rows());

@@ -29,6 +29,23 @@ fn counts(channels: &[&[f64]], still: bool) -> [usize; 4] {
     [failed_reads, spikes, stale, clipped]
 }
 
+/// CAN carries the upper 18 of 24 bits and gives back the middle of the step: a read of 0 arrives as 32, one of -1 as -32.
+#[test]
+fn failed_reads_are_found_behind_a_link_that_shortens_codes() {
+    let shortened = |code: f64| (code / 64.0).floor() * 64.0 + 32.0;
+    for word in [0.0, -1.0] {
+        let channels: Vec<Vec<f64>> = [(1, 1690.0), (2, -1000.0), (3, 1200.0)]
+            .into_iter()
+            .map(|(seed, level)| {
+                let noise = noise(seed, 400, level, 590.0);
+                let read = |(row, code): (usize, &f64)| shortened(if row % 33 == 7 { word } else { *code });
+                noise.iter().enumerate().map(read).collect()
+            })
+            .collect();
+        assert_eq!(counts(&[&channels[0], &channels[1], &channels[2]], true), [12, 0, 0, 0], "{word}");
+    }
+}
+
 #[test]
 fn honest_records_pass_whole() {
     let check = |what: &str, values: Vec<f64>| assert_eq!(counts(&[&values], true), [0; 4], "{what}");
