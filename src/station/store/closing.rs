@@ -91,6 +91,10 @@ fn file_papers(
 /// stays as it is: what nobody vouched for at its end must not become a pass later.
 #[must_use]
 pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String> {
+    // The first run of a station makes the folder.
+    if !records.exists() {
+        return Vec::new();
+    }
     let mut runs: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| run.join(JOURNAL).is_file()).collect();
     runs.reverse();
     let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
