@@ -395,8 +395,8 @@ mod tests {
             assert!((n.value / 0.1 - 1.0).abs() < 0.2 && plateau.to_hz < 10.0, "{seed}: {plateau:?}");
         }
         println!("covered {covered} of {records}");
-        // 68.3 % of 200 are 137, 3.9 standard errors 26.
-        assert!((111..=163).contains(&covered), "{covered}");
+        // 68.3 % of 200 are 137, 3.9 standard errors 25.7.
+        assert!((111..=162).contains(&covered), "{covered}");
     }
 
     #[test]

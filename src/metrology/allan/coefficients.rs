@@ -25,6 +25,13 @@ pub enum Absence {
     OtherDeviation,
     /// The record has too few averaging times for a fit.
     TooShort,
+    /// The noise is below the resolution of the record.
+    Unresolved {
+        /// Least step between codes.
+        step: f64,
+        /// Standard deviation of the samples.
+        sd: f64,
+    },
     /// Chi-square rejects the nearest fit.
     Rejected {
         /// Chi-square of the nearest fit.
@@ -60,6 +67,11 @@ pub enum Absence {
         /// The square of the coefficient over what chance makes of it.
         odds: f64,
     },
+    /// Other terms in its place fit nearly as well.
+    Rivalled {
+        /// What they fit worse by, in chi-square.
+        gain: f64,
+    },
     /// Its whole interval exceeds what the lowest deviation allows.
     AboveBound {
         /// Lower end of the interval that was found.
@@ -79,6 +91,11 @@ impl fmt::Display for Absence {
         match self {
             Self::OtherDeviation => write!(f, "coefficients come from adev or oadev only"),
             Self::TooShort => write!(f, "the record has too few averaging times for a fit"),
+            Self::Unresolved { step, sd } => write!(
+                f,
+                "the noise is below the resolution: the codes are {step:.4e} apart and the samples scatter by {sd:.4e}, about \
+                 half of that or less; record with a finer resolution"
+            ),
             Self::Rejected { chi_square, dof, p } => write!(
                 f,
                 "no fit holds: the nearest has chi-square {chi_square:.1} with {dof} degrees of freedom (p {p:.1e}); look at \
@@ -103,6 +120,10 @@ impl fmt::Display for Absence {
             Self::Chance { odds } => {
                 write!(f, "its square is {odds:.1} times what chance makes of it, {CHANCE:.0} are needed")
             }
+            Self::Rivalled { gain } => write!(
+                f,
+                "other terms fit nearly as well: chi-square is {gain:.1} larger without it, {RIVALLED:.0} are needed"
+            ),
             Self::AboveBound { low, bound } => {
                 write!(f, "the fit gives {low:.4e} at least, more than the upper bound of {bound:.4e}")
             }
@@ -133,7 +154,7 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    fn absent(why: Absence, b_upper_bound: Option<f64>) -> Self {
+    pub(super) fn absent(why: Absence, b_upper_bound: Option<f64>) -> Self {
         Self { q: Err(why), n: Err(why), b: Err(why), k: Err(why), r: Err(why), b_upper_bound }
     }
 }
@@ -173,6 +194,8 @@ const SEEN: f64 = 0.5;
 /// ... and exceed this many times what chance makes of it where it is absent. (Not its own standard deviation: a long
 /// averaging time has few degrees of freedom, so that this is always large, though the record may leave no doubt.)
 const CHANCE: f64 = 4.0;
+/// B must improve chi-square by this: the beginning of a walk is easily taken for a flat part.
+const RIVALLED: f64 = 4.0;
 /// N of the deviations and of the spectrum contradict each other beyond so many standard deviations ...
 const CONTRADICTION: f64 = 5.0;
 /// ... and this part of it, for the plateau may bend a little.
@@ -199,6 +222,7 @@ pub(super) fn of(
     };
     let seen = |term| seen(solved, term, tau_s);
     let b = seen(B).and_then(|b| match b_upper_bound {
+        _ if solved.flat_gain < RIVALLED => Err(Absence::Rivalled { gain: solved.flat_gain }),
         Some(bound) if b.low > bound => Err(Absence::AboveBound { low: b.low, bound }),
         _ => Ok(b),
     });
@@ -267,7 +291,8 @@ pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, l
     };
     let lined = if lines.is_empty() { None } else { Some("line") };
     Some(Fit {
-        holds: matches!(search, Search::Holds(_)) && !matches!(coefficients.n, Err(Absence::Contradicted { .. })),
+        holds: matches!(search, Search::Holds(_))
+            && !matches!(coefficients.n, Err(Absence::Contradicted { .. } | Absence::Unresolved { .. })),
         chi_square: s.chi_square,
         dof: s.dof,
         p: s.p,

@@ -86,8 +86,10 @@ pub(super) struct Solved {
     pub(super) covariance: DMatrix<f64>,
     /// Correlation time of the Gauss-Markov noise; 0 without one.
     pub(super) markov_s: f64,
-    /// Square of N and its standard deviation, where weak slow terms take part too.
+    /// Square of N and its standard deviation over the choices of slow terms.
     walk: Option<(f64, f64)>,
+    /// What the best fit without a flat part is worse by, in chi-square.
+    pub(super) flat_gain: f64,
     /// How they follow from the squared deviations used.
     estimator: DMatrix<f64>,
     /// Covariance of the squared deviations used.
@@ -196,26 +198,55 @@ impl Curve {
         all.max_by(|a, b| a.p.total_cmp(&b.p)).map_or(Search::TooFew, Search::Rejected)
     }
 
-    /// N from the same points with every slow term that improves the fit at all: one that is there but too weak to be
-    /// chosen would bend N.
+    /// With N as the mean over every choice of slow terms, weighted by how well each follows the points (Buckland, Burnham
+    /// and Augustin, *Model Selection: An Integral Part of Inference*, 1997): one that is there but too weak to be chosen would
+    /// bend N, and the spread over the choices is the uncertainty of choosing.
     fn holds(&self, chosen: &Solved, banded: bool) -> Search {
         let mut solved = chosen.clone();
-        let model = Model { markov_s: chosen.markov_s, model_error: chosen.model_error };
-        if let Some(free) = self.solve(chosen.start, banded, &model, 0.0)
-            && let Some(sd) = free.sd(N)
-        {
-            solved.walk = Some((free.squares[N], sd));
+        let (design, square) = self.from(chosen.start, chosen.markov_s);
+        let Some(choices) =
+            Constrained::all(&design, &square, &chosen.points, &allowed(banded, chosen.markov_s), TERM_COST)
+        else {
+            return Search::Holds(solved);
+        };
+        let least = |with: &dyn Fn(&Constrained) -> bool| {
+            choices.iter().filter(|c| with(c)).map(|c| c.cost).fold(f64::INFINITY, f64::min)
+        };
+        let best = least(&|_| true);
+        solved.flat_gain = least(&|c| !c.columns.contains(&B)) - best;
+        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+        for choice in &choices {
+            let Some(row) = choice.columns.iter().position(|c| *c == N) else { continue };
+            let weight = (-(choice.cost - best) / 2.0).exp();
+            let (square, estimator) = (choice.squares[N], choice.estimator.row(row));
+            let variance = (estimator * &chosen.points * estimator.transpose())[0];
+            total += weight;
+            first += weight * square;
+            second += weight * (square * square + variance);
+        }
+        let mean = first / total;
+        let sd = (second / total - mean * mean).sqrt();
+        if sd.is_finite() {
+            solved.walk = Some((mean, sd));
         }
         Search::Holds(solved)
+    }
+
+    /// Terms and squared deviations from a point on.
+    fn from(&self, start: usize, markov_s: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let tau_s = &self.tau_s[start..];
+        let design = DMatrix::from_fn(tau_s.len(), TERMS, |r, c| terms(tau_s[r], markov_s)[c]);
+        (design, DVector::from_column_slice(&self.square[start..]))
     }
 
     /// Generalised least squares from point `start` on. `None` with too few points or without any solution.
     fn solve(&self, start: usize, banded: bool, model: &Model, term_cost: f64) -> Option<Solved> {
         let Model { markov_s, model_error } = *model;
-        let square = DVector::from_column_slice(self.square.get(start..)?);
-        let design = DMatrix::from_fn(square.len(), TERMS, |r, c| terms(self.tau_s[start + r], markov_s)[c]);
-        let terms_used = if markov_s > 0.0 { TERMS } else { G };
-        let mut allowed: Vec<usize> = (usize::from(!banded)..terms_used).collect();
+        if start >= self.square.len() {
+            return None;
+        }
+        let (design, square) = self.from(start, markov_s);
+        let mut allowed = allowed(banded, markov_s);
         // The scatter is that of the fitted curve, so that points that happen to be low do not weigh more. It begins
         // with that of white noise through the points.
         let mut parts: Vec<Parts> = self.square.iter().map(|s| [0.0, *s, 0.0, 0.0]).collect();
@@ -243,6 +274,7 @@ impl Curve {
             covariance: &estimator * &points * estimator.transpose(),
             markov_s,
             walk: None,
+            flat_gain: f64::INFINITY,
             estimator,
             points,
             model_error,
@@ -355,16 +387,22 @@ fn chi_square(square: &DVector<f64>, model: &DVector<f64>, covariance: &DMatrix<
     Some(z.dot(&solved)).filter(|c| c.is_finite())
 }
 
+/// Terms that may take part.
+fn allowed(banded: bool, markov_s: f64) -> Vec<usize> {
+    (usize::from(!banded)..if markov_s > 0.0 { TERMS } else { G }).collect()
+}
+
 /// A fit with some of the terms.
 struct Constrained {
+    /// Weighted sum of squares, and what its terms cost.
+    cost: f64,
     squares: [f64; TERMS],
     columns: Vec<usize>,
     estimator: DMatrix<f64>,
 }
 
 impl Constrained {
-    /// Least squares with solution >= 0, but for Q, which may have either sign and is always fitted where it is
-    /// allowed. Over all subsets of the columns: with five of them that is the plainest way, and it finds the optimum.
+    /// The best of them.
     fn fit(
         design: &DMatrix<f64>,
         square: &DVector<f64>,
@@ -372,11 +410,23 @@ impl Constrained {
         allowed: &[usize],
         cost: f64,
     ) -> Option<Self> {
+        Self::all(design, square, covariance, allowed, cost)?.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// Least squares with solution >= 0, but for Q, which may have either sign and is always fitted where it is
+    /// allowed: every subset of the columns that has such a solution. With five of them that is the plainest way.
+    fn all(
+        design: &DMatrix<f64>,
+        square: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        allowed: &[usize],
+        cost: f64,
+    ) -> Option<Vec<Self>> {
         let lower = covariance.clone().cholesky()?.l();
         let white = |m: &DMatrix<f64>| lower.solve_lower_triangular(m);
         let (whitened, data) =
             (white(design)?, white(&DMatrix::from_column_slice(square.len(), 1, square.as_slice()))?);
-        let mut best: Option<(f64, Self)> = None;
+        let mut fits = Vec::new();
         for subset in 1_u32..1 << allowed.len() {
             let columns: Vec<usize> =
                 allowed.iter().enumerate().filter(|(bit, _)| subset & (1 << bit) != 0).map(|(_, c)| *c).collect();
@@ -385,9 +435,9 @@ impl Constrained {
             }
             let part = whitened.select_columns(&columns);
             let Ok(fit) = linear::least_squares("noise coefficients", &part, &data) else { continue };
-            let squares = fit.residuals.norm_squared() + cost * columns.len() as f64;
+            let cost = fit.residuals.norm_squared() + cost * columns.len() as f64;
             let allowed = columns.iter().zip(fit.solution.iter()).all(|(c, s)| *c == Q || *s >= 0.0);
-            if !allowed || best.as_ref().is_some_and(|(least, _)| *least <= squares) {
+            if !allowed {
                 continue;
             }
             let mut solution = [0.0; TERMS];
@@ -397,9 +447,9 @@ impl Constrained {
             }
             // From whitened data; those themselves are `lower^-1` times the squared deviations.
             let estimator = (lower.tr_solve_lower_triangular(&(part * fit.cofactor))?).transpose();
-            best = Some((squares, Self { squares: solution, columns, estimator }));
+            fits.push(Self { cost, squares: solution, columns, estimator });
         }
-        best.map(|(_, fit)| fit)
+        Some(fits)
     }
 
     /// Where the fit is none, before its first point, the points speak for themselves.

@@ -12,6 +12,7 @@ mod freedom;
 mod lines;
 mod noise;
 mod overlapping;
+mod resolution;
 mod scatter;
 
 use std::borrow::Cow;
@@ -20,6 +21,7 @@ pub use coefficients::{Absence, Coefficient, Coefficients, Fit};
 use fit::Search;
 pub use lines::Line;
 pub use noise::Noise;
+use resolution::Unresolved;
 
 use crate::psd::{Plateau, Spectrum};
 use crate::{Refusal, series, stats};
@@ -98,7 +100,8 @@ pub struct Analysis {
     pub coefficients: Coefficients,
     /// How well they follow the deviations; `None` with another deviation, or a record too short for a fit.
     pub fit: Option<Fit>,
-    /// Level part of the spectrum, which gives N once more; `None` with another deviation, or where no part is level.
+    /// Level part of the spectrum, which gives N once more; `None` with another deviation, or where no part is level or the
+    /// record does not resolve its noise.
     pub plateau: Option<Plateau>,
 }
 
@@ -183,8 +186,14 @@ pub fn analyse(
     };
     let b_upper_bound = fitted.b_upper_bound(&points, rate_hz);
     let coefficients = coefficients::of(&fitted.search, &fitted.tau_s, fitted.plateau.as_ref(), b_upper_bound);
+    // A counter of angle carries what it rounds off to the next sample: seen as quantisation, it hides nothing.
+    let unresolved = fitted.unresolved.filter(|u| u.sd == 0.0 || coefficients.q.is_err());
+    let (coefficients, plateau) = match unresolved {
+        Some(u) => (Coefficients::absent(Absence::Unresolved { step: u.step, sd: u.sd }, None), None),
+        None => (coefficients, fitted.plateau),
+    };
     let fit = coefficients::fit(&fitted.search, &fitted.tau_s, &coefficients, &fitted.lines);
-    Ok(Analysis { points, coefficients, fit, plateau: fitted.plateau })
+    Ok(Analysis { points, coefficients, fit, plateau })
 }
 
 /// Within the sensor's memory the deviation falls below any flat part; averaging times of fewer samples than this say
@@ -193,6 +202,8 @@ const MEMORY_SAMPLES: f64 = 32.0;
 
 /// The fit of a record, and what it rests on.
 struct Fitted {
+    /// Codes too far apart for the noise.
+    unresolved: Option<Unresolved>,
     tau_s: Vec<f64>,
     search: Search,
     lines: Vec<Line>,
@@ -211,6 +222,7 @@ impl Fitted {
         threads: usize,
     ) -> Self {
         let samples = rates.len();
+        let unresolved = resolution::unresolved(&rates);
         let grid: Vec<usize> =
             (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
         let tau_s: Vec<f64> = grid.iter().map(|m| *m as f64 / rate_hz).collect();
@@ -243,7 +255,7 @@ impl Fitted {
         {
             search = Search::Holds(fit);
         }
-        Self { tau_s: curve.tau_s, search, lines, spectrum, plateau }
+        Self { unresolved, tau_s: curve.tau_s, search, lines, spectrum, plateau }
     }
 
     /// Upper bound of B, from the deviations beyond the sensor's memory.
