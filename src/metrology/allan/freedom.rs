@@ -5,6 +5,7 @@ use super::lines::Line;
 use super::scatter::{self, BASIS, Parts, window};
 use super::{Kind, Noise, edf};
 use crate::psd::Spectrum;
+use crate::stats;
 
 /// What is known of a record whose fit holds.
 pub(super) struct Known<'a> {
@@ -68,13 +69,19 @@ impl Known<'_> {
             let h = window(m, line.frequency_hz / self.rate_hz);
             let power = line.amplitude * line.amplitude / 2.0;
             let bin = (line.frequency_hz / spectrum.step_hz).round() as usize;
-            let density = spectrum.density.get(bin).copied().unwrap_or(0.0) * self.rate_hz;
+            // One ordinate scatters by half of itself; so does an interval that rests on it.
+            let end = spectrum.density.len().min(bin + BESIDE_LINE + 1);
+            let near = spectrum.density.get(bin.saturating_sub(BESIDE_LINE).max(1)..end).unwrap_or(&[]);
+            let density = if near.is_empty() { 0.0 } else { stats::mean(near) * self.rate_hz };
             total += power * h;
             scatter += 2.0 * density * power * h * h / (self.phases - 1) as f64;
         }
         scatter / (total * total)
     }
 }
+
+/// Ordinates on each side of a line that say how the noise is there.
+const BESIDE_LINE: usize = 8;
 
 fn dominant(parts: &Parts) -> Noise {
     let largest = parts.iter().zip(BASIS).max_by(|a, b| a.0.total_cmp(b.0));

@@ -396,6 +396,7 @@ pub const SENSORS: &[Sensor] = &[
         ..Sensor::WHITE
     },
     Sensor { name: "second order 20 %, 600 samples", samples: 600, low_pass: LowPass::Second(0.20), ..Sensor::WHITE },
+    Sensor { name: "white, one hour", samples: 360_000, ..Sensor::WHITE },
     Sensor { name: "first order 25 %, one hour", samples: 360_000, low_pass: LowPass::First(0.25), ..Sensor::WHITE },
     Sensor { name: "first order 25 %, 3000 samples", samples: 3000, low_pass: LowPass::First(0.25), ..Sensor::WHITE },
 ];
