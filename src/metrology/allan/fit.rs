@@ -132,9 +132,7 @@ pub(super) fn search(curve: &Curve) -> Search {
 /// The fit with a Gauss-Markov noise beside the other terms, of the likeliest correlation time: what a slow, bounded wander
 /// of the bias looks like, as of a sensor that is warmed in turns. `None` where none holds.
 pub(super) fn search_with_markov(curve: &Curve) -> Option<Solved> {
-    let longest_s = curve.tau_s.last()? / 2.0;
-    let octaves = curve.tau_s.iter().skip(EARLY).copied().take_while(|t| *t <= longest_s);
-    let candidates: Vec<f64> = octaves.flat_map(|t| [t, t * std::f64::consts::SQRT_2]).collect();
+    let candidates: Vec<f64> = curve.correlation_times().flat_map(|t| [t, t * std::f64::consts::SQRT_2]).collect();
     [0.0, MODEL_ERROR].into_iter().find_map(|model_error| {
         let fitted = |markov_s: f64| match curve.search(&Model { markov_s, model_error }, EARLY) {
             Search::Holds(fit) if fit.fitted.contains(&G) && fit.p >= LIKELY => Some(fit),
@@ -203,12 +201,22 @@ impl Curve {
     /// bend N, and the spread over the choices is the uncertainty of choosing.
     fn holds(&self, chosen: &Solved, banded: bool) -> Search {
         let mut solved = chosen.clone();
-        let (design, square) = self.from(chosen.start, chosen.markov_s);
-        let Some(choices) =
-            Constrained::all(&design, &square, &chosen.points, &allowed(banded, chosen.markov_s), TERM_COST)
-        else {
-            return Search::Holds(solved);
+        let of = |markov_s: f64| {
+            let (design, square) = self.from(chosen.start, markov_s);
+            Constrained::all(&design, &square, &chosen.points, &allowed(banded, markov_s), TERM_COST)
+                .unwrap_or_default()
         };
+        let mut choices = of(chosen.markov_s);
+        if chosen.markov_s == 0.0 {
+            // A bounded wander of any correlation time, which costs as a term does.
+            for markov_s in self.correlation_times() {
+                let wandering = of(markov_s).into_iter().filter(|choice| choice.columns.contains(&G));
+                choices.extend(wandering.map(|choice| Constrained { cost: choice.cost + TERM_COST, ..choice }));
+            }
+        }
+        if choices.is_empty() {
+            return Search::Holds(solved);
+        }
         let least = |with: &dyn Fn(&Constrained) -> bool| {
             choices.iter().filter(|c| with(c)).map(|c| c.cost).fold(f64::INFINITY, f64::min)
         };
@@ -230,6 +238,12 @@ impl Curve {
             solved.walk = Some((mean, sd));
         }
         Search::Holds(solved)
+    }
+
+    /// Correlation times of a Gauss-Markov noise that the record can show, an octave apart, s.
+    fn correlation_times(&self) -> impl Iterator<Item = f64> + '_ {
+        let longest_s = self.tau_s.last().map_or(0.0, |last| last / 2.0);
+        self.tau_s.iter().skip(EARLY).copied().take_while(move |t| *t <= longest_s)
     }
 
     /// Terms and squared deviations from a point on.

@@ -33,6 +33,8 @@ pub struct Sensor {
     pub low_pass: LowPass,
     pub b: f64,
     pub k: f64,
+    /// A bias that wanders within bounds (Gauss-Markov): standard deviation, correlation time in s.
+    pub wander: (f64, f64),
     /// Frequency in Hz and amplitude.
     pub line: (f64, f64),
 }
@@ -50,6 +52,7 @@ impl Sensor {
         low_pass: LowPass::None,
         b: 0.0,
         k: 0.0,
+        wander: (0.0, 1.0),
         line: (0.0, 0.0),
     };
 
@@ -109,16 +112,20 @@ impl Sensor {
         ((r[0] + 2.0 * r[1..].iter().sum::<f64>()) / self.rate_hz).sqrt()
     }
 
-    /// Relaxations of which the flicker is made: coefficient from sample to sample and variance. Their corners stand an
+    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker. Their corners stand an
     /// octave apart, from far below one over the record to far above the rate, so that the sum follows
     /// `B^2 / (2 pi f)` within 0.1 %.
     fn relaxations(&self) -> Vec<(f64, f64)> {
+        let (sd, correlation_s) = self.wander;
+        let mut all = vec![((-1.0 / (self.rate_hz * correlation_s)).exp(), sd * sd)];
+        all.retain(|(_, variance)| *variance > 0.0);
         if self.b == 0.0 {
-            return Vec::new();
+            return all;
         }
         let variance = self.b * self.b * RELAXATIONS.ln() / std::f64::consts::TAU;
         let octaves = (32.0 * self.samples as f64).log2() as i32;
-        (-octaves..5).map(|o| ((-std::f64::consts::TAU * RELAXATIONS.powi(o)).exp(), variance)).collect()
+        all.extend((-octaves..5).map(|o| ((-std::f64::consts::TAU * RELAXATIONS.powi(o)).exp(), variance)));
+        all
     }
 
     /// Expected square of the Allan deviation at m samples.
@@ -383,6 +390,8 @@ pub const SENSORS: &[Sensor] = &[
     Sensor { name: "white and flicker", b: 0.05, ..Sensor::WHITE },
     Sensor { name: "white and weak flicker", b: 0.012, ..Sensor::WHITE },
     Sensor { name: "white and walk", k: 0.01, ..Sensor::WHITE },
+    Sensor { name: "white and wander", wander: (0.2, 2.0), ..Sensor::WHITE },
+    Sensor { name: "second order, wander", low_pass: LowPass::Second(0.20), wander: (0.1, 1.0), ..Sensor::WHITE },
     Sensor { name: "white and line", line: (23.0, 0.3), ..Sensor::WHITE },
     Sensor { name: "white and strong line", line: (7.3, 100.0), ..Sensor::WHITE },
     Sensor { name: "first order, flicker", low_pass: LowPass::First(0.25), b: 0.05, ..Sensor::WHITE },
