@@ -265,7 +265,9 @@ pub(super) fn reaches_white(search: &Search, tau_s: &[f64], plateau: Option<&Pla
         (Ok(n), Some(plateau)) => !contradict(n, plateau.n()),
         _ => true,
     };
-    agrees && solved.p >= DOUBTFUL && tau_s[solved.start] <= memory_s
+    // What a low-pass takes off is never added.
+    let low_passed = solved.start == 0 || solved.squares[Q] < 0.0;
+    agrees && low_passed && solved.p >= DOUBTFUL && tau_s[solved.start] <= memory_s
 }
 
 /// A fit that holds with less than this is looked at once more, with a Gauss-Markov noise.
