@@ -288,7 +288,7 @@ pub(super) fn short_captures() -> Vec<Capture> {
 
 /// The first samples of a capture.
 pub(super) fn cut(mut capture: Capture, samples: usize) -> Capture {
-    if capture.samples.len() > samples {
+    if capture.samples.len().max(capture.compensated.len()) > samples {
         capture.samples.truncate(samples);
         capture.compensated.truncate(samples);
         let even = Timing::even(capture.about.rate_hz, capture.first_us, samples);
