@@ -168,7 +168,7 @@ impl Known {
         let across_gauss = stats::mean(&spins.iter().map(|spin| spin.found.radius).collect::<Vec<_>>());
         let total = question.site.and_then(|site| site.field_gauss).unwrap_or(STRONGEST_GAUSS);
         Self {
-            noise: spin_blocks::variances(&blocks),
+            noise: spin_blocks::variances(&blocks).unwrap_or_else(|| of_fits(spins)),
             fixture: Site::fixture(question.site),
             drift_k: captures::temperature(question.captures, Triad::Mag).1,
             axial_gauss: (total * total - across_gauss * across_gauss).max(0.0).sqrt(),
@@ -226,6 +226,22 @@ impl Known {
                 .b("quantisation", quantum, "gauss", 1.0),
         }
     }
+}
+
+/// Variances of one spin by the fits, which know white noise alone: all that a spin of a few turns tells.
+fn of_fits(spins: &[Spin<'_>]) -> [MeanVariance; FIGURES] {
+    let dof = spins.iter().map(|spin| spin.found.dof as f64).sum();
+    let pick = [
+        |e: &Ellipse| e.sd.correction.dx,
+        |e: &Ellipse| e.sd.correction.dy,
+        |e: &Ellipse| e.sd.correction.ky,
+        |e: &Ellipse| e.sd.correction.sin_alpha,
+        |e: &Ellipse| e.sd.semi_axes[0],
+    ];
+    pick.map(|sd| {
+        let squares: f64 = spins.iter().map(|spin| sd(&spin.found).powi(2)).sum();
+        MeanVariance { variance: squares / spins.len().max(1) as f64, dof }
+    })
 }
 
 /// Mean over the spins, the name of its type A contribution, its standard uncertainty and degrees of freedom: that of the

@@ -13,9 +13,11 @@ use super::mean::{self, BLOCKS, MeanVariance};
 /// Figures of a block or their variances, in this order: centre of x and y, ky, sine of alpha, radius.
 pub(super) const FIGURES: usize = 5;
 
-/// Figures of the blocks of a spin that turns steadily at `step_rad` a sample; the tail is dropped.
+/// Figures of the blocks of a spin that turns steadily at `step_rad` a sample; the tail is dropped. A block is a turn at
+/// least: in less the harmonic and the centre look alike.
 pub(super) fn of_spin(x: &[f64], y: &[f64], step_rad: f64) -> Vec<[f64; FIGURES]> {
-    let samples = (x.len() / BLOCKS).max(1);
+    let turn = (std::f64::consts::TAU / step_rad.abs()).ceil() as usize;
+    let samples = (x.len() / BLOCKS).max(turn).max(1);
     let block = |(index, (x, y)): (usize, (&[f64], &[f64]))| {
         // The angle goes on from block to block, so that neighbours are alike in everything but noise.
         of_block(x, y, step_rad, (index * samples) as f64)
@@ -39,13 +41,19 @@ fn of_block(x: &[f64], y: &[f64], step_rad: f64, first: f64) -> Option<[f64; FIG
     Some([x[0], y[0], radius / other, wave_x.dot(&wave_y) / (radius * other), radius])
 }
 
-/// Variance of each figure of one spin, from the blocks of all spins.
-pub(super) fn variances(spins: &[&[[f64; FIGURES]]]) -> [MeanVariance; FIGURES] {
-    std::array::from_fn(|figure| {
+/// Fewest blocks of a spin that say how its figures scatter.
+const FEWEST: usize = 8;
+
+/// Variance of each figure of one spin, from the blocks of all spins that have enough of them; `None` where none has.
+pub(super) fn variances(spins: &[&[[f64; FIGURES]]]) -> Option<[MeanVariance; FIGURES]> {
+    if spins.iter().all(|blocks| blocks.len() < FEWEST) {
+        return None;
+    }
+    Some(std::array::from_fn(|figure| {
         let records: Vec<Vec<f64>> =
             spins.iter().map(|blocks| blocks.iter().map(|block| block[figure]).collect()).collect();
         mean::variance(&records)
-    })
+    }))
 }
 
 #[cfg(test)]
