@@ -48,6 +48,18 @@ impl GateColumns {
         Ok(gated)
     }
 
+    /// Levels, each as long as the columns at these places stay the same; rows are dropped. A level of one row has nothing
+    /// beside it, and passes.
+    pub(super) fn levels(&self, chip: &[&str], columns: &mut Columns, by: &[usize]) -> Result<Gated, Refusal> {
+        let numbers = &columns.numbers;
+        let rows = numbers.first().map_or(0, Vec::len);
+        let blocks = stretches(rows, |a, b| by.iter().all(|column| numbers[*column][a] == numbers[*column][b]));
+        let gated =
+            self.screen(chip, columns, &Layout { blocks: &blocks, still: true, range_end: None }, Rows::Samples)?;
+        gated.keep(columns);
+        Ok(gated)
+    }
+
     /// Points of a curve; rows are dropped.
     pub(super) fn points(
         &self,

@@ -6,6 +6,7 @@ use clap::Args;
 use gnc_metrology::{Refusal, series, stability, stats};
 use serde_json::json;
 
+use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Reading, Table, TimeUse, Wanted};
@@ -21,6 +22,8 @@ pub(super) struct Repeatability {
     /// Column of the figure
     #[arg(long, value_name = "NAME", default_value = "x")]
     column: String,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 /// Rows of one run.
@@ -36,10 +39,13 @@ impl Repeatability {
         let has_run = table.has("run");
         let mut names = vec![self.column.as_str()];
         names.extend(has_run.then_some("run"));
-        let columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        let names = self.gate.behind(&names);
+        let mut columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        // Without runs every row is one, and no row is beside another.
+        let gated = if has_run { Some(self.gate.levels(&names[..1], &mut columns, &[1])?) } else { None };
         let values = &columns.numbers[0];
         series::finite(&self.column, values)?;
-        let runs = match columns.numbers.get(1) {
+        let runs = match columns.numbers.get(1).filter(|_| has_run) {
             Some(numbers) => {
                 series::finite("run", numbers)?;
                 runs(numbers, values)
@@ -61,6 +67,10 @@ impl Repeatability {
             .put("sd_low", "95 %, chi-square", found.sd_low)
             .put("sd_high", "", found.sd_high)
             .put("dof", "runs - 1", found.runs - 1);
+        match &gated {
+            Some(gated) => report.put("gate", "rows", gated.json()),
+            None => report.absent("gate", "every row is a run: no row is beside another"),
+        };
         if found.mean == 0.0 {
             report.absent("relative", "the mean is zero");
         } else {

@@ -6,6 +6,7 @@ use clap::Args;
 use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options, Rows};
 use serde_json::{Value, json};
 
+use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Columns, Reading, Table, TimeUse, Wanted};
@@ -33,6 +34,8 @@ pub(super) struct ScaleFactor {
     /// Largest distance of a point from the line, percent of the full scale
     #[arg(long, value_name = "PERCENT", default_value_t = 100.0 * scale_factor::RESIDUAL_LIMIT)]
     residual: f64,
+    #[command(flatten)]
+    gate: GateColumns,
 }
 
 impl ScaleFactor {
@@ -40,21 +43,28 @@ impl ScaleFactor {
         // Means at settled rates are cut out of a longer record: their times say nothing.
         let table = Table::open(&self.file, reading)?;
         let (has_cycle, has_point) = (table.has("cycle"), table.has("point"));
-        let mut names = vec![self.input.as_str(), self.column.as_str()];
+        let mut names = vec![self.column.as_str(), self.input.as_str()];
         names.extend(has_cycle.then_some("cycle"));
         names.extend(has_point.then_some("point"));
-        let read = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        let names = self.gate.behind(&names);
+        let mut read = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        let point = 2 + usize::from(has_cycle);
+        // Numbered points may have rates that were measured and differ from row to row.
+        let mut by = vec![if has_point { point } else { 1 }];
+        by.extend(has_cycle.then_some(2));
+        let gated = self.gate.levels(&names[..1], &mut read, &by)?;
         let columns = &read.numbers;
         let rows = Rows {
-            rates: &columns[0],
-            outputs: &columns[1],
+            rates: &columns[1],
+            outputs: &columns[0],
             cycles: has_cycle.then(|| columns[2].as_slice()),
-            points: has_point.then(|| columns[2 + usize::from(has_cycle)].as_slice()),
+            points: has_point.then(|| columns[point].as_slice()),
         };
         let points = rows.means()?;
         let options = Options { full_scale: self.full_scale, residual: self.residual / 100.0 };
         let found = scale_factor::fit(&points, &options)?;
         let mut report = self.report(&read, &found);
+        report.put("gate", "rows", gated.json());
         if points.len() > MANY_POINTS && points.iter().all(|p| p.rows == 1) {
             report.put(
                 "note",

@@ -58,6 +58,33 @@ fn a_spike_leaves_no_trace_in_a_flip() {
     assert_eq!(found["gate"]["first_row"], 51);
 }
 
+/// 5000 codes for 1 deg/s at eleven rates, every 25th read failed: each rate is a level of its own.
+#[test]
+fn failed_reads_leave_no_trace_in_a_scale_factor() {
+    let record = |failed: usize| {
+        let (mut text, mut state, mut row) = ("rate,x\n".to_owned(), 3, 0);
+        for rate in -5..=5 {
+            for _ in 0..200 {
+                row += 1;
+                let value = (5000.0 * f64::from(rate * 20) + 40.0 + 30.0 * noise(&mut state)).round();
+                let value = if failed > 0 && row % failed == 0 { 0.0 } else { value };
+                let _ = writeln!(text, "{},{value}", rate * 20);
+            }
+        }
+        text
+    };
+    let found = compute(&record(25), "scale-factor r.csv").unwrap();
+    near(&found["scale_factor"], 5000.0, 0.05);
+    near(&found["offset"], 40.0, 2.0);
+    // 88 reads failed; 40 codes are 2.3 deviations of the noise, so that those at rest cannot be told from it.
+    assert!((72..=88).contains(&found["gate"]["left_out"]["failed_reads"].as_u64().unwrap()), "{}", found["gate"]);
+    let refused = compute(&record(8), "scale-factor r.csv").unwrap_err();
+    assert!(refused.contains("failed reads"), "{refused}");
+    // One row a rate has nothing beside it.
+    let single = "rate,x\n-10,-50\n-5,-25\n0,0\n5,25.1\n10,50\n";
+    assert_eq!(compute(single, "scale-factor r.csv").unwrap()["gate"]["used"], 5);
+}
+
 /// Three turns of each axis, 5000 codes for 1 rad/s, at 100 Hz.
 fn runs(read: impl Fn(usize) -> usize, failed: usize, header: &str, timed: bool) -> String {
     let mut record = format!("{header}\n");
