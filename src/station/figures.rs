@@ -41,6 +41,7 @@ use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 
 use crate::capture::Capture;
+pub(crate) use allan::fit_json;
 use budget::Budget;
 pub use calibration::Calibration;
 pub use error::FigureError;

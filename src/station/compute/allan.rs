@@ -12,6 +12,7 @@ use super::record::{Record, Triad};
 use super::report::Report;
 use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+use crate::figures::fit_json;
 
 /// Which deviation.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -146,18 +147,7 @@ fn interval(c: Coefficient) -> Value {
 
 /// How well the fit holds, and N once more by the spectrum.
 fn told(report: &mut Report, analysis: &Analysis) {
-    let fit = analysis.fit.as_ref().map_or(Value::Null, |fit| {
-        let lines: Vec<Value> = fit
-            .lines
-            .iter()
-            .map(|line| json!({ "frequency_hz": line.frequency_hz, "amplitude": line.amplitude }))
-            .collect();
-        json!({
-            "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
-            "used_from_s": fit.used_from_s, "model_error": fit.model_error,
-            "correlation_s": fit.correlation_s, "lines": lines,
-        })
-    });
+    let fit = analysis.fit.as_ref().map_or(Value::Null, fit_json);
     let spectrum = analysis.plateau.as_ref().map_or(Value::Null, |plateau| {
         let n = plateau.n();
         json!({

@@ -3,7 +3,7 @@
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
-use gnc_metrology::allan::{self, Absence, Coefficient, Input, Kind, Taus};
+use gnc_metrology::allan::{self, Absence, Coefficient, Fit, Input, Kind, Taus};
 use gnc_metrology::{earth, stats};
 use serde_json::json;
 
@@ -59,18 +59,7 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> serde_json::Value {
     let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
     let reasons: serde_json::Map<_, _> =
         named.iter().filter_map(|(name, c)| Some(((*name).to_owned(), c.err()?.to_string().into()))).collect();
-    let fit = analysis.fit.as_ref().map(|fit| {
-        let lines: Vec<_> = fit
-            .lines
-            .iter()
-            .map(|line| json!({ "frequency_hz": line.frequency_hz, "amplitude": line.amplitude }))
-            .collect();
-        json!({
-            "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
-            "used_from_s": fit.used_from_s, "model_error": fit.model_error,
-            "correlation_s": fit.correlation_s, "lines": lines,
-        })
-    });
+    let fit = analysis.fit.as_ref().map(fit_json);
     let mut curve = json!({
         "unit": unit.symbol(), "points": points, "reasons": reasons, "fit": fit,
         "N_psd": analysis.plateau.map(|plateau| interval(plateau.n())),
@@ -82,6 +71,20 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> serde_json::Value {
         curve[name] = c.map_or(serde_json::Value::Null, interval);
     }
     curve
+}
+
+/// How well a fit of noise terms holds, in the form that records and `compute` share.
+pub(crate) fn fit_json(fit: &Fit) -> serde_json::Value {
+    let lines: Vec<_> = fit
+        .lines
+        .iter()
+        .map(|line| json!({ "frequency_hz": line.frequency_hz, "amplitude": line.amplitude }))
+        .collect();
+    json!({
+        "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
+        "used_from_s": fit.used_from_s, "model_error": fit.model_error,
+        "correlation_s": fit.correlation_s, "lines": lines,
+    })
 }
 
 fn estimate(coefficient: Coefficient, factor: f64, unit: Unit) -> Value {

@@ -37,14 +37,26 @@ pub(super) struct Tally {
     pub(super) held: usize,
 }
 
+/// A figure, its value and its truth.
+pub(super) type Found = (String, Value, f64);
+
 /// Calibrates `trials` modules.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
-    let plan = Plan::read("coverage.toml", PLAN.into(), &mut |_| Err("no includes".into())).expect("the plan is good");
-    let params: Vec<Params> = plan.items().iter().map(|item| item.params.clone()).collect();
+    let params = params(PLAN);
+    tally(trials, |trial| calibrate(&params, seed.wrapping_mul(1_000_003) + trial as u64))
+}
+
+/// Parameters of the items of a plan.
+pub(super) fn params(plan: &str) -> Vec<Params> {
+    let plan = Plan::read("coverage.toml", plan.into(), &mut |_| Err("no includes".into())).expect("the plan is good");
+    plan.items().iter().map(|item| item.params.clone()).collect()
+}
+
+/// Counts the intervals that hold their truth.
+pub(super) fn tally(trials: usize, found: impl Fn(usize) -> Vec<Found>) -> Vec<Tally> {
     let mut tallies: Vec<Tally> = Vec::new();
     for trial in 0..trials {
-        let found = calibrate(&params, seed.wrapping_mul(1_000_003) + trial as u64);
-        for (k, (name, value, truth)) in found.into_iter().enumerate() {
+        for (k, (name, value, truth)) in found(trial).into_iter().enumerate() {
             if trial == 0 {
                 tallies.push(Tally { name, held: 0 });
             }
@@ -56,7 +68,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
 }
 
 /// One module: each figure with its truth.
-fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
+fn calibrate(params: &[Params], seed: u64) -> Vec<Found> {
     let mut world = World::new(seed);
     let mut errors = Dice::new(seed ^ 0x5EED);
     world.pose_rad = 0.003_f64.to_radians();
@@ -83,7 +95,7 @@ fn calibrate(params: &[Params], seed: u64) -> Vec<(String, Value, f64)> {
     truths(&world, &earlier)
 }
 
-fn truths(world: &World, found: &[(String, Findings)]) -> Vec<(String, Value, f64)> {
+fn truths(world: &World, found: &[(String, Findings)]) -> Vec<Found> {
     let mut all = Vec::new();
     let mut put = |k: usize, name: String, truth: f64| {
         let (item, findings) = &found[k];

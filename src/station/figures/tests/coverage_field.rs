@@ -3,12 +3,11 @@
 
 use gnc_executive::bench::{Fixture, Site};
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::measurement::Value;
-use gnc_executive::plan::{Params, Plan};
+use gnc_executive::plan::Params;
 use gnc_protocol::stream::ImuSample;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::coverage::Tally;
+use super::coverage::{Found, Tally, params, tally};
 use super::world::{Dice, capture};
 use crate::capture::{Along, Capture, Pose};
 use crate::figures::{FigureError, Question, analyse};
@@ -130,29 +129,18 @@ impl Bench {
     }
 }
 
-/// Spins `trials` modules.
+/// Spins `trials` modules. Once in a few hundred the ambient field moves so far that the ellipsoid takes an attitude for
+/// spikes and refuses: another module takes its place.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
-    let plan = Plan::read("coverage.toml", PLAN.into(), &mut |_| Err("no includes".into())).expect("the plan is good");
-    let params: Vec<Params> = plan.items().iter().map(|item| item.params.clone()).collect();
-    let mut tallies: Vec<Tally> = Vec::new();
-    for trial in 0..trials {
-        // Once in a few hundred modules the ambient field moves so far that the ellipsoid takes an attitude for spikes and
-        // refuses: another module takes its place.
+    let params = params(PLAN);
+    tally(trials, |trial| {
         let seeds = (0..3).map(|again| seed.wrapping_mul(1_000_003) + (trial + again * trials) as u64);
-        let found = seeds.into_iter().find_map(|seed| calibrate(&params, seed)).expect("one of three is no rarity");
-        for (k, (name, value, truth)) in found.into_iter().enumerate() {
-            if trial == 0 {
-                tallies.push(Tally { name, held: 0 });
-            }
-            let Value::Estimate(_, known) = value else { panic!("{value:?} has no interval") };
-            tallies[k].held += usize::from(known.low <= truth && truth <= known.high);
-        }
-    }
-    tallies
+        seeds.into_iter().find_map(|seed| calibrate(&params, seed)).expect("one of three is no rarity")
+    })
 }
 
 /// Each figure with its truth; `None` where the ellipsoid is refused.
-fn calibrate(params: &[Params], seed: u64) -> Option<Vec<(String, Value, f64)>> {
+fn calibrate(params: &[Params], seed: u64) -> Option<Vec<Found>> {
     let mut bench = Bench::new(seed);
     let site = Site { field_gauss: Some(0.5334), fixture: Some(bench.fixture), ..Site::default() };
     let plane = SOFT.fixed_view::<2, 2>(0, 0);
