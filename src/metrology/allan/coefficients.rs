@@ -265,13 +265,8 @@ pub(super) fn reaches_white(search: &Search, tau_s: &[f64], plateau: Option<&Pla
         (Ok(n), Some(plateau)) => !contradict(n, plateau.n()),
         _ => true,
     };
-    // What a low-pass takes off is never added.
-    let low_passed = solved.start == 0 || solved.squares[Q] < 0.0;
-    agrees && low_passed && solved.p >= DOUBTFUL && tau_s[solved.start] <= memory_s
+    agrees && !solved.adds() && tau_s[solved.start] <= memory_s
 }
-
-/// A fit that holds with less than this is looked at once more, with a Gauss-Markov noise.
-const DOUBTFUL: f64 = 0.005;
 
 fn contradict(a: Coefficient, b: Coefficient) -> bool {
     let sd = ((a.high - a.low) / 2.0).hypot((b.high - b.low) / 2.0);

@@ -322,6 +322,11 @@ impl Solved {
         self.start > 0 || self.squares[Q] < 0.0
     }
 
+    /// Whether the first points lack what is added behind them: a low-pass only takes off.
+    pub(super) fn adds(&self) -> bool {
+        self.start > 0 && self.odds(Q).is_some_and(|odds| odds >= QUANTISATION)
+    }
+
     fn row(&self, term: usize) -> Option<usize> {
         self.fitted.iter().position(|f| *f == term)
     }
