@@ -9,7 +9,7 @@ use serde_json::json;
 use super::gate::GateColumns;
 use super::plot::{Panel, Series};
 use super::report::Report;
-use super::table::{Reading, Table, TimeUse, Wanted};
+use super::table::{Columns, Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
 
 /// A run of so many equal rows beside noisy ones is no chance.
@@ -41,18 +41,11 @@ impl Repeatability {
         names.extend(has_run.then_some("run"));
         let names = self.gate.behind(&names);
         let mut columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
+        // A dead run is named as such before the gate counts its rows.
+        alive(&self.column, &self.runs(&columns, has_run)?)?;
         // Without runs every row is one, and no row is beside another.
         let gated = if has_run { Some(self.gate.levels(&names[..1], &mut columns, &[1])?) } else { None };
-        let values = &columns.numbers[0];
-        series::finite(&self.column, values)?;
-        let runs = match columns.numbers.get(1).filter(|_| has_run) {
-            Some(numbers) => {
-                series::finite("run", numbers)?;
-                runs(numbers, values)
-            }
-            None => values.iter().enumerate().map(|(i, v)| Run { number: i as f64 + 1.0, values: vec![*v] }).collect(),
-        };
-        alive(&self.column, &runs)?;
+        let runs = self.runs(&columns, has_run)?;
         let means: Vec<f64> = runs.iter().map(|run| stats::mean(&run.values)).collect();
         let found = stability::repeatability(&means)?;
         let unit = format!("unit of {}", self.column);
@@ -92,6 +85,19 @@ impl Repeatability {
         let title = format!("Means of {}", self.column);
         let panel = Panel::new(title, "run", unit, vec![Series::dots("runs", dots)]);
         Ok(Outcome { report, panels: vec![panel] })
+    }
+}
+
+impl Repeatability {
+    fn runs(&self, columns: &Columns, has_run: bool) -> Result<Vec<Run>, Refusal> {
+        let values = &columns.numbers[0];
+        series::finite(&self.column, values)?;
+        let Some(numbers) = columns.numbers.get(1).filter(|_| has_run) else {
+            let alone = |(i, v): (usize, &f64)| Run { number: i as f64 + 1.0, values: vec![*v] };
+            return Ok(values.iter().enumerate().map(alone).collect());
+        };
+        series::finite("run", numbers)?;
+        Ok(runs(numbers, values))
     }
 }
 
