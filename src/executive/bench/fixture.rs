@@ -34,7 +34,7 @@ pub struct Fixture {
     pub mounting_u_rad: f64,
     /// Alignment of the table's axis with the direction that it was told.
     pub axis_u_rad: f64,
-    /// Amplitude of the axis's tilt in step with the turn.
+    /// The axis's tilt in step with the turn, each of two components.
     pub runout_u_rad: f64,
     /// Field of the fixture itself, which turns with the module, on each axis.
     pub field_u_gauss: f64,

@@ -121,7 +121,7 @@ impl<'c> Spin<'c> {
         let as_printed = roll_of(&|x, y| printed.apply_as_printed(x, y));
         let corrected: Vec<(f64, f64)> = x.iter().zip(&y).map(|(x, y)| found.correction.apply(*x, *y)).collect();
         let shown = thin::rim(&corrected).into_iter().map(|place| (x[place], y[place])).collect();
-        let blocks = spin_blocks::of_spin(&x, &y, roll.rate_rps / rate_hz);
+        let blocks = spin_blocks::of_spin(&corrected, found.radius, roll.rate_rps / rate_hz);
         Ok(Self { capture, told_rps, found, roll, blocks, as_printed, shown })
     }
 
@@ -204,8 +204,9 @@ impl Known {
         let fixture = &self.fixture;
         let [about_x, about_y, _] = fixture.mounting_rad.unwrap_or_default();
         let tilt = self.axial_gauss / self.across_gauss;
-        // A tilt in step with the turn makes a circle an ellipse, whose direction is any.
-        let runout = std::f64::consts::SQRT_2 * tilt;
+        // A tilt in step with the turn makes a circle an ellipse: one component of it lengthens x and shortens y, the
+        // other one does so along the diagonals.
+        let runout = 2.0 * tilt;
         let quantum = 1.0 / MAG_LSB_PER_GAUSS / 12.0_f64.sqrt();
         match figure {
             // The axis of the turn is not quite that of the module: a part of the field along it stays on x and y.

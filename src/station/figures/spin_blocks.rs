@@ -1,44 +1,40 @@
 //! What changes slowly within a spin of the magnetometer: its figures block by block.
 //!
-//! A fit to the whole spin knows white noise alone. Here each block of a spin gives the centre and, from the first
-//! harmonic of the turn, the amplitudes of both axes and the angle between them: `x = cx + ax cos t + bx sin t`, y alike.
-//! Then `radius = |(ax, bx)|`, `ky = |(ax, bx)| / |(ay, by)|`, and `sin(alpha)` is the cosine between the two, as `Q` of the
-//! ellipse is half their Gram matrix. The scatter of the blocks, with the correlation of neighbours, is the type A
-//! uncertainty of the spin's figures ([`mean::variance`]).
+//! A fit to the whole spin knows white noise alone. Here each block of the corrected points says by how much its own
+//! figures depart from those of the spin. Their distances from the circle of radius R are, as the fit sees them (it knows
+//! no angle of the table, so that noise along the circle does not count),
+//! `r - R = p + cx cos t + cy sin t + c cos 2t + s sin 2t` with t the direction of the point: p and (cx, cy) are errors of radius
+//! and centre, `2 c / R` is that of ky, `2 s / R` that of alpha. The scatter of the blocks, with the correlation of
+//! neighbours, is the type A uncertainty of the spin's figures ([`mean::variance`]).
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{SMatrix, SVector};
 
 use super::mean::{self, BLOCKS, MeanVariance};
 
-/// Figures of a block or their variances, in this order: centre of x and y, ky, sine of alpha, radius.
+/// Departures of a block, in this order: centre of x and y, ky, sine of alpha, radius.
 pub(super) const FIGURES: usize = 5;
 
-/// Figures of the blocks of a spin that turns steadily at `step_rad` a sample; the tail is dropped. A block is a turn at
-/// least: in less the harmonic and the centre look alike.
-pub(super) fn of_spin(x: &[f64], y: &[f64], step_rad: f64) -> Vec<[f64; FIGURES]> {
+/// Departures of the blocks of a spin whose points were corrected to a circle about 0; it turns steadily at `step_rad` a
+/// sample. A block is a turn at least: in less the harmonics look alike. The tail is dropped.
+pub(super) fn of_spin(corrected: &[(f64, f64)], radius: f64, step_rad: f64) -> Vec<[f64; FIGURES]> {
     let turn = (std::f64::consts::TAU / step_rad.abs()).ceil() as usize;
-    let samples = (x.len() / BLOCKS).max(turn).max(1);
-    let block = |(index, (x, y)): (usize, (&[f64], &[f64]))| {
-        // The angle goes on from block to block, so that neighbours are alike in everything but noise.
-        of_block(x, y, step_rad, (index * samples) as f64)
-    };
-    x.chunks_exact(samples).zip(y.chunks_exact(samples)).enumerate().filter_map(block).collect()
+    let samples = (corrected.len() / BLOCKS).max(turn).max(1);
+    corrected.chunks_exact(samples).filter_map(|block| of_block(block, radius)).collect()
 }
 
-fn of_block(x: &[f64], y: &[f64], step_rad: f64, first: f64) -> Option<[f64; FIGURES]> {
-    let (mut normal, mut right) = (Matrix3::zeros(), [Vector3::zeros(); 2]);
-    for (k, (x, y)) in x.iter().zip(y).enumerate() {
-        let (sin, cos) = ((first + k as f64) * step_rad).sin_cos();
-        let row = Vector3::new(1.0, cos, sin);
+fn of_block(block: &[(f64, f64)], radius: f64) -> Option<[f64; FIGURES]> {
+    let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), SVector::<f64, 5>::zeros());
+    for (x, y) in block {
+        let distance = x.hypot(*y);
+        let (cos, sin) = (x / distance, y / distance);
+        let row = SVector::<f64, 5>::from([1.0, cos, sin, cos * cos - sin * sin, 2.0 * sin * cos]);
         normal += row * row.transpose();
-        right[0] += row * *x;
-        right[1] += row * *y;
+        right += row * (distance - radius);
     }
-    let inverse = normal.try_inverse()?;
-    let [x, y] = right.map(|right| inverse * right);
-    let [wave_x, wave_y] = [x, y].map(|fit| fit.fixed_rows::<2>(1).into_owned());
-    let (radius, other) = (wave_x.norm(), wave_y.norm());
-    Some([x[0], y[0], radius / other, wave_x.dot(&wave_y) / (radius * other), radius])
+    let found = normal.try_inverse()? * right;
+    let [p, cx, cy, c, s] = found.into();
+    // `sqrt(Qxx)`, the radius that is reported, is the amplitude of x.
+    Some([cx, cy, 2.0 * c / radius, 2.0 * s / radius, p + c])
 }
 
 /// Fewest blocks of a spin that say how its figures scatter.
@@ -60,21 +56,22 @@ pub(super) fn variances(spins: &[&[[f64; FIGURES]]]) -> Option<[MeanVariance; FI
 mod tests {
     use super::*;
 
-    /// An ellipse written down by hand: its figures are those of its definition, whatever the phase of a block.
+    /// A circle with small errors written down by hand: its blocks show them, to the square of their size.
     #[test]
-    fn blocks_of_an_ellipse_have_its_figures() {
-        let (alpha, ky, radius): (f64, f64, f64) = (1.5_f64.to_radians(), 1.03, 0.42);
+    fn blocks_show_the_errors_of_a_circle() {
+        let (radius, centre, ky, alpha) = (0.42_f64, [1e-5, -2e-5], 1e-4, 3e-4);
         let step_rad = 0.0942;
-        let points = |k: usize| {
-            let (sin, cos) = (0.7 - step_rad * k as f64).sin_cos();
-            (0.02 + radius * (cos * alpha.cos() + sin * alpha.sin()), -0.014 + radius * sin / ky)
-        };
-        let (x, y): (Vec<f64>, Vec<f64>) = (0..BLOCKS * 500).map(points).unzip();
-        let blocks = of_spin(&x, &y, step_rad);
+        let points: Vec<(f64, f64)> = (0..BLOCKS * 500)
+            .map(|k| {
+                let (sin, cos) = (0.7 - step_rad * k as f64).sin_cos();
+                (centre[0] + radius * (cos + alpha * sin), centre[1] + radius * sin / (1.0 + ky))
+            })
+            .collect();
+        let blocks = of_spin(&points, radius, step_rad);
         assert_eq!(blocks.len(), BLOCKS);
         for block in blocks {
-            let expected = [0.02, -0.014, ky, alpha.sin(), radius];
-            assert!(block.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-9), "{block:?}");
+            let expected = [centre[0], centre[1], ky, alpha, 0.0];
+            assert!(block.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 3e-7), "{block:?}");
         }
     }
 }

@@ -43,8 +43,7 @@ struct Bench {
     fixture: Fixture,
     seat: Rotation3<f64>,
     own_field: Vector3<f64>,
-    runout: f64,
-    runout_phase: f64,
+    runout: [f64; 2],
     axis: f64,
     ambient: f64,
     dice: Dice,
@@ -59,8 +58,7 @@ impl Bench {
         Self {
             seat: Rotation3::from_scaled_axis(mounting),
             own_field: Vector3::from_fn(|_, _| fixture.field_u_gauss * dice.normal()),
-            runout: fixture.runout_u_rad * dice.normal(),
-            runout_phase: std::f64::consts::TAU * dice.normal(),
+            runout: [0; 2].map(|_| fixture.runout_u_rad * dice.normal()),
             axis: fixture.axis_u_rad * dice.normal(),
             ambient: fixture.ambient_u_gauss * dice.normal(),
             slow: Vector3::zeros(),
@@ -87,9 +85,10 @@ impl Bench {
             .map(|k| {
                 let t_s = f64::from(k) / 1000.0;
                 let angle = rate_dps.to_radians() * t_s;
-                let tilt = self.runout * AXIAL;
-                let (sin, cos) = (angle + self.runout_phase).sin_cos();
-                let field = Vector3::new(across * angle.cos() + tilt * cos, -across * angle.sin() + tilt * sin, AXIAL);
+                let (sin, cos) = angle.sin_cos();
+                let [a, b] = self.runout.map(|runout| runout * AXIAL);
+                // The field turns backwards in the module, what the tilt adds turns forwards.
+                let field = Vector3::new(across * cos + a * cos - b * sin, -across * sin + a * sin + b * cos, AXIAL);
                 self.read(field, 0.001, WHITE)
             })
             .collect();
