@@ -2,7 +2,7 @@
 //!
 //! A log holds no times. What repeats is the kind of message that stands first in it (an NMEA sentence, a UBX message): with
 //! each of its kind a new epoch begins, and epochs are said at a steady pace. GSV, GSA and TXT begin none, since an epoch
-//! has several. What is neither stays where it stands, so that garbage is played too. Lines that begin with `#` before the first message are the remarks of whoever recorded it.
+//! has several. What is neither stays where it stands, so that garbage is played too. Lines that begin with `#` before the first message are remarks of the recorder.
 
 /// Longest log: an hour of a receiver that says 1 kB a second.
 pub const LONGEST: usize = 4 << 20;

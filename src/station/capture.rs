@@ -62,7 +62,7 @@ impl Timing {
         Self { board: SampleClock::new(rate_hz), host: HostView::default() }
     }
 
-    /// So many samples on the grid of their rate, which nobody compared with the host's clock.
+    /// So many samples on the grid of their rate, without a comparison with the host's clock.
     #[must_use]
     pub fn even(rate_hz: u16, first_us: u64, samples: usize) -> Self {
         Self { board: SampleClock::even(rate_hz, first_us, samples), ..Self::new(rate_hz) }

@@ -111,7 +111,7 @@ impl FailedReads {
 /// Events of which one comes in each run of `1 / share` turns, at a place in the run that chance decides.
 ///
 /// So many turns hold so many events, to one at either end: a fault near a limit is on the same side of it under every
-/// seed, and still comes when nobody expects it.
+/// seed, and still comes at a place that no test can know.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Dispersed {
     share: f64,

@@ -28,7 +28,7 @@ const MOST_GAUSS: f64 = 0.1;
 #[serde(deny_unknown_fields)]
 pub struct Fixture {
     /// Rotation vector that takes components in the table's axes to components in the axes of the module's seat;
-    /// `None` where nobody measured it. It then counts as zero.
+    /// `None` if it was not measured; it then counts as zero.
     pub mounting_rad: Option<[f64; 3]>,
     /// How well the mounting is known, about each axis.
     pub mounting_u_rad: f64,

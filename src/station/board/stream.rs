@@ -72,7 +72,7 @@ impl Newest {
     /// Whether a frame is newer than all before it. One that came already, or that later ones overtook, is no more
     /// data: its samples are counted, as received or as lost. Board time goes on from one run of a stream to the
     /// next, and `first` within one. A frame that goes on with the numbers where the newest ends is data whatever its
-    /// time: the board's clock went back, and whoever reads the stream is to see that.
+    /// time: the board's clock went back, and the reader of the stream must see that.
     pub(super) fn admit(&mut self, stream: StreamId, head: &StreamHead) -> bool {
         let key = (head.board_time_us, head.first);
         let next = head.first.wrapping_add(head.count.into());

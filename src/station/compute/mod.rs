@@ -26,6 +26,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args as ClapArgs, Subcommand};
+use gnc_executive::printable::printable;
 use gnc_metrology::Refusal;
 use thiserror::Error;
 
@@ -157,7 +158,7 @@ pub fn run(args: &Args) -> ExitCode {
     });
     match outcome {
         Ok(outcome) => {
-            print(&if args.json { outcome.report.json() } else { outcome.report.table() });
+            print(&if args.json { outcome.report.json() } else { harmless(&outcome.report.table()) });
             ExitCode::SUCCESS
         }
         Err(ComputeError::Refused(refusal)) => {
@@ -185,6 +186,11 @@ fn print(text: &str) {
     let _ = std::io::stdout().lock().write_all(text.as_bytes());
 }
 
+/// Lines whose control characters are shown and not sent: names of columns come from the file.
+fn harmless(text: &str) -> String {
+    text.split('\n').map(printable).collect::<Vec<_>>().join("\n")
+}
+
 fn complain(text: &str) {
-    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+    let _ = std::io::stderr().lock().write_all(harmless(text).as_bytes());
 }

@@ -23,7 +23,7 @@ pub(super) struct Frames<'r> {
 }
 
 impl Frames<'_> {
-    /// The response relative to the axes of the seat; that of the table where nobody measured the mounting.
+    /// The response relative to the axes of the seat. Without a measured mounting it equals that of the table.
     fn in_seat(&self) -> Matrix3<f64> {
         let mounting = Vector3::from(self.fixture.mounting_rad.unwrap_or_default());
         self.response * Rotation3::from_scaled_axis(mounting).inverse()

@@ -184,3 +184,18 @@ fn other_columns_may_count_too() {
     assert_eq!(found["gate"]["first_row"], 500);
     assert_eq!(found["gate"]["left_out"]["spikes"], 1);
 }
+
+/// A name of a column may hold an escape sequence; a terminal must not obey it.
+#[test]
+fn a_file_cannot_send_commands_to_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("r.csv"), "a\u{1b}[31mred,b\n1,2\n3,4\n").unwrap();
+    let Output { stderr, .. } = Command::new(env!("CARGO_BIN_EXE_gnc-station"))
+        .current_dir(folder.path())
+        .args(["compute", "stability", "r.csv", "--rate", "100", "--column", "w"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8(stderr).unwrap();
+    assert!(said.contains("the header has a\\u{1b}[31mred, b"), "{said:?}");
+    assert!(!said.contains('\u{1b}'), "{said:?}");
+}

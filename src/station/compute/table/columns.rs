@@ -87,7 +87,7 @@ pub(in crate::compute) enum Clock {
 }
 
 impl Clock {
-    /// Whether rows are steps of time that somebody measured.
+    /// Whether a clock measured the steps between the rows.
     pub(in crate::compute) fn is_checked(&self) -> bool {
         !matches!(self, Self::NotChecked(_))
     }

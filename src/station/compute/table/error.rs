@@ -69,6 +69,9 @@ impl TableError {
             Self::Io { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
                 Some("ask for the right to read it, or copy it to a folder of your own")
             }
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::IsADirectory => {
+                Some("name a file in this folder")
+            }
             Self::Io { .. } | Self::Damaged { .. } => {
                 Some("the file may be cut off or damaged: copy or export it again")
             }

@@ -69,7 +69,7 @@ fn named(text: &str, unit: Option<&str>) -> Option<(Option<f64>, bool)> {
         None => (whole.split(" / ").next().unwrap_or("").trim().to_owned(), whole.contains(" / ")),
     };
     let unit_s = unit.map(self::unit_s);
-    // A unit that is none of time: `t [degC]` is a temperature.
+    // A unit of another kind: `t [degC]` is a temperature.
     if (beside || unit.is_some()) && unit_s.flatten().is_none() && unit.is_some_and(|u| names::unit(u).is_some()) {
         return None;
     }
