@@ -150,7 +150,7 @@ pub enum Trouble {
     /// Test frames did not come back as they went out, and the module's controller knows of no error.
     #[error(
         "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
-         and counts no error{}", lost_here(*by_host)
+         and counts no error{}{}{}", lost_here(*by_host), beside(*others, *busy_percent, *span_s), of_before(*stale)
     )]
     FramesLost {
         /// Test frames sent.
@@ -163,6 +163,29 @@ pub enum Trouble {
         received: u32,
         /// Frames that this computer lost meanwhile, as far as it knows.
         by_host: u64,
+        /// Other frames on the bus meanwhile, whoever sent them.
+        others: u64,
+        /// What they take of the bus.
+        busy_percent: f64,
+        /// How long it was tried.
+        span_s: f64,
+        /// Frames of an earlier exchange, or of somebody else, that came under test ids before any could be sent.
+        stale: u64,
+    },
+    /// Somebody else uses the ids of the test frames, so that nothing can be said of what is missing or too much.
+    #[error(
+        "somebody else uses the ids of CAN test frames: beside the {sent} frames of this station, of which {lost} did not come \
+         back unaltered, {foreign} of another sender passed, and {strange} that are no answer to this station's"
+    )]
+    TestIdsShared {
+        /// Test frames sent.
+        sent: u64,
+        /// Of those, not back as they were.
+        lost: u64,
+        /// Frames under the module's ids that answer none of them.
+        strange: u64,
+        /// Test frames that this station did not send.
+        foreign: u64,
     },
     /// The answer does not fit the question, under a good checksum.
     #[error("the board's answer to {what} does not fit the question: {why}")]
@@ -218,6 +241,15 @@ impl Trouble {
             Self::FramesLost { by_host: 1.., .. } => {
                 "this computer is too slow for its CAN controller: end other programs; `ip -statistics link` counts what it lost"
             }
+            Self::FramesLost { busy_percent: BUSY_PERCENT.., .. } => {
+                "the bus is full of other frames, which all go before test frames: take the other nodes off the bus or quieten them, then run the item again"
+            }
+            Self::FramesLost { stale: 1.., .. } => {
+                "frames of before are still on their way: wait until the bus is quiet, then run the item again"
+            }
+            Self::TestIdsShared { .. } => {
+                "take other stations and modules off this CAN bus, or wait until they are done; then run the item again"
+            }
             Self::FramesLost { .. } => {
                 "check the CAN cable, its termination (60 ohm between the lines) and the adapter"
             }
@@ -226,6 +258,20 @@ impl Trouble {
             Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
         }
     }
+}
+
+/// Share of the bus from which on other frames are the first thing to look at.
+const BUSY_PERCENT: f64 = 30.0;
+
+fn beside(others: u64, busy_percent: f64, span_s: f64) -> String {
+    if others == 0 {
+        return String::new();
+    }
+    format!("; {others} other frames passed in {span_s:.1} s, {busy_percent:.0} % of what the bus carries")
+}
+
+fn of_before(stale: u64) -> String {
+    if stale == 0 { String::new() } else { format!("; {stale} frames came that were sent before, or by others") }
 }
 
 fn lost_here(by_host: u64) -> String {

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use gnc_protocol::Frame;
 use gnc_protocol::can::endpoint::{Endpoint, Role};
-use gnc_protocol::can::id::is_echo;
+use gnc_protocol::can::id::{echo_of, is_echo};
 use gnc_protocol::can::{CanFrame, bus_time, worst_bits};
 use gnc_protocol::frame::{CRC, HEADER, MAX_FRAME};
 use gnc_protocol::serial::LineCounters;
@@ -144,6 +144,28 @@ pub struct BusErrors {
     pub overruns: u32,
 }
 
+/// Frames that came over the bus, whoever sent them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Traffic {
+    /// Frames.
+    pub frames: u64,
+    /// Their bits with the most stuff bits there can be.
+    pub bits: u64,
+}
+
+impl Traffic {
+    fn add(&mut self, frame: &CanFrame) {
+        self.frames += 1;
+        self.bits += u64::from(frame.worst_bits());
+    }
+
+    /// What came since an earlier look.
+    #[must_use]
+    pub fn since(self, earlier: Self) -> Self {
+        Self { frames: self.frames - earlier.frames, bits: self.bits - earlier.bits }
+    }
+}
+
 /// Test frames of the bus, beside the conversation that goes over it.
 #[derive(Debug)]
 pub struct Tap {
@@ -152,6 +174,7 @@ pub struct Tap {
     errors: watch::Receiver<Option<BusErrors>>,
     /// Times that the port or interface went away.
     absences: watch::Receiver<u32>,
+    traffic: watch::Receiver<Traffic>,
     /// Where the kernel counts what it or the controller lost.
     statistics: Option<interface::Statistics>,
 }
@@ -165,7 +188,7 @@ impl Tap {
         self.outgoing.send(frame).await.map_err(|_| gone())
     }
 
-    /// The next frame that came back.
+    /// The next frame under a test id: one that came back, or another station's.
     ///
     /// # Errors
     /// The bus is gone.
@@ -193,6 +216,12 @@ impl Tap {
         *self.absences.borrow()
     }
 
+    /// What came over the bus so far beside test frames.
+    #[must_use]
+    pub fn traffic(&self) -> Traffic {
+        *self.traffic.borrow()
+    }
+
     /// What the host's own controller saw; `None` where the adapter cannot tell.
     #[must_use]
     pub fn errors(&self) -> Option<BusErrors> {
@@ -210,6 +239,7 @@ struct TapEnd {
     incoming: mpsc::Sender<CanFrame>,
     errors: watch::Sender<Option<BusErrors>>,
     absences: watch::Sender<u32>,
+    traffic: watch::Sender<Traffic>,
 }
 
 /// An open bus with the host's end of the conversation.
@@ -248,18 +278,20 @@ impl CanLink {
         let (incoming, from_bus) = mpsc::channel(TEST_FRAMES);
         let (errors, seen) = watch::channel(bus.errors());
         let (absences, seen_away) = watch::channel(0);
+        let (traffic, seen_traffic) = watch::channel(Traffic::default());
         let tap = Tap {
             outgoing: to_bus,
             incoming: tokio::sync::Mutex::new(from_bus),
             errors: seen,
             absences: seen_away,
+            traffic: seen_traffic,
             statistics: bus.statistics(),
         };
         Self {
             bus,
             endpoint: Endpoint::new(Role::Host),
             outgoing: VecDeque::new(),
-            tap: TapEnd { outgoing, incoming, errors, absences },
+            tap: TapEnd { outgoing, incoming, errors, absences, traffic },
             handed_out: Some(tap),
             started: Instant::now(),
         }
@@ -299,11 +331,13 @@ impl CanLink {
                     Turn::Errors => {
                         self.tap.errors.send_replace(self.bus.errors());
                     }
-                    Turn::Received(frame) if is_echo(frame.id()) => {
+                    // Test frames of another station come under the ids of this one's.
+                    Turn::Received(frame) if is_echo(frame.id()) || echo_of(frame.id()).is_some() => {
                         // Without a listener, or with one that keeps too many in flight, it is lost like any other.
                         let _ = self.tap.incoming.try_send(frame);
                     }
                     Turn::Received(frame) => {
+                        self.tap.traffic.send_modify(|traffic| traffic.add(&frame));
                         if let Some(received) = self.endpoint.receive(&frame, self.started.elapsed()) {
                             return Ok(received.map_err(NoFrame::Damaged));
                         }

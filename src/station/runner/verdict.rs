@@ -29,7 +29,10 @@ pub(super) fn judge(
     };
     let outcome = match trouble {
         // What the line lost is in the counts, and says nothing of the module.
-        Trouble::FramesLost { .. } | Trouble::SamplesLost { .. } | Trouble::CaptureLost { .. } => Outcome::Errored,
+        Trouble::FramesLost { .. }
+        | Trouble::TestIdsShared { .. }
+        | Trouble::SamplesLost { .. }
+        | Trouble::CaptureLost { .. } => Outcome::Errored,
         // A limit was violated before the trouble came; that stands.
         _ if violates(measured) => Outcome::Failed,
         Trouble::Board(BoardError::Restarted { .. }) => Outcome::Failed,
