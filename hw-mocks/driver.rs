@@ -15,6 +15,7 @@ use nix::sys::time::TimeSpec;
 
 use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
+use crate::link_clock::{LOOK_EVERY, LinkClock};
 use crate::port::Tty;
 use crate::turntable::{Direction, TableRefusal};
 use crate::world::{Axis, Sign};
@@ -320,8 +321,8 @@ impl RunningBench {
         if interface.is_some() {
             bench.pace_can();
         }
-        let driver =
-            Driver { bench, tty: Some(tty), can, wait_off: Vec::new(), woken, received, started: Instant::now() };
+        let clock = LinkClock::start(Instant::now(), options.speed);
+        let driver = Driver { bench, tty: Some(tty), can, wait_off: Vec::new(), woken, received, clock };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
         let control = Control { commands, wake: std::sync::Arc::new(wake) };
         Ok(Self { port, can_port, control, thread: Some(thread) })
@@ -364,7 +365,7 @@ struct Driver {
     wait_off: Vec<Sender<()>>,
     woken: UnixStream,
     received: Receiver<(Command, Option<Sender<()>>)>,
-    started: Instant,
+    clock: LinkClock,
 }
 
 impl Driver {
@@ -373,7 +374,7 @@ impl Driver {
             if !self.obey() {
                 return Ok(());
             }
-            let now = self.started.elapsed();
+            let now = self.clock.now();
             self.read(now)?;
             self.can.read(&mut self.bench, now)?;
             // What the adapter has not handed on yet was said and has not left: time must not pass by it.
@@ -394,7 +395,7 @@ impl Driver {
     /// Carries out what was ordered; `false` to stop.
     fn obey(&mut self) -> bool {
         while let Ok((command, done)) = self.received.try_recv() {
-            self.bench.pass_time(self.started.elapsed());
+            self.bench.pass_time(self.clock.now());
             match command {
                 Command::SetSwitch(number, on) => self.bench.set_switch(number, on),
                 Command::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
@@ -431,7 +432,7 @@ impl Driver {
         match cable {
             Cable::Serial => {
                 let tty = Tty::pseudo_terminal()?;
-                let unheard = self.bench.output(self.started.elapsed()).len();
+                let unheard = self.bench.output(self.clock.now()).len();
                 self.bench.consume(unheard);
                 Ok(self.tty.insert(tty).name.clone())
             }
@@ -488,7 +489,7 @@ impl Driver {
     }
 
     fn wait(&mut self, full: bool, can_full: bool) -> io::Result<()> {
-        let now = self.started.elapsed();
+        let now = self.clock.now();
         let until_due = self.bench.next_due(now).saturating_sub(now);
         let timeout = if full || can_full { until_due.clamp(Duration::from_micros(200), FULL_PORT) } else { until_due };
         let mut wanted = PollFlags::empty();
@@ -507,11 +508,12 @@ impl Driver {
         }
         let can = self.can.as_fd();
         let timeout = if can.is_some() { timeout } else { timeout.min(INTERFACE_AWAY) };
+        let timeout = timeout.min(LOOK_EVERY);
         let mut fds = vec![PollFd::new(self.woken.as_fd(), PollFlags::POLLIN)];
         fds.extend(can.map(|can| PollFd::new(can, can_wanted)));
         fds.extend(self.tty.as_ref().map(|tty| PollFd::new(tty.end.as_fd(), wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
-            Ok(_) | Err(Errno::EINTR) => {}
+            Ok(_) | Err(Errno::EINTR) => self.clock.waited(timeout),
             Err(error) => return Err(error.into()),
         }
         // A device that was pulled out would read as "no bytes" for ever; our own pseudo-terminal never hangs up, since

@@ -17,6 +17,7 @@ mod can_faults;
 pub mod devices;
 pub mod driver;
 mod line;
+mod link_clock;
 pub mod module;
 mod motion;
 pub mod noise;
