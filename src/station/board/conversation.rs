@@ -4,6 +4,9 @@ mod absent;
 mod heard;
 
 use std::collections::VecDeque;
+use std::future::{Future as _, poll_fn};
+use std::pin::pin;
+use std::task::Poll;
 use std::time::Duration;
 
 use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, event};
@@ -170,6 +173,13 @@ pub(super) struct Conversation {
     gauges: Gauges,
 }
 
+/// Waits until a moment, and looks at the clock itself whenever it is asked: a runtime that is busy with samples comes
+/// to look at its timers once in hundreds of them, which on a busy computer is more than the board's watchdog waits.
+async fn until(due: Instant) {
+    let mut timer = pin!(sleep_until(due));
+    poll_fn(|context| if Instant::now() >= due { Poll::Ready(()) } else { timer.as_mut().poll(context) }).await;
+}
+
 impl Conversation {
     pub(super) fn new(
         link: Link,
@@ -208,17 +218,11 @@ impl Conversation {
     pub(super) async fn run(mut self) -> LinkReport {
         loop {
             let due = self.next_due();
-            // A runtime that is busy with samples comes to look at its timers once in hundreds of them, which on a busy
-            // computer is more than a second: the board's watchdog does not wait for that.
-            if Instant::now() >= due {
-                self.overdue();
-            }
-            let due = self.next_due();
             let behind = self.behind();
             let reads = self.reads();
             tokio::select! {
                 biased;
-                () = sleep_until(due) => self.overdue(),
+                () = until(due) => self.overdue(),
                 command = self.commands.recv() => match command {
                     Some(command) => self.command(command),
                     None => break,

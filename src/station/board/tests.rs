@@ -1,9 +1,11 @@
 //! The conversation with a board that is played here, over a bus in memory.
 
 use std::collections::VecDeque;
+use std::task::Poll;
 
-use gnc_protocol::can::CanFrame;
 use gnc_protocol::can::endpoint::{Endpoint, Role};
+use gnc_protocol::can::id::KEEP_ALIVE;
+use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::message::{Accept, HostHello, LinkCounters, LinkCountersReply, MAGIC, ResultHead, StreamStop};
 use gnc_protocol::stream::{Format, StreamFrame, StreamHead, StreamId, stream_header};
 use gnc_protocol::wire::{List, Wire as _, Writer};
@@ -97,4 +99,68 @@ async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     assert_eq!((closed.produced, closed.losses.received, closed.losses.any()), (54_000, 54_000, false));
     assert_eq!(board.close().await.resent, 0);
     played.abort();
+}
+
+/// A board that never stops talking, of a computer whose clock goes on while the runtime has no time for its timers; how
+/// many keep-alives it hears in three seconds.
+async fn keep_alives_of_three_seconds(mut end: MemoryEnd) -> u32 {
+    let mut endpoint = Endpoint::new(Role::Board);
+    let (began, mut heard) = (Instant::now(), 0);
+    let (mut said, mut answered) = (0, false);
+    while began.elapsed() < Duration::from_secs(3) {
+        while let Ok(frame) = end.from_host.try_recv() {
+            heard += u32::from(frame.id() == CanId::Standard(KEEP_ALIVE));
+            if let Some(Ok(frame)) = endpoint.receive(&frame, began.elapsed()) {
+                for answer in answers(&frame, &mut said, 0) {
+                    answered = true;
+                    endpoint.send(&answer, &mut |_| {});
+                }
+            }
+        }
+        while let Some(frame) = endpoint.poll(began.elapsed()) {
+            let _ = end.to_host.try_send(frame);
+        }
+        if answered {
+            let foreign = CanFrame::new(CanId::Standard(0x7ff), &[]).unwrap();
+            let _ = end.to_host.try_send(foreign);
+            // Only begun: the rest of it would let the runtime look at its timers.
+            tokio::select! {
+                biased;
+                () = tokio::time::advance(Duration::from_millis(10)) => {}
+                () = std::future::ready(()) => {}
+            }
+        }
+        again().await;
+    }
+    heard
+}
+
+/// Gives others a turn, and is ready at once.
+async fn again() {
+    let mut polled = false;
+    std::future::poll_fn(|context| {
+        context.waker().wake_by_ref();
+        if std::mem::replace(&mut polled, true) { Poll::Ready(()) } else { Poll::Pending }
+    })
+    .await;
+}
+
+/// The board's watchdog hears the station while samples keep the runtime from its timers.
+#[test]
+fn signs_of_life_do_not_wait_for_the_runtimes_timers() {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_time()
+        .start_paused(true)
+        .event_interval(1 << 20)
+        .build()
+        .unwrap();
+    let heard = runtime.block_on(async {
+        let (link, end) = CanLink::in_memory();
+        let board = tokio::spawn(keep_alives_of_three_seconds(end));
+        let conversation = Board::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
+        let heard = board.await.unwrap();
+        drop(conversation);
+        heard
+    });
+    assert!((5..=7).contains(&heard), "{heard} keep-alives in three seconds, one every half second");
 }
