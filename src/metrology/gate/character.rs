@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use super::extremes::Extremes;
 use crate::stats;
 
 /// Rows of a piece.
-pub(super) const PIECE: usize = 2048;
+const PIECE: usize = 2048;
 /// Differences that are looked at in a piece: its scale is then known to a tenth.
 const LOOKS: usize = 128;
 /// Values from which the step between codes is learned.
@@ -41,23 +42,28 @@ pub(super) struct Character {
     /// Step between codes; 0 where all values are equal.
     pub(super) step: f64,
     pub(super) pieces: Vec<Piece>,
+    pub(super) extremes: Extremes,
 }
 
 impl Character {
     pub(super) fn of(values: &[f64], blocks: &[Range<usize>]) -> Self {
         let mut pieces = Vec::new();
+        let mut extremes = Extremes::default();
         let mut room = Room::default();
         for (block, rows) in blocks.iter().enumerate() {
             let rows = rows.start.min(values.len())..rows.end.min(values.len());
+            extremes.begin(rows.start);
             let mut start = rows.start;
             while start < rows.end {
                 // The last piece takes the rest, so that none is too short to have a scale.
                 let end = if rows.end - start < 2 * PIECE { rows.end } else { start + PIECE };
+                // First of all, since it brings the whole piece into the cache.
+                extremes.add(&values[start..end]);
                 pieces.push(room.piece(values, start..end, block));
                 start = end;
             }
         }
-        Self { step: step(values), pieces }
+        Self { step: step(values), pieces, extremes }
     }
 
     /// Chance that noise gives one code in a row and the same in the next; 1 where the record does not say.
