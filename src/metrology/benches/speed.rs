@@ -1,6 +1,6 @@
 //! Time and memory of the dear methods, with their bounds: `cargo bench -p gnc-metrology --bench speed`; ends with 1
 //! when a bound is broken. Each figure is the best of several, since other programs share the machine; the least processor
-//! time (of all threads) stands beside it. `-- allan` or `-- ellip` runs a part.
+//! time (of all threads) stands beside it. `-- allan`, `-- gate` or `-- ellip` runs a part.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
@@ -11,6 +11,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use gnc_metrology::allan::{Input, Kind, Taus, analyse};
+use gnc_metrology::gate::{Layout, Screening, one_stretch};
 use gnc_metrology::{ellipse, ellipsoid};
 use nix::time::{ClockId, clock_gettime};
 use truth::Dice;
@@ -30,6 +31,9 @@ fn main() {
     println!("load {}", std::fs::read_to_string("/proc/loadavg").unwrap().trim());
     if wanted("allan") {
         allan(&mut judge);
+    }
+    if wanted("gate") {
+        gate(&mut judge);
     }
     if wanted("ellipse ellipsoid") {
         surfaces(&mut judge);
@@ -52,6 +56,28 @@ fn allan(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
     });
     judge("oadev, octave, 6 axes x 3.6 million, two threads", wall, 0.25, "s", &format!(", processor time {cpu:.3} s"));
     judge("  memory beyond the input", status_mb("VmHWM:") - before, 40.0, "MB", "");
+}
+
+/// One channel of an hour at 1 kHz: white noise about 0 with a slow walk, in codes and in units of its own.
+fn gate(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
+    let mut dice = Dice::new(9);
+    let mut walk = 0.0;
+    let counts: Vec<f64> = (0..3_600_000)
+        .map(|_| {
+            walk += 0.02 * dice.normal();
+            (30.0 * dice.normal() + walk).round()
+        })
+        .collect();
+    let units: Vec<f64> = counts.iter().map(|v| ((v + dice.normal()) * 1e4).round() / 1e6).collect();
+    let blocks = one_stretch(counts.len());
+    let layout = Layout { blocks: &blocks, still: true, range_end: None };
+    for (what, values) in [("codes", &counts), ("units", &units)] {
+        let (wall, cpu) = best(15, || {
+            assert_eq!(black_box(Screening::of(&["x"], &[values], &layout)).left_out().total(), 0);
+        });
+        let note = format!(", processor time {:.1} ms", 1e3 * cpu);
+        judge(&format!("gate, a still channel of 3.6 million {what}"), 1e3 * wall, 40.0, "ms", &note);
+    }
 }
 
 fn surfaces(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use crate::stats;
+use super::extremes::Extremes;
 
 /// Rows of a piece.
-pub(super) const PIECE: usize = 2048;
+const PIECE: usize = 2048;
 /// Differences that are looked at in a piece: its scale is then known to a tenth.
 const LOOKS: usize = 128;
 /// Values from which the step between codes is learned.
@@ -41,23 +41,28 @@ pub(super) struct Character {
     /// Step between codes; 0 where all values are equal.
     pub(super) step: f64,
     pub(super) pieces: Vec<Piece>,
+    pub(super) extremes: Extremes,
 }
 
 impl Character {
     pub(super) fn of(values: &[f64], blocks: &[Range<usize>]) -> Self {
         let mut pieces = Vec::new();
+        let mut extremes = Extremes::default();
         let mut room = Room::default();
         for (block, rows) in blocks.iter().enumerate() {
             let rows = rows.start.min(values.len())..rows.end.min(values.len());
+            extremes.begin(rows.start);
             let mut start = rows.start;
             while start < rows.end {
                 // The last piece takes the rest, so that none is too short to have a scale.
                 let end = if rows.end - start < 2 * PIECE { rows.end } else { start + PIECE };
+                // First of all, since it brings the whole piece into the cache.
+                extremes.add(&values[start..end]);
                 pieces.push(room.piece(values, start..end, block));
                 start = end;
             }
         }
-        Self { step: step(values), pieces }
+        Self { step: step(values), pieces, extremes }
     }
 
     /// Chance that noise gives one code in a row and the same in the next; 1 where the record does not say.
@@ -98,7 +103,8 @@ pub(super) fn scale(values: &[f64]) -> f64 {
 /// Kept between pieces.
 #[derive(Default)]
 struct Room {
-    differences: Vec<f64>,
+    /// As bits: those of numbers without a sign have the order of the numbers, and are compared at once.
+    differences: Vec<u64>,
 }
 
 impl Room {
@@ -106,8 +112,8 @@ impl Room {
         let mut of_lag = |lag: usize| {
             self.differences.clear();
             let pairs = values.iter().zip(values.get(lag..).unwrap_or_default()).step_by(stride);
-            self.differences.extend(pairs.map(|(a, b)| (b - a).abs()));
-            if self.differences.is_empty() { 0.0 } else { stats::median(&mut self.differences) / MEDIAN_DIFFERENCE }
+            self.differences.extend(pairs.map(|(a, b)| (b - a).abs().to_bits()));
+            median(&mut self.differences) / MEDIAN_DIFFERENCE
         };
         of_lag(1).max(of_lag(3))
     }
@@ -123,9 +129,9 @@ impl Room {
         for triple in part.windows(3).step_by(stride) {
             let (before, after) = (triple[1] - triple[0], triple[2] - triple[1]);
             if after != 0.0 {
-                self.differences.push(after.abs());
+                self.differences.push(after.abs().to_bits());
             } else if before != 0.0 {
-                self.differences.push(before.abs());
+                self.differences.push(before.abs().to_bits());
             }
             if before != 0.0 && after != 0.0 {
                 pairs += 1;
@@ -133,11 +139,25 @@ impl Room {
             }
         }
         let moving = self.differences.len();
-        let median = if moving == 0 { 0.0 } else { stats::median(&mut self.differences) };
+        let median = median(&mut self.differences);
         // Where every other row repeats, no two differences follow each other: the rows that move are taken alone.
         let noisy = if pairs >= FEWEST { turns as f64 > NOISY * pairs as f64 } else { turns_of_moving(part) };
         Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy }
     }
+}
+
+/// Median of numbers without a sign, by their bits; 0 when empty.
+fn median(bits: &mut [u64]) -> f64 {
+    let n = bits.len();
+    if n == 0 {
+        return 0.0;
+    }
+    let (below, upper, _) = bits.select_nth_unstable(n / 2);
+    let upper = f64::from_bits(*upper);
+    if n % 2 == 1 {
+        return upper;
+    }
+    f64::midpoint(below.iter().max().map_or(upper, |lower| f64::from_bits(*lower)), upper)
 }
 
 fn common_divisor(a: u64, b: u64) -> u64 {

@@ -1,13 +1,12 @@
 //! Values cut at one side: one code holds the tail that lies beyond it.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::character::Character;
+use super::extremes::PART;
 use super::{Fault, Screening};
-use crate::series;
 
-/// Rows whose extreme is looked at.
-const PART: usize = 64;
 /// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
 const RATIO: f64 = 3.0;
 /// And so many rows more.
@@ -35,14 +34,14 @@ pub(super) fn search(
             continue;
         }
         for sign in [1.0, -1.0] {
-            let Some(extreme) = usual_extreme(found, values, block, sign) else { continue };
+            let Some(extreme) = usual_extreme(&ranges(found, values, character, number, block), sign) else { continue };
             let width = (INSIDE * scale).max((CODES + 0.5) * character.step);
-            let (mut at, mut inside) = (0, 0);
-            for row in block.clone().filter(|row| found.keeps(*row)) {
-                let below = sign * (extreme - values[row]);
-                at += usize::from(below == 0.0);
-                inside += usize::from(below > 0.0 && below <= width);
-            }
+            let below = |value: &f64| sign * (extreme - value);
+            let (at, inside) = if found.left_out.total() == 0 {
+                beside(values[block.clone()].iter().map(below), width)
+            } else {
+                beside(block.clone().filter(|row| found.keeps(*row)).map(|row| below(&values[row])), width)
+            };
             let codes = (width / character.step).floor().max(1.0);
             if at as f64 > RATIO * inside as f64 / codes + MORE {
                 for row in block.clone().filter(|row| values[*row] == extreme) {
@@ -56,25 +55,38 @@ pub(super) fn search(
     }
 }
 
-/// The value that is the extreme of most parts.
-fn usual_extreme(found: &Screening, values: &[f64], block: &Range<usize>, sign: f64) -> Option<f64> {
-    let clean = found.left_out.total() == 0;
-    let mut extremes: Vec<f64> = Vec::with_capacity(block.len() / PART + 1);
-    let mut start = block.start;
-    while start < block.end {
-        let rows = start..(start + PART).min(block.end);
-        let (low, high) = if clean {
-            series::range(&values[rows.clone()])
-        } else {
-            rows.clone()
-                .filter(|row| found.keeps(*row))
-                .map(|row| values[row])
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
-        };
-        extremes.push(if sign > 0.0 { high } else { low });
-        start = rows.end;
+/// How many of these distances are 0, and how many lie above it up to a width.
+fn beside(below: impl Iterator<Item = f64>, width: f64) -> (u64, u64) {
+    // Counts as wide as the values, which the compiler turns into vectors.
+    below.fold((0, 0), |(at, inside), below| {
+        (at + u64::from(below == 0.0), inside + u64::from((below > 0.0) & (below <= width)))
+    })
+}
+
+/// Smallest and largest of the values that are used in each part of a block.
+fn ranges<'a>(
+    found: &Screening,
+    values: &[f64],
+    character: &'a Character,
+    number: usize,
+    block: &Range<usize>,
+) -> Cow<'a, [(f64, f64)]> {
+    if found.left_out.total() == 0 {
+        return Cow::Borrowed(character.extremes.of_block(number));
     }
-    extremes.retain(|value| value.is_finite());
-    extremes.sort_by(f64::total_cmp);
+    let parts = block.clone().step_by(PART).map(|start| start..(start + PART).min(block.end));
+    let of_part = |rows: Range<usize>| {
+        rows.filter(|row| found.keeps(*row))
+            .map(|row| values[row])
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+    };
+    parts.map(of_part).collect()
+}
+
+/// The value that is the extreme of most parts.
+fn usual_extreme(ranges: &[(f64, f64)], sign: f64) -> Option<f64> {
+    let extremes = ranges.iter().map(|(low, high)| if sign > 0.0 { *high } else { *low });
+    let mut extremes: Vec<f64> = extremes.filter(|value| value.is_finite()).collect();
+    extremes.sort_unstable_by(f64::total_cmp);
     extremes.chunk_by(|a, b| a == b).max_by_key(|same| same.len()).and_then(|same| same.first()).copied()
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::character::Character;
+use super::extremes::{PART, places};
 use super::{Fault, Screening};
 
 /// Rows beside a row from which its level is known.
@@ -21,25 +22,24 @@ pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[
         let above = if lowest_step.fract() == 0.0 { first.rem_euclid(lowest_step) } else { 0.0 };
         words.extend([above, above - lowest_step].into_iter().filter(|word| ![0.0, -1.0].contains(word)));
     }
-    for word in words {
-        let rows = rows_of(channels, word, found.rows());
+    for (word, rows) in words.iter().zip(rows_of(channels, &words, found.rows())) {
         if !rows.is_empty() {
-            judge(found, channels, characters, blocks, word, &rows);
+            judge(found, channels, characters, blocks, *word, &rows);
         }
     }
 }
 
-fn rows_of(channels: &[&[f64]], word: f64, rows: usize) -> Vec<usize> {
-    let Some((first, others)) = channels.split_first() else { return Vec::new() };
-    // A plain count is at memory speed; most records have none.
-    let count: usize = first[..rows]
-        .chunks(1024)
-        .map(|part| part.iter().map(|value| u32::from(*value == word)).sum::<u32>() as usize)
-        .sum();
-    if count == 0 {
-        return Vec::new();
+/// For each word the rows in which all channels show it.
+fn rows_of(channels: &[&[f64]], words: &[f64], rows: usize) -> Vec<Vec<usize>> {
+    let mut found = vec![Vec::new(); words.len()];
+    let Some((first, others)) = channels.split_first() else { return found };
+    for (part, values) in first[..rows].chunks(PART).enumerate() {
+        for (word, rows) in words.iter().zip(&mut found) {
+            let of_first = places(values.iter().map(|value| value == word)).map(|place| part * PART + place);
+            rows.extend(of_first.filter(|row| others.iter().all(|values| values[*row] == *word)));
+        }
     }
-    (0..rows).filter(|row| first[*row] == word && others.iter().all(|values| values[*row] == word)).collect()
+    found
 }
 
 fn judge(
@@ -66,7 +66,11 @@ fn judge(
         let impossible = || {
             channels.iter().zip(characters).any(|(values, character)| {
                 let far = NEAR * scale_at(character, *row).max(character.step);
-                level(values, &blocks[block], *row, word).is_some_and(|level| (level - word).abs() > far)
+                let block = &blocks[block];
+                let left = &values[row.saturating_sub(BESIDE).max(block.start)..*row];
+                let right = &values[row + 1..(row + 1 + BESIDE).min(block.end)];
+                // A motion that begins or ends in the word is near it on one side.
+                is_apart(left, word, far) && is_apart(right, word, far)
             })
         };
         if too_many || impossible() {
@@ -80,16 +84,15 @@ fn scale_at(character: &Character, row: usize) -> f64 {
     character.pieces.get(at).map_or(0.0, |piece| piece.scale)
 }
 
-/// The smaller distance from the word of the medians on both sides decides: a motion that begins or ends in it is none.
-fn level(values: &[f64], block: &Range<usize>, row: usize, word: f64) -> Option<f64> {
-    let left = median(&values[row.saturating_sub(BESIDE).max(block.start)..row]);
-    let right = median(&values[row + 1..(row + 1 + BESIDE).min(block.end)]);
-    match (left, right) {
-        (Some(left), Some(right)) => Some(if (left - word).abs() < (right - word).abs() { left } else { right }),
-        _ => None,
+/// Whether the median of some values lies far from a word.
+fn is_apart(values: &[f64], word: f64, far: f64) -> bool {
+    let near = values.iter().filter(|value| (*value - word).abs() <= far).count();
+    // The median lies between the values of a majority.
+    if values.is_empty() || 2 * near > values.len() {
+        return false;
     }
-}
-
-fn median(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| crate::stats::median(&mut values.to_vec()))
+    let mut beside = [0.0; BESIDE];
+    let beside = &mut beside[..values.len().min(BESIDE)];
+    beside.copy_from_slice(&values[..beside.len()]);
+    (crate::stats::median(beside) - word).abs() > far
 }

@@ -13,6 +13,7 @@
 
 mod character;
 mod clipped;
+mod extremes;
 mod failed;
 mod mend;
 mod spikes;
@@ -171,6 +172,9 @@ impl Screening {
     /// The first row that is not used, from 1.
     #[must_use]
     pub fn first_row(&self) -> Option<usize> {
+        if self.left_out.total() == 0 {
+            return None;
+        }
         self.faults.iter().position(Option::is_some).map(|row| row + 1)
     }
 

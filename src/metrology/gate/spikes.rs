@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::character::{self, Character, Piece};
+use super::extremes::PART;
 use super::{Fault, Layout, Screening};
 use crate::stats;
 
@@ -30,7 +31,6 @@ const CURVED: f64 = 8.0;
 const PASSES: usize = 5;
 
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
-    let (lowest, highest) = crate::series::range(values);
     let mut spikes = Vec::new();
     let mut far = FAR;
     let mut taken: Vec<usize> = Vec::new();
@@ -38,7 +38,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         let before = spikes.len();
         for piece in &character.pieces {
             let block = &layout.blocks[piece.block];
-            look(found, values, piece, block, far, character.step, &mut spikes);
+            look(found, values, character, piece, block, far, &mut spikes);
         }
         // Marked after a whole pass, as what they are only when all are known.
         for row in &spikes[before..] {
@@ -51,6 +51,10 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         }
         far = closer.min(far);
     }
+    if taken.is_empty() {
+        return;
+    }
+    let (lowest, highest) = crate::series::range(values);
     let ends: Vec<f64> = [lowest, highest]
         .into_iter()
         .filter(|end| spikes.iter().filter(|row| values[**row] == *end).count() > 1)
@@ -92,18 +96,23 @@ fn is_code_end(value: f64) -> bool {
 fn look(
     found: &Screening,
     values: &[f64],
+    character: &Character,
     piece: &Piece,
     block: &Range<usize>,
     far: f64,
-    step: f64,
     spikes: &mut Vec<usize>,
 ) {
+    let step = character.step;
     // A scale from few differences may be half of the true one.
     let few = 1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt();
     let limit = far * few * piece.scale.max(STEP * step);
     // A median of five that lies far away has one of the next three far away.
     let first = piece.rows.start.max(block.start + 3).min(piece.rows.end);
     let candidates = |from: usize, to: usize| {
+        let (low, high) = character.extremes.around(piece.block, &(from - 3..to));
+        if high - low <= limit {
+            return 0;
+        }
         let lag = |lag: usize| values[from - lag..to - lag].iter();
         let beside = values[from..to].iter().zip(lag(1)).zip(lag(2)).zip(lag(3));
         beside
@@ -121,7 +130,6 @@ fn look(
         }
     };
     (piece.rows.start..first).for_each(&mut consider);
-    const PART: usize = 64;
     let mut from = first;
     while from < piece.rows.end {
         let to = (from + PART).min(piece.rows.end);

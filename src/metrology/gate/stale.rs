@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::character::{Character, Piece};
+use super::extremes::{PART, places};
 use super::{Fault, Screening};
 
 /// Chance in the whole record of a run of repeats that is taken for a fault.
@@ -21,33 +22,36 @@ pub(super) fn search(
 ) -> Option<f64> {
     let rows = found.rows();
     let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
-    let repeats: Vec<usize> = pieces.iter().map(|piece| count(channels, piece, blocks)).collect();
-    if repeats.iter().all(|count| *count == 0) {
+    let mut repeats: Vec<usize> = Vec::new();
+    let ends: Vec<usize> = pieces
+        .iter()
+        .map(|piece| {
+            note(channels, piece, &blocks[piece.block], &mut repeats);
+            repeats.len()
+        })
+        .collect();
+    if repeats.is_empty() {
         return None;
     }
+    let of_piece = |at: usize| &repeats[at.checked_sub(1).map_or(0, |before| ends[before])..ends[at]];
     let chances: Vec<f64> = (0..pieces.len()).map(|at| chance(characters, at)).collect();
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
-    let counted: usize = judged().map(|at| repeats[at]).sum();
+    let counted: usize = judged().map(|at| of_piece(at).len()).sum();
     let too_many = counted as f64 > 2.0 * expected + 6.0 * expected.sqrt() + if expected > 1e-3 { 3.0 } else { 0.0 };
     let mut marked = 0;
-    for at in judged().filter(|at| repeats[*at] > 0) {
+    for at in judged().filter(|at| !of_piece(*at).is_empty()) {
         // So many repeats in a row are no chance in a record of this length.
         let shortest = if too_many { 1 } else { (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1 };
-        let mut run = 0;
         let block = &blocks[pieces[at].block];
-        for row in pieces[at].rows.clone() {
-            if repeats_at(channels, block.start, row) {
-                if run == 0 && pauses(channels, characters, at, block, row) {
-                    marked += usize::from(found.mark(row, Fault::Stale));
-                }
-                run += 1;
-                continue;
+        for run in of_piece(at).chunk_by(|row, next| row + 1 == *next) {
+            if pauses(channels, characters, at, block, run[0]) {
+                marked += usize::from(found.mark(run[0], Fault::Stale));
             }
-            marked += mark(found, row, run, shortest);
-            run = 0;
+            if run.len() >= shortest {
+                marked += run.iter().filter(|row| found.mark(**row, Fault::Stale)).count();
+            }
         }
-        marked += mark(found, pieces[at].rows.end, run, shortest);
     }
     polled(found, marked, blocks)
 }
@@ -64,29 +68,18 @@ fn pauses(channels: &[&[f64]], characters: &[Character], at: usize, block: &Rang
     })
 }
 
-fn mark(found: &mut Screening, end: usize, run: usize, shortest: usize) -> usize {
-    if run == 0 || run < shortest {
-        return 0;
-    }
-    (end - run..end).filter(|row| found.mark(*row, Fault::Stale)).count()
-}
-
-fn repeats_at(channels: &[&[f64]], start: usize, row: usize) -> bool {
-    row > start && channels.iter().all(|values| values[row] == values[row - 1])
-}
-
-fn count(channels: &[&[f64]], piece: &Piece, blocks: &[Range<usize>]) -> usize {
-    let start = piece.rows.start.max(blocks[piece.block].start + 1);
-    let Some((first, others)) = channels.split_first() else { return 0 };
+/// Adds the rows of a piece that repeat the row before on all channels.
+fn note(channels: &[&[f64]], piece: &Piece, block: &Range<usize>, repeats: &mut Vec<usize>) {
+    let start = piece.rows.start.max(block.start + 1);
+    let Some((first, others)) = channels.split_first() else { return };
     if start >= piece.rows.end {
-        return 0;
+        return;
     }
     let (now, before) = (&first[start..piece.rows.end], &first[start - 1..piece.rows.end - 1]);
-    let of_first: u32 = now.iter().zip(before).map(|(a, b)| u32::from(a == b)).sum();
-    if of_first == 0 || others.is_empty() {
-        return of_first as usize;
+    for (part, (now, before)) in now.chunks(PART).zip(before.chunks(PART)).enumerate() {
+        let rows = places(now.iter().zip(before).map(|(a, b)| a == b)).map(|place| start + part * PART + place);
+        repeats.extend(rows.filter(|row| others.iter().all(|values| values[*row] == values[row - 1])));
     }
-    (start..piece.rows.end).filter(|row| channels.iter().all(|values| values[*row] == values[row - 1])).count()
 }
 
 /// Chance of a repeat on all channels in a piece; of a piece that stands still, the larger one of those beside it.

@@ -10,6 +10,7 @@ mod npy;
 mod number;
 mod parquet;
 mod pieces;
+mod plain;
 mod preamble;
 mod rows;
 mod sheet;

@@ -1,6 +1,6 @@
 //! A file in pieces of whole lines.
 
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::{LONGEST_LINE, TableError};
@@ -55,18 +55,11 @@ impl Pieces {
 
     /// Appends up to a piece.
     fn fill(&mut self, buffer: &mut Vec<u8>) -> Result<(), TableError> {
-        let before = buffer.len();
-        buffer.resize(before + self.size, 0);
-        let mut end = before;
-        while end < buffer.len() && !self.ended {
-            match self.source.read(&mut buffer[end..]) {
-                Ok(0) => self.ended = true,
-                Ok(n) => end += n,
-                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                Err(source) => return Err(TableError::Io { path: self.path.clone(), source }),
-            }
-        }
-        buffer.truncate(end);
+        // Room first, so that it grows by no more; it need not be cleared to be read into.
+        buffer.reserve(self.size);
+        let mut piece = self.source.by_ref().take(self.size as u64);
+        let got = piece.read_to_end(buffer).map_err(|source| TableError::Io { path: self.path.clone(), source })?;
+        self.ended = got < self.size;
         Ok(())
     }
 }

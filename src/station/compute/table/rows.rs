@@ -5,7 +5,7 @@ use std::path::Path;
 use wide::u8x16;
 
 use super::number::{self, Form, NoNumber, unquoted};
-use super::{LONGEST_LINE, TableError, time};
+use super::{LONGEST_LINE, TableError, plain, time};
 
 /// What divides fields.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -169,6 +169,11 @@ impl Fault {
 impl Rows<'_> {
     /// Reads a piece; its last line may lack its end.
     pub(super) fn parse(&self, piece: &[u8]) -> Parsed {
+        plain::parse(self, piece).unwrap_or_else(|| self.one_by_one(piece))
+    }
+
+    /// The same of any piece.
+    pub(super) fn one_by_one(&self, piece: &[u8]) -> Parsed {
         let mut parsed = Parsed { numbers: vec![Vec::new(); self.numbers], ..Parsed::default() };
         let Delimiter::Byte(delimiter) = self.delimiter else {
             for line in piece.split_inclusive(|b| *b == b'\n') {
