@@ -130,6 +130,16 @@ impl Bench {
     }
 }
 
+/// The attitudes of a good module, and its bench.
+pub(super) fn good_attitudes(seed: u64) -> (Site, Vec<Capture>) {
+    let mut bench = Bench::new(seed);
+    (site(bench.fixture), bench.attitudes())
+}
+
+fn site(fixture: Fixture) -> Site {
+    Site { field_gauss: Some(AXIAL.hypot(ACROSS)), fixture: Some(fixture), ..Site::default() }
+}
+
 /// Spins `trials` modules. A good module is never refused.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     let params = params(PLAN);
@@ -139,7 +149,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
 /// Each figure with its truth.
 fn calibrate(params: &[Params], seed: u64) -> Vec<Found> {
     let mut bench = Bench::new(seed);
-    let site = Site { field_gauss: Some(0.5334), fixture: Some(bench.fixture), ..Site::default() };
+    let site = site(bench.fixture);
     let plane = SOFT.fixed_view::<2, 2>(0, 0);
     let q = plane * plane.transpose();
     let radius = q[(0, 0)].sqrt() * ACROSS;
