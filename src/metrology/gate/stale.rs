@@ -3,12 +3,15 @@
 use std::ops::Range;
 
 use super::character::{Character, Piece};
+use super::excess::{Excess, beside};
 use super::{Fault, Screening};
 
 /// Chance in the whole record of a run of repeats that is taken for a fault.
 const RARE: f64 = 1e-5;
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
+/// Part of the rows above which repeats are the rule: a sensor that is read more often than it updates.
+const MANY: f64 = 0.1;
 /// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
 const COMMON: f64 = 0.5;
 
@@ -29,11 +32,16 @@ pub(super) fn search(
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| repeats[at]).sum();
-    let too_many = counted as f64 > 2.0 * expected + 6.0 * expected.sqrt() + if expected > 1e-3 { 3.0 } else { 0.0 };
+    // A few are no news where chance gives any.
+    let news = counted.saturating_sub(if expected > 1e-3 { 3 } else { 0 });
+    let mut excess = Excess::of(news, expected, || steps_beside(channels, characters, blocks));
+    if counted as f64 > MANY * rows as f64 {
+        excess = excess.all();
+    }
     let mut marked = 0;
     for at in judged().filter(|at| repeats[*at] > 0) {
         // So many repeats in a row are no chance in a record of this length.
-        let shortest = if too_many { 1 } else { (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1 };
+        let shortest = (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1;
         let mut run = 0;
         let block = &blocks[pieces[at].block];
         for row in pieces[at].rows.clone() {
@@ -44,10 +52,10 @@ pub(super) fn search(
                 run += 1;
                 continue;
             }
-            marked += mark(found, row, run, shortest);
+            marked += mark(found, row, run, shortest, &mut excess);
             run = 0;
         }
-        marked += mark(found, pieces[at].rows.end, run, shortest);
+        marked += mark(found, pieces[at].rows.end, run, shortest, &mut excess);
     }
     polled(found, marked, blocks)
 }
@@ -64,11 +72,21 @@ fn pauses(channels: &[&[f64]], characters: &[Character], at: usize, block: &Rang
     })
 }
 
-fn mark(found: &mut Screening, end: usize, run: usize, shortest: usize) -> usize {
-    if run == 0 || run < shortest {
+fn mark(found: &mut Screening, end: usize, run: usize, shortest: usize, excess: &mut Excess) -> usize {
+    if run == 0 || !(run >= shortest || excess.takes(run)) {
         return 0;
     }
     (end - run..end).filter(|row| found.mark(*row, Fault::Stale)).count()
+}
+
+/// Steps of one and of two codes from row to row, each the mean of both senses; only of one channel.
+fn steps_beside(channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) -> Option<[f64; 2]> {
+    let ([values], [character]) = (channels, characters) else { return None };
+    if character.step <= 0.0 {
+        return None;
+    }
+    let within = |block: &Range<usize>| values[block.start.min(values.len())..block.end.min(values.len())].windows(2);
+    Some(beside(blocks.iter().flat_map(within).map(|pair| (pair[1] - pair[0]) / character.step)))
 }
 
 fn repeats_at(channels: &[&[f64]], start: usize, row: usize) -> bool {
