@@ -91,9 +91,10 @@ pub fn amplitude_interval(found: f64, sd: f64, probability: f64) -> (f64, f64) {
 
 /// Quantile of the length of a vector of two normal components of variance 1 about a vector of length `ratio`.
 fn rice_quantile(probability: f64, ratio: f64) -> f64 {
-    // Far out the length is normal, and the component across adds half its variance over the length.
+    // Far out the length is normal: the component across adds half its variance over the length to the mean, and takes half
+    // of it over the square of the length from the variance.
     if ratio > 20.0 {
-        return ratio + 0.5 / ratio + normal_quantile(probability);
+        return ratio + 0.5 / ratio + normal_quantile(probability) * (1.0 - 0.25 / (ratio * ratio));
     }
     let (mut low, mut high) = (0.0, ratio + 10.0);
     for _ in 0..60 {
