@@ -175,7 +175,7 @@ pub fn fit_within(x: &[f64], y: &[f64], saturation: Option<f64>, limit: f64) -> 
     for (name, values) in [("x", x), ("y", y)] {
         series::unsaturated(name, values, saturation)?;
     }
-    let fit = quadric::fit::<2, 5>(&[x, y], ("ellipse", "hyperbola"))?;
+    let fit = quadric::fit::<2, 5>(&[x, y], ("ellipse", "hyperbola"), quadric::Far::Rejected)?;
     let [cx, cy, major, minor, rotation_deg, dx, dy, ky, sin_alpha] = figures(&fit.surface);
     if fit.rejected as f64 > REJECT_LIMIT * n as f64 {
         return Err(Refusal::TooManyRejected { rejected: fit.rejected, total: n, limit_percent: 100.0 * REJECT_LIMIT });

@@ -8,7 +8,7 @@
 //! The residual is no acceptance test: a wrong fit to nearly planar data can have the smaller one. Coverage and
 //! condition decide.
 
-use nalgebra::{Matrix3, SMatrix, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 
 use crate::{Refusal, quadric, series};
 
@@ -60,6 +60,42 @@ pub struct Ellipsoid {
     pub dof: usize,
 }
 
+impl Ellipsoid {
+    /// How far a raw point lies outside: the length of its corrected vector less the field, in the unit of the field.
+    #[must_use]
+    pub fn distance(&self, point: &Vector3<f64>) -> f64 {
+        (self.matrix * (point - self.centre)).norm() - self.field
+    }
+
+    /// What the figures change by, in the order of `covariance`, for one unit of [`Self::distance`] of a point of the fit.
+    ///
+    /// To first order a fit of normal distances `d` takes up errors `e` of them as `(J' J)^-1 J' e`; with the covariance
+    /// `sigma^2 F (J' J)^-1 F'` of the figures and the derivative `h = -dd/dfigures`, `J = -h F`, that is
+    /// `covariance h / sigma^2`. The normal distance is the distance over `|matrix u|`, u the corrected direction.
+    #[must_use]
+    pub fn sensitivity(&self, point: &Vector3<f64>) -> SVector<f64, 10> {
+        let raw = point - self.centre;
+        let corrected = self.matrix * raw;
+        let u = corrected / corrected.norm();
+        let normal = self.matrix * u;
+        let slope = normal.norm();
+        let pair = |a: usize, b: usize| u[a] * raw[b] + u[b] * raw[a];
+        let derivative = SVector::<f64, 10>::from([
+            normal[0],
+            normal[1],
+            normal[2],
+            -u[0] * raw[0],
+            -pair(0, 1),
+            -pair(0, 2),
+            -u[1] * raw[1],
+            -pair(1, 2),
+            -u[2] * raw[2],
+            1.0,
+        ]) / slope;
+        self.covariance * derivative / (self.sigma * self.sigma).max(f64::MIN_POSITIVE) / slope
+    }
+}
+
 /// Correction of a surface: the matrix and the field.
 fn correction(surface: &quadric::Surface<3>, field: Option<f64>) -> (Matrix3<f64>, f64) {
     let eigen = SymmetricEigen::new(surface.form);
@@ -85,10 +121,30 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
 /// # Errors
 /// As [`fit`].
 pub fn fit_within(
+    points: [&[f64]; 3],
+    field: Option<f64>,
+    saturation: Option<f64>,
+    limit: f64,
+) -> Result<Ellipsoid, Refusal> {
+    fit_points(points, field, saturation, limit, quadric::Far::Rejected)
+}
+
+/// The plain least-squares fit, in which every point counts and none is taken for a spike: for points that share errors in
+/// groups, as those of one attitude share that of the ambient field. `covariance` is that of independent errors;
+/// [`Ellipsoid::sensitivity`] tells what shared ones do.
+///
+/// # Errors
+/// As [`fit`], but for outliers.
+pub fn fit_every(x: &[f64], y: &[f64], z: &[f64], saturation: Option<f64>) -> Result<Ellipsoid, Refusal> {
+    fit_points([x, y, z], None, saturation, quadric::RESIDUAL_LIMIT, quadric::Far::Kept)
+}
+
+fn fit_points(
     [x, y, z]: [&[f64]; 3],
     field: Option<f64>,
     saturation: Option<f64>,
     limit: f64,
+    far: quadric::Far,
 ) -> Result<Ellipsoid, Refusal> {
     series::positive("residual limit (of the radius)", limit)?;
     if let Some(field) = field {
@@ -98,7 +154,7 @@ pub fn fit_within(
     for (name, values) in crate::AXES.into_iter().zip([x, y, z]) {
         series::unsaturated(name, values, saturation)?;
     }
-    let fit = quadric::fit::<3, 9>(&[x, y, z], ("ellipsoid", "hyperboloid")).map_err(|refusal| match refusal {
+    let fit = quadric::fit::<3, 9>(&[x, y, z], ("ellipsoid", "hyperboloid"), far).map_err(|refusal| match refusal {
         // What a nearly planar record makes of a fit is chance; what it lacks is the third dimension.
         Refusal::Diverged { .. } | Refusal::NotClosed { .. } | Refusal::Noisy { .. } => {
             flat([x, y, z]).unwrap_or(refusal)

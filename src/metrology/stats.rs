@@ -67,6 +67,59 @@ pub fn sd_interval(sd: f64, dof: f64, probability: f64) -> (f64, f64) {
     (low, high)
 }
 
+/// Interval of the length of a vector of two components that was found as `found`, where either component is known with
+/// the standard uncertainty `sd`: the distribution of the length about what was found (propagated after JCGM 101; Rice
+/// 1945), from its `(1 - probability) / 2` to its `(1 + probability) / 2` quantile. Where no length lies in the region that
+/// holds the vector with this probability, it is from 0 to the `probability` quantile: a length has no sign, and the
+/// truth may be none. NaN where a number is not finite or `sd` is negative.
+#[must_use]
+pub fn amplitude_interval(found: f64, sd: f64, probability: f64) -> (f64, f64) {
+    if !(found.is_finite() && sd >= 0.0 && sd.is_finite() && (0.0..1.0).contains(&probability)) {
+        return (f64::NAN, f64::NAN);
+    }
+    if sd == 0.0 {
+        return (found, found);
+    }
+    let ratio = found.abs() / sd;
+    let quantile = |p: f64| sd * rice_quantile(p, ratio);
+    // Radius of the region: chi-square of two degrees of freedom.
+    if ratio <= (-2.0 * (1.0 - probability).ln()).sqrt() {
+        return (0.0, quantile(probability));
+    }
+    (quantile(0.5 - probability / 2.0), quantile(0.5 + probability / 2.0))
+}
+
+/// Quantile of the length of a vector of two normal components of variance 1 about a vector of length `ratio`.
+fn rice_quantile(probability: f64, ratio: f64) -> f64 {
+    // Far out the length is normal: the component across adds half its variance over the length to the mean, and takes half
+    // of it over the square of the length from the variance.
+    if ratio > 20.0 {
+        return ratio + 0.5 / ratio + normal_quantile(probability) * (1.0 - 0.25 / (ratio * ratio));
+    }
+    let (mut low, mut high) = (0.0, ratio + 10.0);
+    for _ in 0..60 {
+        let middle = f64::midpoint(low, high);
+        if rice_probability(middle, ratio) < probability { low = middle } else { high = middle }
+    }
+    f64::midpoint(low, high)
+}
+
+/// Probability that the length is at most `length`: a mixture of chi-squares of even degrees of freedom by Poisson weights.
+fn rice_probability(length: f64, ratio: f64) -> f64 {
+    let (lambda, x) = (ratio * ratio / 2.0, length * length / 2.0);
+    let terms = (lambda + 12.0 * lambda.sqrt() + 40.0) as usize;
+    // Chi-square of 2 (j + 1) degrees of freedom is at most 2 x with 1 - sum over i <= j of x^i e^-x / i!.
+    let (mut weight, mut term) = ((-lambda).exp(), (-x).exp());
+    let (mut below, mut sum) = (1.0 - term, 0.0);
+    for j in 1..=terms {
+        sum += weight * below;
+        weight *= lambda / j as f64;
+        term *= x / j as f64;
+        below -= term;
+    }
+    sum
+}
+
 /// Mean, with the first value removed before the sum so that an offset costs no digits. NaN when empty.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
@@ -157,6 +210,24 @@ mod tests {
             assert!((chi_square_quantile(p, dof) - q).abs() < 1e-3 * q, "chi2 {p} {dof}");
         }
         assert!(coverage_factor(0.95, 0.0).is_nan() && chi_square_quantile(0.5, f64::NAN).is_nan());
+    }
+
+    /// scipy.stats: rice.ppf of 0.025, 0.95 and 0.975. Where 0 is within the region the interval starts there.
+    #[test]
+    fn intervals_of_a_length() {
+        for (found, low, high) in [
+            (0.0, 0.0, 2.447746830680816),
+            (1.0, 0.0, 2.939762553344385),
+            (2.4, 0.0, 4.202747424414629),
+            (2.5, 0.8969311967571351, 4.607035163014746),
+            (5.0, 3.1660453112322613, 7.044187018673138),
+            (19.9, 17.966480076988617, 21.88392370872212),
+            (25.0, 23.06086035239773, 26.97921646261016),
+        ] {
+            let (a, b) = amplitude_interval(3.0 * found, 3.0, 0.95);
+            assert!((a / 3.0 - low).abs() < 1e-4 && (b / 3.0 - high).abs() < 1e-4, "{found}: {a} {b}");
+        }
+        assert!(amplitude_interval(1.0, -1.0, 0.95).0.is_nan() && amplitude_interval(f64::NAN, 1.0, 0.95).1.is_nan());
     }
 
     /// The expansions take over where they agree with the exact quantiles.

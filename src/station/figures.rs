@@ -5,6 +5,7 @@
 
 mod accel_bias;
 mod allan;
+mod attitude_field;
 mod axes;
 mod budget;
 pub mod calibration;

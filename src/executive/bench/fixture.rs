@@ -8,7 +8,7 @@
 //! axis_u = "0.02 deg"                              # alignment of the table's axis
 //! runout_u = "0.001 deg"                           # tilt of that axis in step with the turn
 //! field_u = "0.2 mgauss"                           # field of the fixture at the magnetometer, each axis
-//! ambient_u = "0.1 mgauss"                         # change of the ambient field within an item
+//! ambient_u = "0.1 mgauss"                         # departure of the ambient field from its mean
 //! ```
 //!
 //! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`Fixture::default`] count.
@@ -38,7 +38,7 @@ pub struct Fixture {
     pub runout_u_rad: f64,
     /// Field of the fixture itself, which turns with the module, on each axis.
     pub field_u_gauss: f64,
-    /// Change of the ambient field within an item.
+    /// Departure of the ambient field from its mean: one for all of an item, and another one in each attitude of it.
     pub ambient_u_gauss: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Magnetometer: in its plane of rotation, and over the whole sphere.
 
 use super::shared::{
-    COVERAGE, FAILED_READS, POSITIONS, RATE, SAMPLE_RATE, SETTLE, SPIKES, STALE_SAMPLES, gauss, percent, ppm, quantity,
+    COVERAGE, FAILED_READS, RATE, SAMPLE_RATE, SETTLE, SPIKES, STALE_SAMPLES, gauss, percent, ppm, quantity,
 };
 use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number};
 use crate::quantity::{Dimension, Unit};
@@ -62,7 +62,12 @@ pub(super) static ELLIPSE: ItemSpec = ItemSpec {
 pub(super) static ELLIPSOID: ItemSpec = ItemSpec {
     title: "Magnetometer, sphere",
     params: &[
-        ParamSpec { name: "positions", kind: ParamKind::Choice { of: &["6", "12", "24"], default: "24" }, ..POSITIONS },
+        // Nine parameters are more than six attitudes tell.
+        ParamSpec {
+            name: "positions",
+            about: "attitudes: each axis up and down at two headings, or at four",
+            kind: ParamKind::Choice { of: &["12", "24"], default: "24" },
+        },
         quantity("dwell", "time in each position", Unit::Second, (0.5, 600.0), 5.0),
         RATE,
         SETTLE,

@@ -1,5 +1,5 @@
 //! Spoilt records of each method, kind and share, 1,000 each: the interval covers or the record is refused. One thread.
-//! `cargo bench -p gnc-metrology --bench contamination [-- RECORDS]`; ends with 1 when a bound is broken.
+//! `cargo bench -p gnc-metrology --bench contamination [-- RECORDS METHOD ...]`; ends with 1 when a bound is broken.
 
 #![allow(clippy::print_stdout, missing_docs, dead_code, reason = "a benchmark prints its figures")]
 
@@ -17,7 +17,9 @@ fn main() {
         "{records} records each, seed {SEED}; coverage at least the probability less 3.9 standard errors, or refused"
     );
     let mut broken = 0;
-    for method in &METHODS {
+    let named: Vec<String> =
+        std::env::args().skip(1).filter(|a| METHODS.iter().any(|method| method.name == a)).collect();
+    for method in METHODS.iter().filter(|method| named.is_empty() || named.iter().any(|name| name == method.name)) {
         for kind in KINDS {
             for share in if kind == Kind::Nothing { &[0.0][..] } else { &SHARES[..] } {
                 let tally = Tally::run(method, Spoil { kind, share: *share }, records, SEED);

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::character::Character;
+use super::excess::{Excess, beside};
 use super::extremes::{PART, places};
 use super::{Fault, Screening};
 
@@ -56,8 +57,7 @@ fn judge(
         let of_channel = |character: &Character| character.chance_of_code(&character.pieces[piece]);
         expected += characters[0].pieces[piece].rows.len() as f64 * characters.iter().map(of_channel).product::<f64>();
     }
-    let by_chance = 2.0 * expected + 6.0 * expected.sqrt();
-    let too_many = rows.len() as f64 > by_chance;
+    let mut excess = Excess::of(rows.len(), expected, || codes_beside(channels, word, characters));
     let mut block = 0;
     for row in rows {
         while block + 1 < blocks.len() && blocks[block].end <= *row {
@@ -73,10 +73,17 @@ fn judge(
                 is_apart(left, word, far) && is_apart(right, word, far)
             })
         };
-        if too_many || impossible() {
+        if impossible() || excess.takes(1) {
             found.mark(*row, Fault::FailedRead);
         }
     }
+}
+
+/// Rows at the codes one and two steps beside a word, each the mean of both sides; only of one channel, for several show
+/// one word by chance too seldom to matter.
+fn codes_beside(channels: &[&[f64]], word: f64, characters: &[Character]) -> Option<[f64; 2]> {
+    let ([values], [character]) = (channels, characters) else { return None };
+    (character.step > 0.0).then(|| beside(values.iter().map(|value| (value - word) / character.step)))
 }
 
 fn scale_at(character: &Character, row: usize) -> f64 {

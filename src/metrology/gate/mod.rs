@@ -13,6 +13,7 @@
 
 mod character;
 mod clipped;
+mod excess;
 mod extremes;
 mod failed;
 mod mend;

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::character::{Character, Piece};
+use super::excess::{Excess, beside};
 use super::extremes::{PART, places};
 use super::{Fault, Screening};
 
@@ -10,6 +11,8 @@ use super::{Fault, Screening};
 const RARE: f64 = 1e-5;
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
+/// Part of the rows above which repeats are the rule: a sensor that is read more often than it updates.
+const MANY: f64 = 0.1;
 /// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
 const COMMON: f64 = 0.5;
 
@@ -38,17 +41,22 @@ pub(super) fn search(
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| of_piece(at).len()).sum();
-    let too_many = counted as f64 > 2.0 * expected + 6.0 * expected.sqrt() + if expected > 1e-3 { 3.0 } else { 0.0 };
+    // A few are no news where chance gives any.
+    let news = counted.saturating_sub(if expected > 1e-3 { 3 } else { 0 });
+    let mut excess = Excess::of(news, expected, || steps_beside(channels, characters, blocks));
+    if counted as f64 > MANY * rows as f64 {
+        excess = excess.all();
+    }
     let mut marked = 0;
     for at in judged().filter(|at| !of_piece(*at).is_empty()) {
         // So many repeats in a row are no chance in a record of this length.
-        let shortest = if too_many { 1 } else { (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1 };
+        let shortest = (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1;
         let block = &blocks[pieces[at].block];
         for run in of_piece(at).chunk_by(|row, next| row + 1 == *next) {
             if pauses(channels, characters, at, block, run[0]) {
                 marked += usize::from(found.mark(run[0], Fault::Stale));
             }
-            if run.len() >= shortest {
+            if run.len() >= shortest || excess.takes(run.len()) {
                 marked += run.iter().filter(|row| found.mark(**row, Fault::Stale)).count();
             }
         }
@@ -66,6 +74,16 @@ fn pauses(channels: &[&[f64]], characters: &[Character], at: usize, block: &Rang
         let (before, after) = (values[row - 1] - values[row - 2], values[row + 1] - values[row]);
         (before > far && after > far) || (before < -far && after < -far)
     })
+}
+
+/// Steps of one and of two codes from row to row, each the mean of both senses; only of one channel.
+fn steps_beside(channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) -> Option<[f64; 2]> {
+    let ([values], [character]) = (channels, characters) else { return None };
+    if character.step <= 0.0 {
+        return None;
+    }
+    let within = |block: &Range<usize>| values[block.start.min(values.len())..block.end.min(values.len())].windows(2);
+    Some(beside(blocks.iter().flat_map(within).map(|pair| (pair[1] - pair[0]) / character.step)))
 }
 
 /// Adds the rows of a piece that repeat the row before on all channels.

@@ -62,6 +62,15 @@ pub(crate) struct Fit<const D: usize, const P: usize> {
     pub(crate) used: usize,
 }
 
+/// What becomes of points that lie far from the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Far {
+    /// They are rejected: each point has an error of its own.
+    Rejected,
+    /// They count as all others do, in a plain least-squares fit: the caller knows which of them share an error.
+    Kept,
+}
+
 /// Parameters of the surface whose form is not that of an ellipse or ellipsoid.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct NotPositive {
@@ -73,6 +82,7 @@ pub(crate) struct NotPositive {
 pub(crate) fn fit<const D: usize, const P: usize>(
     points: &Columns<D>,
     shapes: (&'static str, &'static str),
+    far: Far,
 ) -> Result<Fit<D, P>, Refusal> {
     let n = points[0].len();
     if n < 4 * P {
@@ -101,43 +111,41 @@ pub(crate) fn fit<const D: usize, const P: usize>(
         if ratio > NOISE_LIMIT { Err(Refusal::Noisy { ratio, limit: NOISE_LIMIT }) } else { Ok(()) }
     };
     noise(&state, state.scale(&few, &frame))?;
+    let diverged = |step| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS };
 
     // On the sample, robustly, until the step is small against its own uncertainty.
     let mut step = f64::INFINITY;
-    for _ in 0..ITERATIONS {
-        let scale = state.scale(&few, &frame);
-        let sums = state.pass(&few, &frame, Weight::Tukey(REJECT_SIGMA * scale.max(1e-12)), scale);
-        step = state.update(&sums, scale).map_err(|()| Refusal::Diverged {
-            what: shapes.0,
-            step,
-            iterations: ITERATIONS,
-        })?;
-        if step < 0.01 {
-            break;
+    if far == Far::Rejected {
+        for _ in 0..ITERATIONS {
+            let scale = state.scale(&few, &frame);
+            let sums = state.pass(&few, &frame, Weight::Tukey(REJECT_SIGMA * scale.max(1e-12)), scale);
+            step = state.update(&sums, scale).map_err(|()| diverged(step))?;
+            if step < 0.01 {
+                break;
+            }
         }
-    }
-    let diverged = |step| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS };
-    if step.is_nan() || step > 0.5 {
-        return Err(diverged(step));
+        if step.is_nan() || step > 0.5 {
+            return Err(diverged(step));
+        }
     }
 
     // On all points.
     let sigma = state.scale(&few, &frame).max(1e-12);
     noise(&state, sigma)?;
+    let weight = match far {
+        Far::Rejected => Weight::Within(REJECT_SIGMA * sigma),
+        Far::Kept => Weight::Within(f64::INFINITY),
+    };
     let mut sums;
     let mut iterations = 0;
     loop {
-        sums = state.pass(points, &frame, Weight::Within(REJECT_SIGMA * sigma), sigma);
+        sums = state.pass(points, &frame, weight, sigma);
         let used = sums.weight;
         if used < (2 * P) as f64 {
             return Err(Refusal::TooManyRejected { rejected: n - used as usize, total: n, limit_percent: 50.0 });
         }
         let now = (sums.squares / (used - P as f64)).sqrt().max(1e-15);
-        step = state.update(&sums, now).map_err(|()| Refusal::Diverged {
-            what: shapes.0,
-            step,
-            iterations: ITERATIONS,
-        })?;
+        step = state.update(&sums, now).map_err(|()| diverged(step))?;
         iterations += 1;
         // What Gauss-Newton leaves is the square of the step, times the curvature over one standard deviation.
         let left = step * step * now / used.sqrt();

@@ -107,3 +107,49 @@ fn ellipsoids() {
         (e.centre.iter().copied().chain(upper).chain([e.field]).collect(), dynamic(&e.covariance))
     });
 }
+
+/// A point that moves along its normal changes the figures of the next fit by what its sensitivity says.
+#[test]
+fn sensitivities_are_those_of_a_second_fit() {
+    let mut dice = Dice::new(SEED);
+    let shape = Matrix3::new(0.62, 0.05, 0.03, 0.05, 0.45, -0.05, 0.03, -0.05, 0.50);
+    let mut points: Vec<Vector3<f64>> =
+        truth::directions(60).iter().map(|u| (shape * u).map(|v| v + 1e-3 * dice.normal())).collect();
+    let fit = |points: &[Vector3<f64>]| {
+        let [x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
+        ellipsoid::fit_every(&x, &y, &z, None).unwrap()
+    };
+    let figures = |e: &ellipsoid::Ellipsoid| {
+        let (c, m) = (&e.centre, &e.matrix);
+        let upper = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)]];
+        [c[0], c[1], c[2], upper[0], upper[1], upper[2], upper[3], upper[4], upper[5], e.field]
+    };
+    let before = fit(&points);
+    for place in [0, 17, 42] {
+        let told = before.sensitivity(&points[place]);
+        let corrected = before.matrix * (points[place] - before.centre);
+        let normal = before.matrix * corrected;
+        let (kept, distance) = (points[place], before.distance(&points[place]));
+        points[place] += normal / normal.norm() * 1e-3;
+        let moved = before.distance(&points[place]) - distance;
+        let after = fit(&points);
+        let largest = told.amax();
+        for (k, (after, before)) in figures(&after).into_iter().zip(figures(&before)).enumerate() {
+            let seen = (after - before) / moved;
+            assert!((seen - told[k]).abs() < 0.05 * largest, "point {place}, figure {k}: {seen}, told {}", told[k]);
+        }
+        points[place] = kept;
+    }
+}
+
+/// A plain fit keeps a point that a robust one rejects.
+#[test]
+fn every_point_counts() {
+    let mut dice = Dice::new(SEED);
+    let mut points: Vec<Vector3<f64>> =
+        truth::directions(100).iter().map(|u| (u * 50.0).map(|v| v + 0.01 * dice.normal())).collect();
+    points[3] *= 1.02;
+    let [x, y, z] = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).collect::<Vec<f64>>());
+    let (robust, plain) = (ellipsoid::fit(&x, &y, &z, None, None), ellipsoid::fit_every(&x, &y, &z, None));
+    assert_eq!((robust.unwrap().rejected, plain.unwrap().rejected), (1, 0));
+}

@@ -25,11 +25,26 @@ struct Contribution {
 pub(super) struct Budget {
     unit: Unit,
     rows: Vec<Contribution>,
+    shape: Shape,
+}
+
+/// What the figure is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shape {
+    /// A value with an error of either sign.
+    Value,
+    /// The length of a vector of two components, which both err as the budget says.
+    Amplitude,
 }
 
 impl Budget {
     pub(super) fn new(unit: Unit) -> Self {
-        Self { unit, rows: Vec::new() }
+        Self { unit, rows: Vec::new(), shape: Shape::Value }
+    }
+
+    /// The budget of an amplitude: its contributions are those of either component.
+    pub(super) fn of_amplitude(unit: Unit) -> Self {
+        Self { shape: Shape::Amplitude, ..Self::new(unit) }
     }
 
     pub(super) fn unit(&self) -> Unit {
@@ -73,13 +88,26 @@ impl Budget {
     /// The interval of the figure.
     pub(super) fn uncertainty(&self, figure: f64, probability: f64) -> Uncertainty {
         let (u, dof) = self.combined();
-        Uncertainty::symmetric(figure, u, stats::coverage_factor(probability, dof), probability)
+        let k = stats::coverage_factor(probability, dof);
+        match self.shape {
+            Shape::Value => Uncertainty::symmetric(figure, u, k, probability),
+            Shape::Amplitude => {
+                // Few degrees of freedom widen it as they do a value's interval.
+                let sd = u * k / stats::coverage_factor(probability, f64::INFINITY);
+                let (low, high) = stats::amplitude_interval(figure, sd, probability);
+                Uncertainty::interval(low, high, probability)
+            }
+        }
     }
 
     /// As a table with its sum.
     pub(super) fn json(&self, probability: f64) -> Value {
         let (u, dof) = self.combined();
-        let k = stats::coverage_factor(probability, dof);
+        // The interval of an amplitude has a shape of its own.
+        let k = match self.shape {
+            Shape::Value => stats::coverage_factor(probability, dof),
+            Shape::Amplitude => f64::NAN,
+        };
         let rows: Vec<Value> = self
             .rows
             .iter()

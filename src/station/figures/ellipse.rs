@@ -61,11 +61,11 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     for harmonic in [0, 1] {
         let largest =
             spins.iter().max_by(|a, b| a.roll.harmonics_rad[harmonic].total_cmp(&b.roll.harmonics_rad[harmonic]));
-        if let Some(Spin { roll, capture, .. }) = largest {
-            let noise = roll.noise_rad * (2.0 / capture.samples.len() as f64).sqrt();
-            let budget =
-                Budget::new(Unit::Degree).a("noise of the angle", noise.to_degrees(), capture.samples.len() as f64);
+        if let Some(Spin { roll, .. }) = largest {
+            let noise = roll.noise[harmonic];
+            let budget = Budget::of_amplitude(Unit::Degree).a(NOISE, noise.sd().to_degrees(), noise.dof);
             let name = format!("roll_error_{}", harmonic + 1);
+            let budget = if harmonic == 0 { known.of_roll_once(budget) } else { known.of_roll_twice(budget) };
             findings.figure(name, roll.harmonics_rad[harmonic].to_degrees(), &budget, probability);
         }
     }
@@ -162,6 +162,9 @@ const STRONGEST_GAUSS: f64 = 0.67;
 /// Zero of a magnetoresistive sensor per kelvin, as data sheets give it for parts with set and reset.
 const ZERO_PER_K_GAUSS: f64 = 20e-6;
 
+/// Standard uncertainty of rounding to one count.
+const QUANTUM_GAUSS: f64 = 0.288_675_134_594_812_9 / MAG_LSB_PER_GAUSS;
+
 impl Known {
     fn of(spins: &[Spin<'_>], question: &Question<'_>) -> Self {
         let blocks: Vec<&[[f64; FIGURES]]> = spins.iter().map(|spin| spin.blocks.as_slice()).collect();
@@ -203,29 +206,45 @@ impl Known {
     fn disturbed(&self, figure: Figure, budget: Budget) -> Budget {
         let fixture = &self.fixture;
         let [about_x, about_y, _] = fixture.mounting_rad.unwrap_or_default();
-        let tilt = self.axial_gauss / self.across_gauss;
         // A tilt in step with the turn makes a circle an ellipse: one component of it lengthens x and shortens y, the
         // other one does so along the diagonals.
-        let runout = 2.0 * tilt;
-        let quantum = 1.0 / MAG_LSB_PER_GAUSS / 12.0_f64.sqrt();
+        let runout = 2.0 * self.axial_gauss / self.across_gauss;
         match figure {
-            // The axis of the turn is not quite that of the module: a part of the field along it stays on x and y.
-            Figure::ZeroX | Figure::ZeroY => {
-                let known_rad = if matches!(figure, Figure::ZeroX) { about_y } else { about_x };
-                budget
-                    .b("mounting of the seat", fixture.mounting_u_rad, "rad", self.axial_gauss)
-                    .bound("known mounting, not corrected", known_rad.abs(), "rad", self.axial_gauss)
-                    .b("field of the fixture", fixture.field_u_gauss, "gauss", 1.0)
-                    .bound("temperature within the item", self.drift_k / 2.0, "degC", ZERO_PER_K_GAUSS)
-                    .b("quantisation", quantum, "gauss", 1.0)
-            }
+            Figure::ZeroX => self.of_zero(budget, about_y, 1.0),
+            Figure::ZeroY => self.of_zero(budget, about_x, 1.0),
             Figure::Ky => budget.b("runout of the axis", fixture.runout_u_rad, "rad", 100.0 * runout),
             Figure::SinAlpha => budget.b("runout of the axis", fixture.runout_u_rad, "rad", runout.to_degrees()),
             Figure::Radius => budget
                 .b("alignment of the axis", fixture.axis_u_rad, "rad", self.axial_gauss)
                 .b("ambient field", fixture.ambient_u_gauss, "gauss", 1.0)
-                .b("quantisation", quantum, "gauss", 1.0),
+                .b("quantisation", QUANTUM_GAUSS, "gauss", 1.0),
         }
+    }
+
+    /// Of a figure that a zero changes by `per_gauss`. The axis of the turn is not quite that of the module: a part of the
+    /// field along it stays on x and y.
+    fn of_zero(&self, budget: Budget, known_rad: f64, per_gauss: f64) -> Budget {
+        let axial = self.axial_gauss * per_gauss;
+        budget
+            .b("mounting of the seat", self.fixture.mounting_u_rad, "rad", axial)
+            .bound("known mounting, not corrected", known_rad.abs(), "rad", axial)
+            .b("field of the fixture", self.fixture.field_u_gauss, "gauss", per_gauss)
+            .bound("temperature within the item", self.drift_k / 2.0, "degC", ZERO_PER_K_GAUSS * per_gauss)
+            .b("quantisation", QUANTUM_GAUSS, "gauss", per_gauss)
+    }
+
+    /// Of the roll error once a turn, deg: an error of either zero turns the angle by that part of the radius.
+    fn of_roll_once(&self, budget: Budget) -> Budget {
+        let [about_x, about_y, _] = self.fixture.mounting_rad.unwrap_or_default();
+        let known_rad = about_x.hypot(about_y) / 2.0_f64.sqrt();
+        self.of_zero(budget, known_rad, self.across_gauss.recip().to_degrees())
+    }
+
+    /// Of the roll error twice a turn, deg: half the errors of ky and alpha. The fit takes the runout for the sensor's
+    /// own, so that the angle of the record does not show it.
+    fn of_roll_twice(&self, budget: Budget) -> Budget {
+        let tilt = self.axial_gauss / self.across_gauss;
+        budget.b("runout of the axis", self.fixture.runout_u_rad, "rad", tilt.to_degrees())
     }
 }
 

@@ -99,6 +99,17 @@ pub enum FigureError {
         /// What is allowed.
         limit: f64,
     },
+    /// Attitudes whose field differs from that of the others.
+    #[error(
+        "the field differs from that of the other attitudes, where noise and the bench explain {limit_mgauss:.3} mgauss: {}",
+        list(attitudes)
+    )]
+    Disturbed {
+        /// Their captures, and by how much, mgauss.
+        attitudes: Vec<(String, f64)>,
+        /// What is allowed.
+        limit_mgauss: f64,
+    },
     /// The stream is coarser than the step that is to be seen.
     #[error("{channel}: the stream has {bits:.1} bits over the range, and resolution needs at least 18")]
     Coarse {
@@ -134,6 +145,11 @@ pub enum FigureError {
     },
 }
 
+/// Attitudes with what they are off by.
+fn list(attitudes: &[(String, f64)]) -> String {
+    attitudes.iter().map(|(label, off)| format!("{label} by {off:+.3} mgauss")).collect::<Vec<_>>().join(", ")
+}
+
 impl FigureError {
     /// A refusal with its place.
     pub(super) fn refused(place: impl Into<String>) -> impl FnOnce(Refusal) -> Self {
@@ -154,6 +170,10 @@ impl FigureError {
             Self::Saturated { .. } => "turn more slowly, or take a wider range",
             Self::Stuck { .. } => "suspect the sensor or its line: run the item imu",
             Self::Moved { .. } => "let the table come to rest, keep hands off, and capture again",
+            Self::Disturbed { .. } => {
+                "look for iron, tools or currents near the bench in that attitude, and capture again; a bench whose field \
+                 moves by more has ambient_u under [fixture] of its file"
+            }
             Self::Coarse { .. } => "stream the sensor with more bits; this one cannot show the step",
             Self::NotCalibrated { item } => match item {
                 ItemId::SixPosition => "run six-position first, and have it good",

@@ -1,6 +1,11 @@
 //! Roll angle from a corrected field, against a table that turns steadily.
+//!
+//! What the sensor's noise, white and slow, does to the harmonics of the angle shows in their scatter from block to block
+//! ([`mean::variance`]). What an error of the correction does to the angle is in the harmonics themselves.
 
 use nalgebra::{SMatrix, SVector};
+
+use super::mean::{self, BLOCKS, MeanVariance};
 
 /// Roll of a spin: what is left of it beside a steady turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,9 +16,12 @@ pub(super) struct Roll {
     pub(super) turns: f64,
     /// Amplitude of the error once and twice a turn, rad.
     pub(super) harmonics_rad: [f64; 2],
-    /// What is left of it then, root mean square, rad.
-    pub(super) noise_rad: f64,
+    /// Variance of each of the two components of a harmonic, rad^2.
+    pub(super) noise: [MeanVariance; 2],
 }
+
+/// Fewest blocks that say how the harmonics scatter.
+const FEWEST: usize = 8;
 
 /// `roll = atan2(-y', x')`: the field turns against the module. `points` are corrected, `step_rad` is the turn expected
 /// from sample to sample.
@@ -50,15 +58,48 @@ pub(super) fn analyse(points: impl Iterator<Item = (f64, f64)>, step_rad: f64, r
         right += row * left(k, angle);
     }
     let solution = normal.lu().solve(&right).unwrap_or_else(|| SVector::repeat(f64::NAN));
-    let squares: f64 =
-        unwrapped.iter().enumerate().map(|(k, &angle)| (left(k, angle) - row(k, angle).dot(&solution)).powi(2)).sum();
+    let residuals: Vec<(f64, f64)> = unwrapped
+        .iter()
+        .enumerate()
+        .map(|(k, &angle)| (angle, left(k, angle) - row(k, angle).dot(&solution)))
+        .collect();
     let rate_rps = (slope + 2.0 * solution[1] / (n - 1.0)) * rate_hz;
     Roll {
         rate_rps,
         turns: rate_rps * n / rate_hz / std::f64::consts::TAU,
         harmonics_rad: [solution[2].hypot(solution[3]), solution[4].hypot(solution[5])],
-        noise_rad: (squares / n).sqrt(),
+        noise: noise(&residuals, step_rad),
     }
+}
+
+/// Variances of the harmonics' components from the angles and what is left of them; too few blocks know white noise alone.
+fn noise(residuals: &[(f64, f64)], step_rad: f64) -> [MeanVariance; 2] {
+    // In less than a turn the harmonics look alike.
+    let turn = (std::f64::consts::TAU / step_rad.abs()).ceil() as usize;
+    let samples = (residuals.len() / BLOCKS).max(turn).max(1);
+    let blocks: Vec<[f64; 4]> = residuals.chunks_exact(samples).filter_map(of_block).collect();
+    if blocks.len() < FEWEST {
+        let n = residuals.len() as f64;
+        let square = residuals.iter().map(|(_, left)| left * left).sum::<f64>() / n;
+        return [MeanVariance { variance: 2.0 * square / n, dof: n }; 2];
+    }
+    [0, 1].map(|harmonic| {
+        let component = |k: usize| blocks.iter().map(|block| block[2 * harmonic + k]).collect::<Vec<f64>>();
+        mean::variance(&[component(0), component(1)])
+    })
+}
+
+/// Cosine and sine of the first harmonic, then of the second.
+fn of_block(residuals: &[(f64, f64)]) -> Option<[f64; 4]> {
+    let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), SVector::<f64, 5>::zeros());
+    for (angle, left) in residuals {
+        let (sin, cos) = angle.sin_cos();
+        let row = SVector::<f64, 5>::from([1.0, cos, sin, cos * cos - sin * sin, 2.0 * sin * cos]);
+        normal += row * row.transpose();
+        right += row * *left;
+    }
+    let [_, first_cos, first_sin, second_cos, second_sin] = (normal.try_inverse()? * right).into();
+    Some([first_cos, first_sin, second_cos, second_sin])
 }
 
 #[cfg(test)]

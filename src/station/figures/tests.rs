@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may end with a panic")]
 
+mod attitude_field;
 mod calibrating;
 mod coverage;
 mod coverage_field;

@@ -3,6 +3,8 @@
 //!
 //! A short run here; `cargo bench -p gnc-station --bench coverage` makes the long one from this same file.
 
+use std::collections::BTreeMap;
+
 use gnc_executive::bench::{Fixture, Site, SitePlace};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
@@ -35,10 +37,33 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(super) struct Tally {
     pub(super) name: String,
     pub(super) held: usize,
+    /// Share of each type B term in the variance of its budget, summed over the trials.
+    pub(super) shares: BTreeMap<String, f64>,
 }
 
-/// A figure, its value and its truth.
-pub(super) type Found = (String, Value, f64);
+/// A figure of one trial.
+pub(super) struct Found {
+    pub(super) name: String,
+    held: bool,
+    shares: Vec<(String, f64)>,
+}
+
+impl Found {
+    pub(super) fn new(item: &str, findings: &Findings, name: &str, truth: f64) -> Self {
+        let Some(Value::Estimate(_, known)) = findings.value(name) else { panic!("{item} has no interval of {name}") };
+        let budget = &findings.details["budget"][name];
+        let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+        let u = number(&budget["u"]);
+        let rows = budget["contributions"].as_array().expect("a budget has contributions");
+        let of_b = rows.iter().filter(|row| row["type"] == "B");
+        let shares = of_b.map(|row| (row["name"].as_str().unwrap_or("").to_owned(), (number(&row["u"]) / u).powi(2)));
+        Self {
+            name: format!("{item} {name}"),
+            held: known.low <= truth && truth <= known.high,
+            shares: shares.collect(),
+        }
+    }
+}
 
 /// Calibrates `trials` modules.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
@@ -56,12 +81,14 @@ pub(super) fn params(plan: &str) -> Vec<Params> {
 pub(super) fn tally(trials: usize, found: impl Fn(usize) -> Vec<Found>) -> Vec<Tally> {
     let mut tallies: Vec<Tally> = Vec::new();
     for trial in 0..trials {
-        for (k, (name, value, truth)) in found(trial).into_iter().enumerate() {
+        for (k, Found { name, held, shares }) in found(trial).into_iter().enumerate() {
             if trial == 0 {
-                tallies.push(Tally { name, held: 0 });
+                tallies.push(Tally { name, held: 0, shares: BTreeMap::new() });
             }
-            let Value::Estimate(_, known) = value else { panic!("{value:?} has no interval") };
-            tallies[k].held += usize::from(known.low <= truth && truth <= known.high);
+            tallies[k].held += usize::from(held);
+            for (name, share) in shares {
+                *tallies[k].shares.entry(name).or_default() += share;
+            }
         }
     }
     tallies
@@ -99,8 +126,7 @@ fn truths(world: &World, found: &[(String, Findings)]) -> Vec<Found> {
     let mut all = Vec::new();
     let mut put = |k: usize, name: String, truth: f64| {
         let (item, findings) = &found[k];
-        let value = findings.value(&name).cloned().unwrap_or_else(|| panic!("{item} has no {name}"));
-        all.push((format!("{item} {name}"), value, truth));
+        all.push(Found::new(item, findings, &name, truth));
     };
     let inverse = |matrix: &Matrix3<f64>| matrix.try_inverse().expect("the module's response is regular");
     let accel_bias = inverse(&world.accel) * (world.accel_bias + world.turn_on[1]) * 1e3;

@@ -1,0 +1,100 @@
+//! Rows that may be right or wrong, each by itself, and are more than chance gives: so many of them are marked as there are
+//! too many. A record keeps those that its noise gives, and with them its variance and the correlation of its rows.
+
+/// Part of the natural number, and standard deviations of it, within which a number is chance.
+const CHANCE: (f64, f64) = (1.2, 6.0);
+/// The same for a number that follows from a normal distribution alone.
+const ROUGH: (f64, f64) = (2.0, 6.0);
+/// Number over what a normal distribution gives from which it is worth a closer look.
+const SUSPECT: (f64, f64) = (1.1, 3.0);
+
+/// How many rows are too many.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Excess {
+    /// Part of the rows to mark.
+    share: f64,
+    /// Rows that are owed to it.
+    owed: f64,
+}
+
+impl Excess {
+    /// `counted` rows, where a normal distribution gives `expected`. `beside` counts what the record shows one and two steps
+    /// beside, where that can be said; it is asked only where the number is suspect.
+    pub(super) fn of(counted: usize, expected: f64, beside: impl FnOnce() -> Option<[f64; 2]>) -> Self {
+        let counted = counted as f64;
+        let above = |natural: f64, (times, sigmas): (f64, f64)| counted > times * natural + sigmas * natural.sqrt();
+        let none = Self { share: 0.0, owed: 0.0 };
+        if !above(expected, SUSPECT) {
+            return none;
+        }
+        // The density at a place from those beside it, with its curvature.
+        let natural = beside().map(|[one, two]| ((4.0 * one - two) / 3.0).max(expected.min(1.0)));
+        let (natural, limit) = natural.map_or((expected, ROUGH), |natural| (natural, CHANCE));
+        if above(natural, limit) { Self { share: 1.0 - natural / counted, owed: 0.0 } } else { none }
+    }
+
+    /// Whether there are too many at all.
+    pub(super) fn any(&self) -> bool {
+        self.share > 0.0
+    }
+
+    /// All of the rows, where nothing is right any more.
+    pub(super) fn all(self) -> Self {
+        Self { share: self.share.ceil(), ..self }
+    }
+
+    /// Whether so many rows in a row are marked: spread evenly over the rows that are asked for.
+    pub(super) fn takes(&mut self, rows: usize) -> bool {
+        let rows = rows as f64;
+        self.owed += self.share * rows;
+        let taken = self.any() && self.owed >= 0.5 * rows;
+        if taken {
+            self.owed -= rows;
+        }
+        taken
+    }
+}
+
+/// Numbers of places that lie one and two steps from 0, each the mean of both sides.
+pub(super) fn beside(places: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut counts = [0_u64; 2];
+    for place in places {
+        let steps = place.abs();
+        for (count, step) in counts.iter_mut().zip([1.0, 2.0]) {
+            *count += u64::from((steps - step).abs() < 0.25);
+        }
+    }
+    counts.map(|count| count as f64 / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 1,000 rows where 600 are natural: 400 of them go, evenly; 700 are chance for a record, not for a number of 100.
+    #[test]
+    fn what_is_too_many_is_marked_evenly() {
+        let marked = |counted: usize, beside: Option<[f64; 2]>| {
+            let mut excess = Excess::of(counted, 500.0, || beside);
+            (0..counted).map(|_| usize::from(excess.takes(1))).collect::<Vec<_>>()
+        };
+        let taken = marked(1000, Some([600.0, 600.0]));
+        assert!((398..=400).contains(&taken.iter().sum::<usize>()), "{}", taken.iter().sum::<usize>());
+        let first: usize = taken[..500].iter().sum();
+        assert!((198..=202).contains(&first), "{first}");
+        assert_eq!(marked(700, Some([600.0, 600.0])).iter().sum::<usize>(), 0);
+        // Without a closer look twice the number is chance.
+        assert_eq!(marked(1000, None).iter().sum::<usize>(), 0);
+        assert_eq!(marked(1200, None).iter().sum::<usize>(), 700);
+    }
+
+    /// At 0 the density of a normal distribution of 1.6 steps is 1.216 times that one step beside, and the curvature
+    /// gives most of that.
+    #[test]
+    fn the_curvature_counts() {
+        let density = |place: f64| 1000.0 * (-place * place / (2.0 * 1.6 * 1.6)).exp();
+        let natural = (4.0 * density(1.0) - density(2.0)) / 3.0;
+        assert!((natural - 1000.0).abs() < 70.0, "{natural}");
+        assert_eq!(beside([0.0, 1.0, -1.0, 2.0, 3.0, 0.9].into_iter()), [1.5, 0.5]);
+    }
+}
