@@ -81,6 +81,9 @@ impl TableError {
             }
             Self::Unclear { .. } => Some("rename or remove all but one of these columns"),
             Self::TooLarge { .. } => Some("cut the record into parts, or lower its rate"),
+            Self::NoColumn { header, .. } if header.contains(' ') && !header.contains(", ") => Some(
+                "the rows have one field each; if commas divide them into several numbers, say so: --decimal point",
+            ),
             Self::Units { .. } => Some("correct the unit in the header, or leave out the option that contradicts it"),
             Self::Fields { .. } => Some(
                 "each row needs as many fields as the header; a number with a comma in it needs quotes, or `;` between fields",
