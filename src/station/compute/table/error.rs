@@ -53,6 +53,8 @@ pub(in crate::compute) enum TableError {
     NoCapture { path: PathBuf, capture: String, captures: String },
     #[error("{path}: it holds {count} captures; put one behind its name: {captures}")]
     ManyCaptures { path: PathBuf, count: usize, captures: String },
+    #[error("the sample rate is not known: {why}")]
+    NoRate { why: String },
     #[error("{what}")]
     Units { what: String },
     #[error(transparent)]
@@ -84,6 +86,7 @@ impl TableError {
             Self::NoColumn { header, .. } if header.contains(' ') && !header.contains(", ") => Some(
                 "the rows have one field each; if commas divide them into several numbers, say so: --decimal point",
             ),
+            Self::NoRate { .. } => Some("say it: --rate HZ"),
             Self::Units { .. } => Some("correct the unit in the header, or leave out the option that contradicts it"),
             Self::Fields { .. } => Some(
                 "each row needs as many fields as the header; a number with a comma in it needs quotes, or `;` between fields",
