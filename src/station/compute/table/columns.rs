@@ -241,14 +241,15 @@ impl<'a> Plan<'a> {
         }
         let tolerance = self.rate_tolerance.unwrap_or_else(|| self.wanted.time.tolerance());
         let (expanded, ppm) = (1.96 * rate.rate_u_hz / rate.rate_hz, 1e6);
-        if expanded > tolerance {
+        if expanded > tolerance && !self.export {
             let (expanded, tolerance) = (expanded * ppm, tolerance * ppm);
             return Err(format!(
                 "column `{column}` tells {:.4} Hz to +- {expanded:.3} ppm, and the method needs it to {tolerance} ppm",
                 rate.rate_hz
             ));
         }
-        // A station's captures have whole rates; elsewhere the digits that arithmetic added are taken off.
+        // An export counts its times by the whole rate of its captures, so that it is known better than stamps in whole ms
+        // show. Elsewhere the digits that arithmetic added are taken off.
         let whole_hz = rate.rate_hz.round();
         let is_whole = self.export || (rate.rate_hz / whole_hz - 1.0).abs() < ARITHMETIC;
         let rate_hz = if is_whole { whole_hz } else { rate.rate_hz };
