@@ -208,6 +208,76 @@ fn raw_captures_can_be_computed_with() {
     assert!(unclear.stderr.contains("it holds 6 captures; put one behind its name: #x+ #x-"), "{}", unclear.stderr);
 }
 
+/// Equal but for the last digits of its numbers.
+#[track_caller]
+fn same(found: &Value, expected: &Value, at: &str) {
+    match (found, expected) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = |of: &serde_json::Map<String, Value>| of.keys().cloned().collect::<Vec<_>>();
+            assert_eq!(keys(a), keys(b), "{at}");
+            a.iter().for_each(|(key, value)| same(value, &b[key], &format!("{at}.{key}")));
+        }
+        (Value::Array(a), Value::Array(b)) => {
+            assert_eq!(a.len(), b.len(), "{at}");
+            a.iter().zip(b).enumerate().for_each(|(i, (a, b))| same(a, b, &format!("{at}.{i}")));
+        }
+        (Value::Number(a), Value::Number(b)) => {
+            let (a, b) = (a.as_f64().expect("a number"), b.as_f64().expect("a number"));
+            assert!((a - b).abs() <= 1e-12 * a.abs().max(b.abs()), "{at}: {a} and {b}");
+        }
+        _ => assert_eq!(found, expected, "{at}"),
+    }
+}
+
+/// Every method that takes captures: from the raw file, from its export as text and as Parquet, and nowhere need the user
+/// say the rate.
+#[test]
+fn an_export_computes_as_its_raw_file() {
+    let place = Place::new(STATION);
+    let magnetometer = "[[item]]\nid = \"magnetometer-ellipse\"\nparams = { duration = \"5 s\", settle = \"1 s\" }\n\
+         [item.limits]\nradius = \"0.1 gauss .. 0.7 gauss\"\n";
+    place.write("p.toml", &format!("{SHORT}{magnetometer}"));
+    let ended = place.run(["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "C-1"]);
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let folder = place.runs().remove(0);
+    for format in ["csv", "parquet"] {
+        let words = ["export", folder.to_str().expect("UTF-8"), "--format", format, "--out", format];
+        let exported = place.run(words);
+        assert_eq!(exported.code, Some(0), "{}{}", exported.stdout, exported.stderr);
+    }
+    let json = |words: &[&str], file: &str| {
+        let (method, options) = words.split_first().expect("a method");
+        let computed = place.run(["compute", method, file, "--json"].into_iter().chain(options.iter().copied()));
+        assert_eq!(computed.code, Some(0), "{words:?} {file}: {}{}", computed.stdout, computed.stderr);
+        let mut found: Value = serde_json::from_str(&computed.stdout).expect("JSON");
+        // A raw file has the board's time of each frame, a table a column of it, at which an ellipse does not look; and a
+        // table's columns have longer names.
+        let clock = found.as_object_mut().and_then(|found| {
+            found.remove("understood");
+            found.remove("clock")
+        });
+        let checked = clock.and_then(|clock| clock["checked"].as_bool());
+        assert!(checked == Some(true) || *method == "ellipse", "{words:?} {file}");
+        found
+    };
+    let spin = format!("#{}", read(&mcap(&place, "03-magnetometer-ellipse")).captures[0].about.label);
+    for (item, label, words) in [
+        ("01-six-position", "", &["six-position", "--gravity", "9.80151"][..]),
+        ("01-six-position", "#z+", &["allan", "--column", "gyro_z"]),
+        ("01-six-position", "#z+", &["psd", "--column", "accel_x"]),
+        ("01-six-position", "#x-", &["stability", "--column", "gyro_y", "--block", "1"]),
+        ("02-rotation", "", &["rotation", "--turns", "3"]),
+        ("03-magnetometer-ellipse", &spin, &["ellipse"]),
+    ] {
+        let raw = format!("{}{label}", mcap(&place, item).display());
+        let expected = json(words, &raw);
+        for format in ["csv", "parquet"] {
+            let file = format!("{format}/{item}-attempt-1.{format}{label}");
+            same(&json(words, &file), &expected, &format!("{words:?} {file}"));
+        }
+    }
+}
+
 /// A run that was killed goes on: what was whole is taken over bit for bit, the rest is captured.
 #[test]
 fn a_run_that_broke_off_goes_on() {

@@ -42,9 +42,9 @@ impl From<Dev> for Kind {
 pub(super) struct Allan {
     /// Table with a header row
     file: PathBuf,
-    /// Sample rate, Hz
+    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
     #[arg(long, value_name = "HZ")]
-    rate: f64,
+    rate: Option<f64>,
     /// Column to analyse
     #[arg(long, value_name = "NAME")]
     column: String,
@@ -80,13 +80,14 @@ fn taus(text: &str) -> Result<Taus, String> {
 impl Allan {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let names = self.gate.behind(&[&self.column]);
-        let wanted = Wanted { numbers: &names, rate_hz: Some(self.rate), time: TimeUse::Rate, ..Wanted::default() };
+        let wanted = Wanted { numbers: &names, rate_hz: self.rate, time: TimeUse::Rate, ..Wanted::default() };
         let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
+        let rate_hz = columns.rate_hz()?;
         let gated = self.gate.series(&self.column, &mut columns, !self.phase)?;
         let values = columns.numbers.swap_remove(0);
         let input = if self.phase { Input::Phase } else { Input::Rate };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let analysis = allan::analyse(&values, input, self.rate, self.dev.into(), &self.taus, threads)?;
+        let analysis = allan::analyse(&values, input, rate_hz, self.dev.into(), &self.taus, threads)?;
         let rows = analysis
             .points
             .iter()

@@ -4,6 +4,7 @@
 //! Of raw captures the columns are `gyro_x` to `mag_z` in counts, and `x`, `y`, `z` of the triad that the method is about;
 //! `position` and `run` come from how the module lay or turned, `ux`, `uy`, `uz` from the direction that pointed up.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -159,7 +160,14 @@ impl Raw {
         let clock = Clock::OnGrid;
         let units = vec![None; numbers.len()];
         let names = wanted.numbers.iter().map(|name| (*name).to_owned()).collect();
-        Ok(Columns { numbers, labels: codes, units, names, about: About { clock, ..About::default() } })
+        Ok(Columns {
+            numbers,
+            labels: codes,
+            units,
+            names,
+            rate: rate(&used),
+            about: About { clock, ..About::default() },
+        })
     }
 
     fn check(&self, used: &[&Capture], wanted: &Wanted, of_positions: bool) -> Result<(), RecordError> {
@@ -191,6 +199,15 @@ impl Raw {
 
     fn unfit(&self, what: String) -> RecordError {
         RecordError::Unfit { path: self.path.clone(), what }
+    }
+}
+
+/// The rate that captures share, Hz; or why they have none.
+fn rate(captures: &[&Capture]) -> Result<f64, String> {
+    let rates_hz: BTreeSet<u16> = captures.iter().map(|capture| capture.about.rate_hz).collect();
+    match rates_hz.iter().copied().collect::<Vec<_>>().as_slice() {
+        [rate_hz] => Ok(f64::from(*rate_hz)),
+        several => Err(format!("the captures have several, {several:?} Hz")),
     }
 }
 

@@ -18,9 +18,9 @@ use super::{ComputeError, Outcome};
 struct Source {
     /// Table with a header row
     file: PathBuf,
-    /// Sample rate, Hz
+    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
     #[arg(long, value_name = "HZ")]
-    rate: f64,
+    rate: Option<f64>,
     /// Column to analyse
     #[arg(long, value_name = "NAME")]
     column: String,
@@ -28,13 +28,22 @@ struct Source {
     gate: GateColumns,
 }
 
+/// The column that was read.
+struct Sampled {
+    values: Vec<f64>,
+    rate_hz: f64,
+    columns: Columns,
+    gated: Gated,
+}
+
 impl Source {
-    fn read(&self, reading: &Reading) -> Result<(Vec<f64>, Columns, Gated), ComputeError> {
+    fn read(&self, reading: &Reading) -> Result<Sampled, ComputeError> {
         let names = self.gate.behind(&[&self.column]);
-        let wanted = Wanted { numbers: &names, rate_hz: Some(self.rate), time: TimeUse::Rate, ..Wanted::default() };
+        let wanted = Wanted { numbers: &names, rate_hz: self.rate, time: TimeUse::Rate, ..Wanted::default() };
         let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
         let gated = self.gate.series(&self.column, &mut columns, true)?;
-        Ok((columns.numbers.swap_remove(0), columns, gated))
+        let values = columns.numbers.swap_remove(0);
+        Ok(Sampled { values, rate_hz: columns.rate_hz()?, columns, gated })
     }
 }
 
@@ -49,10 +58,9 @@ pub(super) struct Psd {
 
 impl Psd {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
-        let (values, columns, gated) = self.source.read(reading)?;
-        let psd = psd::welch(&values, self.source.rate, self.segment)?;
-        let plateau =
-            psd::Spectrum::of(&values, self.source.rate).and_then(|spectrum| spectrum.without_lines().plateau());
+        let Sampled { values, rate_hz, columns, gated } = self.source.read(reading)?;
+        let psd = psd::welch(&values, rate_hz, self.segment)?;
+        let plateau = psd::Spectrum::of(&values, rate_hz).and_then(|spectrum| spectrum.without_lines().plateau());
         let n = plateau.map_or(Value::Null, |plateau| {
             let n = plateau.n();
             json!({ "value": n.value, "low": n.low, "high": n.high, "from_hz": plateau.from_hz, "to_hz": plateau.to_hz })
@@ -84,8 +92,8 @@ pub(super) struct Stability {
 
 impl Stability {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
-        let (values, columns, gated) = self.source.read(reading)?;
-        let s = stability::stability(&values, self.source.rate, self.block)?;
+        let Sampled { values, rate_hz, columns, gated } = self.source.read(reading)?;
+        let s = stability::stability(&values, rate_hz, self.block)?;
         let mut report = Report::new("stability");
         report
             .record(&columns)

@@ -410,6 +410,57 @@ fn exports_are_read() {
     cannot_read("allan --rate 100 --column gyro_x", &export, "#turn z+ #still, z- #turn z-");
 }
 
+/// A rate that nobody states is that of the time column, where the column tells it well enough.
+#[test]
+fn the_record_tells_its_rate() {
+    let stamped = |head: &str, step: f64, jitter: f64, count: usize| {
+        let row = |k: usize| format!("{:.6},{}", (k as f64 + jitter * noise(3 * k)) * step, 7.0 + noise(k));
+        table(head, (0..count).map(row))
+    };
+    let check = |head: &str, step: f64, rate_hz: f64| {
+        let record = stamped(head, step, 0.0, 4000);
+        for words in ["allan", "psd", "stability --block 1", "zero-bias"] {
+            let keys = if words == "psd" { "density" } else { "clock" };
+            let mut told = gives(&format!("{words} --column w"), &record, keys);
+            let understood = told["understood"].take();
+            assert!(understood.to_string().contains(&format!("{rate_hz} Hz of column")), "{words} {understood}");
+            let mut stated = gives(&format!("{words} --column w --rate {rate_hz}"), &record, keys);
+            for json in [&mut told, &mut stated] {
+                json.as_object_mut().unwrap().retain(|key, _| key != "understood" && key != "clock");
+            }
+            assert_eq!(told, stated, "{words}");
+        }
+    };
+    check("t_s,w", 0.005, 200.0);
+    check("t,w", 0.01, 100.0);
+    check("time_ms,w", 2.5, 400.0);
+    let unknown = |head: &str, step: f64, why: &str| {
+        cannot_read("allan --column w", &stamped(head, step, 0.0, 400), why);
+    };
+    unknown("n,w", 1.0, "the sample rate is not known: no time column");
+    unknown("timestamp,w", 7.0, "the sample rate is not known: the header names no unit of `timestamp`; it has no gap");
+    unknown(
+        "t,w",
+        5.0,
+        "the sample rate is not known: column `t` names no unit, and steps of 5 may be s, ms or numbers of samples",
+    );
+    // Jitter hides the rate of a short record: enough for a density, too much for a scale factor.
+    let jittery: Vec<String> = runs(3.0)
+        .iter()
+        .enumerate()
+        .map(|(k, row)| format!("{:.6},{row}", (k as f64 + 0.05 * noise(5 * k)) * 0.01))
+        .collect();
+    let record = table("t_s,run,x,y,z", jittery);
+    match compute("rotation --turns 3", &record) {
+        Err(e @ ComputeError::Unreadable(_)) => {
+            assert!(e.to_string().contains("ppm, and the method needs it to 10 ppm"), "{e}");
+            assert_eq!(e.try_this(), Some("say it: --rate HZ"));
+        }
+        other => panic!("{:?}", other.map(|outcome| outcome.report.table())),
+    }
+    gives("rotation --turns 3 --rate 100", &record, "matrix");
+}
+
 /// What people type is judged by the command line itself.
 #[test]
 fn usage() {

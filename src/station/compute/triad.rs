@@ -370,9 +370,9 @@ enum AxisKind {
 pub(super) struct Rotation {
     /// Columns run,x,y,z; run is x+ x- y+ y- z+ z-, with rest before and after each rotation
     file: PathBuf,
-    /// Sample rate, Hz
+    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
     #[arg(long, value_name = "HZ")]
-    rate: f64,
+    rate: Option<f64>,
     /// Turns of each run
     #[arg(long, value_name = "N")]
     turns: f64,
@@ -407,11 +407,12 @@ impl Rotation {
         let wanted = Wanted {
             numbers: &names,
             label: Some(("run", &LABELS)),
-            rate_hz: Some(self.rate),
+            rate_hz: self.rate,
             time: TimeUse::Scale,
             ..Wanted::default()
         };
         let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
+        let rate_hz = columns.rate_hz()?;
         let gated = self.gate.motion(&AXES, &mut columns, self.saturation)?;
         columns.unit(0..3, Dimension::AngularRate)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
@@ -424,7 +425,7 @@ impl Rotation {
             })
             .collect();
         let options = rotation::Options {
-            rate_hz: self.rate,
+            rate_hz,
             turns: self.turns,
             axis,
             saturation: self.saturation,
@@ -437,12 +438,12 @@ impl Rotation {
             .iter()
             .map(|w| {
                 let row = blocks.iter().find(|b| labels[b.start] == w.label).map_or(0, |b| b.start);
-                let span_s = (w.end - w.start) as f64 / self.rate;
+                let span_s = (w.end - w.start) as f64 / rate_hz;
                 vec![
                     json!(w.label),
                     json!(row + w.start + 1),
                     json!(row + w.end),
-                    json!(w.start as f64 / self.rate),
+                    json!(w.start as f64 / rate_hz),
                     json!(span_s),
                     json!(w.peak_lsb),
                     vector(&w.integral_lsb_s),
@@ -491,12 +492,12 @@ impl Rotation {
             .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_rps")
             .put("gate", "rows", gated.json());
         let rates = |run: &rotation::Run, i: usize| {
-            let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / self.rate, *v));
+            let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / rate_hz, *v));
             Series::line(AXES[i], points.collect::<Vec<_>>())
         };
         let window = |run: &rotation::Run| {
             let found = c.windows.iter().find(|w| w.label == run.label);
-            let corners = found.map(|w| [w.start, w.start, w.end, w.end].map(|i| i as f64 / self.rate));
+            let corners = found.map(|w| [w.start, w.start, w.end, w.end].map(|i| i as f64 / rate_hz));
             let peak = found.map_or(0.0, |w| w.peak_lsb);
             Series::line("window", corners.into_iter().flatten().zip([0.0, peak, peak, 0.0]))
         };

@@ -17,9 +17,9 @@ use super::{ComputeError, Outcome};
 pub(super) struct ZeroBias {
     /// Column of rates; optional columns: cycle (number of the power cycle), still (0 = still)
     file: PathBuf,
-    /// Sample rate, Hz
+    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
     #[arg(long, value_name = "HZ")]
-    rate: f64,
+    rate: Option<f64>,
     /// Column of rates
     #[arg(long, value_name = "NAME", default_value = "w")]
     column: String,
@@ -53,7 +53,6 @@ impl ZeroBias {
         let settings =
             Settings { fusion: self.fusion, block: self.block, ring: self.ring, slots: self.slots, rest: self.rest };
         settings.check()?;
-        series::positive("rate (Hz)", self.rate)?;
         let table = Table::open(&self.file, reading)?;
         let (has_cycle, has_still) = (table.has("cycle"), table.has("still"));
         let mut names = vec![self.column.as_str()];
@@ -62,9 +61,9 @@ impl ZeroBias {
         // Time stands still between power cycles.
         let anew = has_cycle.then_some(1);
         let names = self.gate.behind(&names);
-        let wanted =
-            Wanted { numbers: &names, rate_hz: Some(self.rate), time: TimeUse::Rate, anew, ..Wanted::default() };
+        let wanted = Wanted { numbers: &names, rate_hz: self.rate, time: TimeUse::Rate, anew, ..Wanted::default() };
         let mut columns = table.read(&wanted, None)?;
+        let rate_hz = series::positive("rate (Hz)", columns.rate_hz()?)?;
         series::finite(&self.column, &columns.numbers[0])?;
         let cycles =
             stretches(columns.numbers[0].len(), |a, b| !has_cycle || columns.numbers[1][a] == columns.numbers[1][b]);
@@ -76,9 +75,9 @@ impl ZeroBias {
         let noise = series::positive("noise of a sample", stats::median(&mut steps) / 0.953_87)?;
         let model = self.repeatability.zip(self.instability).map(|(repeatability, b)| Model {
             repeatability,
-            n: noise / self.rate.sqrt(),
+            n: noise / rate_hz.sqrt(),
             b,
-            rate_hz: self.rate,
+            rate_hz,
         });
 
         let (mut stored, mut stored_by_kalman) = (Stored::default(), Stored::default());
@@ -102,14 +101,14 @@ impl ZeroBias {
                 }
                 let fused = kalman.as_mut().map(|k| k.step(rate, still));
                 if still {
-                    corrected.push((i as f64 / self.rate, out.rate));
+                    corrected.push((i as f64 / rate_hz, out.rate));
                     before.push(rate);
                     if i - start >= settings.fusion {
                         after.push(out.rate);
                         by_kalman.extend(fused);
                     }
                 }
-                biases.push((i as f64 / self.rate, out.bias));
+                biases.push((i as f64 / rate_hz, out.bias));
             }
             if let Some(kalman) = kalman.filter(|k| k.sd().is_finite()) {
                 stored_by_kalman.push(kalman.bias(), settings.slots);

@@ -197,6 +197,58 @@ fn failed_reads_are_no_motion() {
     assert_eq!(Watch::new(Uses::Inertial, true, 200).look(&samples), Ok(()));
 }
 
+/// Stillness in which so many reads of a hundred fail, here and there: by the finaliser of SplitMix64.
+fn with_failed_reads(count: usize, percent: u64, fails: fn(&mut ImuSample)) -> Vec<ImuSample> {
+    let drawn = |row: u64| {
+        let mut z = (row + 7).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % 100
+    };
+    let mut samples = still(count);
+    samples.iter_mut().zip(0..).filter(|(_, row)| drawn(*row) < percent).for_each(|(sample, _)| fails(sample));
+    samples
+}
+
+/// As often as the data gate leaves them out, and somewhat more often: it is the gate that speaks of them.
+#[test]
+fn scattered_spikes_and_failed_reads_are_no_motion() {
+    let faults: [fn(&mut ImuSample); 6] = [
+        |sample| sample.accel[0] += 320_000,
+        |sample| sample.accel[0] -= 15_000,
+        |sample| sample.accel[2] = 0,
+        |sample| sample.accel[2] = SATURATION,
+        |sample| sample.gyro[1] = -SATURATION - 1,
+        |sample| (sample.gyro, sample.accel) = ([-1; 3], [-1; 3]),
+    ];
+    for (number, fails) in faults.into_iter().enumerate() {
+        for percent in [1, 5, 7] {
+            let samples = with_failed_reads(60_000, percent, fails);
+            assert_eq!(Watch::new(Uses::Inertial, true, 200).look(&samples), Ok(()), "{number}, {percent} %");
+        }
+    }
+}
+
+/// What really moves is noticed in the block in which it begins, whether reads fail or not.
+#[test]
+fn motion_among_failed_reads_is_noticed_at_once() {
+    let check = |percent, moves: fn(&mut [ImuSample]), channel: &str| {
+        let mut samples = with_failed_reads(2000, percent, |sample| sample.accel[0] = SATURATION);
+        moves(&mut samples[1000..]);
+        let (index, spoilt) = Watch::new(Uses::Inertial, true, 200).look(&samples).unwrap_err();
+        let Spoilt::Moved { channel: told, .. } = spoilt else { panic!("{spoilt}") };
+        assert_eq!((index, told.as_str()), (1199, channel));
+    };
+    for percent in [0, 5] {
+        // A tilt of 0.7 degrees, which stays.
+        check(percent, |after| after.iter_mut().for_each(|sample| sample.accel[1] += 1_955), "accel_y");
+        // A turn of 90 deg/s for 50 ms: 4.5 degrees.
+        check(percent, |after| after[50..60].iter_mut().for_each(|sample| sample.gyro[2] += 90 * 20_000), "gyro_z");
+        // A knock of half a g for 40 ms.
+        check(percent, |after| after[90..98].iter_mut().for_each(|sample| sample.accel[1] -= 80_000), "accel_y");
+    }
+}
+
 #[test]
 fn the_angle_of_a_turn_is_seen_without_the_bias() {
     // A second of rest, 360 deg/s for a second, a second of rest, at 1 kHz with a bias of 2 deg/s.

@@ -13,11 +13,12 @@ const BLOCK_SAMPLES: f64 = 50.0;
 /// A mean rate that departs by more is motion: a bias wanders by thousandths of it in an hour, a socket that is
 /// touched turns faster.
 const RATE_DPS: f64 = 0.3;
-/// Neighbours on each side with which a sample is smoothed by their median: a failed read or a spike is no motion, and the
-/// data gate counts it.
-const BESIDE: usize = 2;
-/// Samples in a row at the end of a range that are saturation; fewer are failed reads, which the data gate counts.
-const SATURATED: u32 = 6;
+/// Samples in a row far from the level, or at the end of the range, that are motion or saturation. Fewer are failed reads or
+/// spikes, which the data gate counts: one read in ten may fail before six in a row do so by chance.
+const LASTING: usize = 6;
+/// A sample is far from the level beyond so many times what a mean may depart. Nearer ones may stay in the mean: one in ten
+/// of them does not move it by more than it may.
+const FAR: f64 = 10.0;
 /// A mean force that departs by more is motion: 10 mg are a tilt of 0.6 degrees.
 const FORCE_G: f64 = 0.01;
 
@@ -50,7 +51,7 @@ pub struct Watch {
     /// Samples of the block so far, by channel.
     values: [Vec<i32>; 6],
     /// Samples in a row at the end of the range, by channel of the triads that count.
-    at_end: [u32; 6],
+    at_end: [usize; 6],
 }
 
 impl Watch {
@@ -84,7 +85,7 @@ impl Watch {
             for (axis, count) in counts.iter().enumerate() {
                 let row = &mut self.at_end[first + axis];
                 *row = if *count >= SATURATION || *count < -SATURATION { *row + 1 } else { 0 };
-                if *row >= SATURATED {
+                if *row >= LASTING {
                     return Err(Spoilt::Saturated { channel: channel(sensor, axis) });
                 }
             }
@@ -100,13 +101,15 @@ impl Watch {
         if self.values[0].len() < block as usize {
             return Ok(());
         }
-        let means = self.values.each_mut().map(smoothed_mean);
+        let mut means = [0.0; 6];
+        for (index, (mean, values)) in means.iter_mut().zip(&mut self.values).enumerate() {
+            let Kind { scale, limit, .. } = Kind::of(index);
+            *mean = lasting_mean(values, FAR * limit * scale);
+            values.clear();
+        }
         let first = *self.first.get_or_insert(means);
         for (index, (mean, first)) in means.iter().zip(first).enumerate() {
-            let (sensor, scale, limit, unit) = match index {
-                0..3 => ("gyro", GYRO_LSB_PER_DPS, RATE_DPS, "deg/s"),
-                _ => ("accel", ACCEL_LSB_PER_G, FORCE_G, "g"),
-            };
+            let Kind { sensor, scale, limit, unit } = Kind::of(index);
             let by = (mean - first) / scale;
             if by.abs() > limit {
                 return Err(Spoilt::Moved { channel: channel(sensor, index % 3), by: format!("{by:+.3} {unit}") });
@@ -116,20 +119,40 @@ impl Watch {
     }
 }
 
-/// Mean of the medians of neighbours, which keep a step where it is; the values are gone afterwards.
-fn smoothed_mean(values: &mut Vec<i32>) -> f64 {
-    let last = values.len().saturating_sub(1);
-    let median = |at: usize| {
-        let beside = BESIDE.min(at).min(last - at);
-        let mut window = [0; 2 * BESIDE + 1];
-        let window = &mut window[..=2 * beside];
-        window.copy_from_slice(&values[at - beside..=at + beside]);
-        window.sort_unstable();
-        f64::from(window[beside])
-    };
-    let mean = (0..values.len()).map(median).sum::<f64>() / values.len().max(1) as f64;
-    values.clear();
-    mean
+/// What a channel measures.
+struct Kind {
+    sensor: &'static str,
+    /// Counts of a unit.
+    scale: f64,
+    /// A mean that departs by more is motion.
+    limit: f64,
+    unit: &'static str,
+}
+
+impl Kind {
+    /// Of one of six channels: gyroscopes, then accelerometers.
+    fn of(index: usize) -> Self {
+        match index {
+            0..3 => Self { sensor: "gyro", scale: GYRO_LSB_PER_DPS, limit: RATE_DPS, unit: "deg/s" },
+            _ => Self { sensor: "accel", scale: ACCEL_LSB_PER_G, limit: FORCE_G, unit: "g" },
+        }
+    }
+}
+
+/// Mean without the samples that are further from the median than `far` and have too few such neighbours to be motion.
+fn lasting_mean(values: &[i32], far: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    let middle = sorted.len() / 2;
+    let level = if sorted.is_empty() { 0.0 } else { f64::from(*sorted.select_nth_unstable(middle).1) };
+    let is_far = |value: &i32| (f64::from(*value) - level).abs() > far;
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for row in values.chunk_by(|a, b| is_far(a) == is_far(b)) {
+        if row.len() >= LASTING || !is_far(&row[0]) {
+            sum += row.iter().map(|value| f64::from(*value)).sum::<f64>();
+            count += row.len();
+        }
+    }
+    sum / count.max(1) as f64
 }
 
 fn channel(sensor: &str, axis: usize) -> String {

@@ -20,9 +20,9 @@ pub(in crate::compute) enum TimeUse {
     /// Rows follow each other without a gap.
     #[default]
     Unbroken,
-    /// A rate is stated, and figures hang on it by its root or less.
+    /// A rate is stated or told by the record, and figures hang on it by its root or less.
     Rate,
-    /// A rate is stated, and a scale factor hangs on it.
+    /// The same, and a scale factor hangs on it.
     Scale,
 }
 
@@ -31,6 +31,10 @@ impl TimeUse {
     /// as its rate, a density by half of that.
     fn tolerance(self) -> f64 {
         if self == Self::Scale { 10e-6 } else { 1e-3 }
+    }
+
+    fn needs_rate(self) -> bool {
+        matches!(self, Self::Rate | Self::Scale)
     }
 }
 
@@ -41,7 +45,7 @@ pub(in crate::compute) struct Wanted<'a> {
     pub(in crate::compute) numbers: &'a [&'a str],
     /// Column of labels and the labels allowed there.
     pub(in crate::compute) label: Option<(&'a str, &'a [&'a str])>,
-    /// Rate against which a time column is checked.
+    /// Rate as stated, against which a time column is checked.
     pub(in crate::compute) rate_hz: Option<f64>,
     /// What the method makes of time.
     pub(in crate::compute) time: TimeUse,
@@ -60,7 +64,16 @@ pub(in crate::compute) struct Columns {
     pub(in crate::compute) units: Vec<Option<String>>,
     /// Names of the columns of numbers, as they were wanted.
     pub(in crate::compute) names: Vec<String>,
+    /// The sample rate in Hz: as stated, else as the record tells it; or why it tells none.
+    pub(in crate::compute) rate: Result<f64, String>,
     pub(in crate::compute) about: About,
+}
+
+impl Columns {
+    /// The sample rate, Hz, for a method that cannot do without.
+    pub(in crate::compute) fn rate_hz(&self) -> Result<f64, TableError> {
+        self.rate.clone().map_err(|why| TableError::NoRate { why })
+    }
 }
 
 /// What is said about a record beside its values.
@@ -98,6 +111,9 @@ impl Default for Clock {
         Self::NotChecked("no time column".to_owned())
     }
 }
+
+/// What arithmetic does to a rate, relative.
+const ARITHMETIC: f64 = 1e-9;
 
 /// Columns of a header by what they are for.
 pub(super) struct Plan<'a> {
@@ -186,6 +202,7 @@ impl<'a> Plan<'a> {
             return Err(TableError::ManyCaptures { path, count, captures: names.collect::<Vec<_>>().join(" ") });
         }
         let clock = self.clock(&gathered)?;
+        let rate = self.rate(&clock, &gathered);
         for (k, name) in self.wanted.numbers.iter().enumerate() {
             let cells = gathered.missing.iter().filter(|(column, _)| *column == k).count();
             if let Some((_, line)) = gathered.missing.iter().find(|(column, _)| *column == k) {
@@ -201,8 +218,45 @@ impl<'a> Plan<'a> {
             labels,
             units: self.units,
             names,
+            rate,
             about: About { understood, clock, export: self.export },
         })
+    }
+
+    /// The rate as it was stated, else as the clock tells it.
+    fn rate(&mut self, clock: &Clock, gathered: &Gathered) -> Result<f64, String> {
+        if let Some(rate_hz) = self.wanted.rate_hz {
+            return Ok(rate_hz);
+        }
+        let (rate, column) = match clock {
+            Clock::Checked { rate, column, .. } => (rate, column),
+            Clock::NotChecked(why) => return Err(why.clone()),
+            Clock::OnGrid => return Err("no time column".to_owned()),
+        };
+        let step = gathered.times.first_chunk().map_or(0.0, |[first, second]| second - first);
+        if matches!(&self.time, Ok(column) if column.stamps == Stamps::Seconds) && step >= 1.0 {
+            return Err(format!(
+                "column `{column}` names no unit, and steps of {step} may be s, ms or numbers of samples"
+            ));
+        }
+        let tolerance = self.rate_tolerance.unwrap_or_else(|| self.wanted.time.tolerance());
+        let (expanded, ppm) = (1.96 * rate.rate_u_hz / rate.rate_hz, 1e6);
+        if expanded > tolerance && !self.export {
+            let (expanded, tolerance) = (expanded * ppm, tolerance * ppm);
+            return Err(format!(
+                "column `{column}` tells {:.4} Hz to +- {expanded:.3} ppm, and the method needs it to {tolerance} ppm",
+                rate.rate_hz
+            ));
+        }
+        // An export counts its times by the whole rate of its captures, so that it is known better than stamps in whole ms
+        // show. Elsewhere the digits that arithmetic added are taken off.
+        let whole_hz = rate.rate_hz.round();
+        let is_whole = self.export || (rate.rate_hz / whole_hz - 1.0).abs() < ARITHMETIC;
+        let rate_hz = if is_whole { whole_hz } else { rate.rate_hz };
+        if self.wanted.time.needs_rate() {
+            self.understood.push(format!("{rate_hz} Hz of column {column}"));
+        }
+        Ok(rate_hz)
     }
 
     fn no_rows(&self, gathered: &Gathered) -> TableError {

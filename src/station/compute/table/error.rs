@@ -53,6 +53,8 @@ pub(in crate::compute) enum TableError {
     NoCapture { path: PathBuf, capture: String, captures: String },
     #[error("{path}: it holds {count} captures; put one behind its name: {captures}")]
     ManyCaptures { path: PathBuf, count: usize, captures: String },
+    #[error("the sample rate is not known: {why}")]
+    NoRate { why: String },
     #[error("{what}")]
     Units { what: String },
     #[error(transparent)]
@@ -81,6 +83,10 @@ impl TableError {
             }
             Self::Unclear { .. } => Some("rename or remove all but one of these columns"),
             Self::TooLarge { .. } => Some("cut the record into parts, or lower its rate"),
+            Self::NoColumn { header, .. } if header.contains(' ') && !header.contains(", ") => Some(
+                "the rows have one field each; if commas divide them into several numbers, say so: --decimal point",
+            ),
+            Self::NoRate { .. } => Some("say it: --rate HZ"),
             Self::Units { .. } => Some("correct the unit in the header, or leave out the option that contradicts it"),
             Self::Fields { .. } => Some(
                 "each row needs as many fields as the header; a number with a comma in it needs quotes, or `;` between fields",

@@ -2,7 +2,8 @@
 //! written.
 //!
 //! The header is the line above the first stretch of rows: lines of one number of fields, of which some are numbers. What
-//! stands above it is a title. All is told from the first [`HEAD`] bytes, whatever pieces the file comes in.
+//! stands above it is a title. Other signs may divide the header than the rows, if both have as many fields. All is told
+//! from the first [`HEAD`] bytes, whatever pieces the file comes in.
 
 use std::path::Path;
 
@@ -53,7 +54,10 @@ impl<'a> Line<'a> {
 
 /// Where header and rows were found.
 struct Found<'a> {
+    /// Of the rows.
     delimiter: Delimiter,
+    /// Of the header and of the units below it.
+    above: Delimiter,
     header: &'a [u8],
     header_line: usize,
     units: Option<&'a [u8]>,
@@ -75,21 +79,20 @@ pub(super) fn read(path: &Path, text: &[u8], decimal: Option<Decimal>) -> Result
         solid.remove(0);
     }
     let no_header = |line: usize| TableError::NoHeader { path: path.to_owned(), line: line.max(1) };
-    let Some(found) = locate(&all, &solid, forced) else {
+    let Some(found) = locate(&Search { all: &all, solid: &solid, decimal }, forced) else {
         return Err(no_header(all.len()));
     };
-    let Found { delimiter, header_line, titles, .. } = found;
+    let Found { delimiter, above, header_line, titles, .. } = found;
     if titles > 0 {
         understood.push(if titles == 1 { "1 title line".to_owned() } else { format!("{titles} title lines") });
     }
     if found.in_comment {
         understood.push("header in a comment".to_owned());
     }
-    let fields = |text: &[u8]| -> Vec<String> {
-        let spans = delimiter.fields(text);
-        spans.iter().map(|(at, end)| number::decoded(number::unquoted(&text[*at..*end])).into_owned()).collect()
-    };
-    let mut texts = delimiter.merged(fields(found.header));
+    if above != delimiter {
+        understood.push(format!("{} between the names, {} between the values", above.named(), delimiter.named()));
+    }
+    let mut texts = split(above, found.header);
     if texts.iter().all(|name| name.is_empty() || name.parse::<f64>().is_ok()) {
         return Err(no_header(header_line));
     }
@@ -97,12 +100,12 @@ pub(super) fn read(path: &Path, text: &[u8], decimal: Option<Decimal>) -> Result
         understood.push("Windows-1252".to_owned());
     }
     let rows = &solid[found.row.min(solid.len())..];
-    let first_row = rows.first().map(|line| fields(line.text)).unwrap_or_default();
+    let first_row = rows.first().map(|line| fields(delimiter, line.text)).unwrap_or_default();
     if first_row.len() == texts.len() + 1 && first_row.last().is_some_and(String::is_empty) {
         texts.push(String::new());
         understood.push("a delimiter at the end of each row".to_owned());
     }
-    let mut units = found.units.map(|text| delimiter.merged(fields(text)));
+    let mut units = found.units.map(|text| split(above, text));
     if units.is_some() {
         understood.push("units row".to_owned());
     }
@@ -144,19 +147,43 @@ fn separator(line: &[u8]) -> Option<Delimiter> {
     }
 }
 
-fn locate<'a>(all: &'a [Line<'a>], solid: &[&'a Line<'a>], forced: Option<Delimiter>) -> Option<Found<'a>> {
-    let every = [Delimiter::Byte(b'\t'), Delimiter::Byte(b';'), Delimiter::Byte(b','), Delimiter::Blanks];
+/// What is looked through for header and rows.
+#[derive(Clone, Copy)]
+struct Search<'a> {
+    all: &'a [Line<'a>],
+    /// Lines that are neither empty nor comments.
+    solid: &'a [&'a Line<'a>],
+    decimal: Option<Decimal>,
+}
+
+/// What divides the names of a header, seen from the rows below it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Names {
+    /// The sign that divides the rows.
+    Alike,
+    /// Another sign than a blank.
+    Signs,
+    /// Blanks, where the rows have another sign.
+    Blanks,
+}
+
+const SIGNS: [Delimiter; 3] = [Delimiter::Byte(b'\t'), Delimiter::Byte(b';'), Delimiter::Byte(b',')];
+
+fn locate<'a>(search: &Search<'a>, forced: Option<Delimiter>) -> Option<Found<'a>> {
+    let every = [SIGNS[0], SIGNS[1], SIGNS[2], Delimiter::Blanks];
     let tried: Vec<Delimiter> = forced.map_or_else(|| every.to_vec(), |d| vec![d]);
-    for least in [2, 1] {
-        if let Some(found) = tried.iter().find_map(|d| locate_by(*d, least, all, solid)) {
+    // `gyro z` above `0,5` is one column with a decimal comma rather than two: names are divided at blanks last.
+    for (names, least) in [(Names::Alike, 2), (Names::Signs, 2), (Names::Alike, 1), (Names::Blanks, 2)] {
+        if let Some(found) = tried.iter().find_map(|d| locate_by(*d, names, least, search)) {
             return Some(found);
         }
     }
     // Nothing fits: the first line is the header, so that the first mistake below it is the one that is told.
-    let first = *solid.first()?;
+    let first = *search.solid.first()?;
     let delimiter = forced.unwrap_or_else(|| Delimiter::of(first.text));
     Some(Found {
         delimiter,
+        above: delimiter,
         header: first.text.trim_ascii_end(),
         header_line: first.number,
         units: None,
@@ -166,8 +193,9 @@ fn locate<'a>(all: &'a [Line<'a>], solid: &[&'a Line<'a>], forced: Option<Delimi
     })
 }
 
-fn locate_by<'a>(delimiter: Delimiter, least: usize, all: &'a [Line<'a>], solid: &[&'a Line<'a>]) -> Option<Found<'a>> {
-    let patterns: Vec<Vec<bool>> = solid.iter().map(|line| pattern(delimiter, line.text)).collect();
+fn locate_by<'a>(delimiter: Delimiter, names: Names, least: usize, search: &Search<'a>) -> Option<Found<'a>> {
+    let solid = search.solid;
+    let patterns: Vec<Vec<bool>> = solid.iter().map(|line| search.pattern(delimiter, line.text)).collect();
     let is_row = |i: usize| patterns[i].len() >= least && patterns[i].contains(&true);
     let mut best: Option<(usize, Found)> = None;
     for row in (0..solid.len())
@@ -181,7 +209,17 @@ fn locate_by<'a>(delimiter: Delimiter, least: usize, all: &'a [Line<'a>], solid:
         if best.as_ref().is_some_and(|(before, _)| length <= *before) {
             continue;
         }
-        if let Some(found) = above(delimiter, row, &patterns, all, solid) {
+        let above: &[Delimiter] = match names {
+            Names::Alike => &[delimiter],
+            // Each row may be one number with a decimal comma, of a table that has lost its other columns.
+            _ if delimiter == Delimiter::Byte(b',') && (row..row + length).all(|i| search.is_number(solid[i].text)) => {
+                &[]
+            }
+            Names::Signs => &SIGNS,
+            Names::Blanks => &[Delimiter::Blanks],
+        };
+        let found = above.iter().find_map(|above| search.above(row, patterns[row].len(), (delimiter, *above)));
+        if let Some(found) = found {
             best = Some((length, found));
             if length >= STRETCH {
                 break;
@@ -191,66 +229,84 @@ fn locate_by<'a>(delimiter: Delimiter, least: usize, all: &'a [Line<'a>], solid:
     best.map(|(_, found)| found)
 }
 
-/// Which fields of a line are numbers.
-fn pattern(delimiter: Delimiter, text: &[u8]) -> Vec<bool> {
-    delimiter.fields(text).iter().map(|(at, end)| number::is_number(&text[*at..*end])).collect()
-}
-
-/// Header and units above a row.
-fn above<'a>(
-    delimiter: Delimiter,
-    row: usize,
-    patterns: &[Vec<bool>],
-    all: &'a [Line<'a>],
-    solid: &[&'a Line<'a>],
-) -> Option<Found<'a>> {
-    let fields = patterns[row].len();
-    let ends_empty = delimiter
-        .fields(solid[row].text)
-        .last()
-        .is_some_and(|(at, end)| solid[row].text[*at..*end].trim_ascii().is_empty());
-    let fits = |text: &[u8]| {
-        // A single column whose name holds a delimiter is a header of more columns than the rows have.
-        if fields == 1 && text.iter().any(|b| matches!(b, b'\t' | b';' | b',')) {
-            return false;
+impl<'a> Search<'a> {
+    fn is_number(&self, field: &[u8]) -> bool {
+        match self.decimal {
+            Some(decimal) => number::read(field, Form::Known(decimal)).is_ok(),
+            None => number::is_number(field),
         }
-        let texts: Vec<String> = split(delimiter, text);
-        let named = texts.iter().any(|t| !t.is_empty()) && !texts.iter().any(|t| number::is_number(t.as_bytes()));
-        named && (texts.len() == fields || (ends_empty && texts.len() + 1 == fields))
-    };
-    let units_of = |text: &[u8]| names::is_units_row(&split(delimiter, text));
-    let header = |line: &'a Line<'a>, text: &'a [u8], units, titles, in_comment| {
-        Some(Found { delimiter, header: text, header_line: line.number, units, row, titles, in_comment })
-    };
-    let trimmed = |line: &'a Line<'a>| line.text.trim_ascii_end();
-    if row > 0 {
-        let line = solid[row - 1];
-        if !fits(trimmed(line)) {
+    }
+
+    /// Which fields of a line are numbers.
+    fn pattern(&self, delimiter: Delimiter, text: &[u8]) -> Vec<bool> {
+        delimiter.fields(text).iter().map(|(at, end)| self.is_number(&text[*at..*end])).collect()
+    }
+
+    /// Header and units above a row of so many fields; the delimiters are those of the rows and of the header.
+    fn above(&self, row: usize, fields: usize, (delimiter, above): (Delimiter, Delimiter)) -> Option<Found<'a>> {
+        let (all, solid) = (self.all, self.solid);
+        let first = solid[row];
+        let last = delimiter.fields(first.text).last().copied();
+        let ends_empty = last.is_some_and(|(at, end)| first.text[at..end].trim_ascii().is_empty());
+        let fits = |text: &[u8]| is_header(text, above, fields, ends_empty);
+        let units_of = |text: &[u8]| names::is_units_row(&split(above, text));
+        let header = |line: &Line, text: &'a [u8], units, titles, in_comment| {
+            let header_line = line.number;
+            Some(Found { delimiter, above, header: text, header_line, units, row, titles, in_comment })
+        };
+        let trimmed = |line: &'a Line<'a>| line.text.trim_ascii_end();
+        if row > 0 {
+            let line = solid[row - 1];
+            if !fits(trimmed(line)) {
+                return None;
+            }
+            if row > 1 && fits(trimmed(solid[row - 2])) && units_of(trimmed(line)) {
+                return header(solid[row - 2], trimmed(solid[row - 2]), Some(trimmed(line)), row - 2, false);
+            }
+            return header(line, trimmed(line), None, row - 1, false);
+        }
+        // The comments right above the first row.
+        let comments: Vec<&Line> = all.iter().filter(|l| l.number < first.number && l.is_comment()).collect();
+        let last = *comments.last()?;
+        if !fits(last.uncommented()) {
             return None;
         }
-        if row > 1 && fits(trimmed(solid[row - 2])) && units_of(trimmed(line)) {
-            return header(solid[row - 2], trimmed(solid[row - 2]), Some(trimmed(line)), row - 2, false);
+        match comments.len().checked_sub(2).map(|i| comments[i]) {
+            Some(before) if fits(before.uncommented()) && units_of(last.uncommented()) => {
+                header(before, before.uncommented(), Some(last.uncommented()), 0, true)
+            }
+            _ => header(last, last.uncommented(), None, 0, true),
         }
-        return header(line, trimmed(line), None, row - 1, false);
-    }
-    // The comments right above the first row.
-    let comments: Vec<&Line> = all.iter().filter(|l| l.number < solid[row].number && l.is_comment()).collect();
-    let last = *comments.last()?;
-    if !fits(last.uncommented()) {
-        return None;
-    }
-    match comments.len().checked_sub(2).map(|i| comments[i]) {
-        Some(before) if fits(before.uncommented()) && units_of(last.uncommented()) => {
-            header(before, before.uncommented(), Some(last.uncommented()), 0, true)
-        }
-        _ => header(last, last.uncommented(), None, 0, true),
     }
 }
 
+/// Whether a line holds the names of so many columns.
+fn is_header(text: &[u8], delimiter: Delimiter, fields: usize, ends_empty: bool) -> bool {
+    // A single column whose name holds a delimiter is a header of more columns than the rows have.
+    if fields == 1 && text.iter().any(|b| matches!(b, b'\t' | b';' | b',')) {
+        return false;
+    }
+    // `t, x` has commas between its names, not blanks.
+    if delimiter == Delimiter::Blanks && fields > 1 && SIGNS.iter().any(|sign| split(*sign, text).len() == fields) {
+        return false;
+    }
+    let is_number = |text: &String| number::is_number(text.as_bytes());
+    let texts = split(delimiter, text);
+    let named = texts.iter().any(|t| !t.is_empty()) && !texts.iter().any(is_number);
+    // `0 0` is no name: it is a row that other signs divide.
+    let row = split(Delimiter::Blanks, text).iter().all(is_number);
+    named && !row && (texts.len() == fields || (ends_empty && texts.len() + 1 == fields))
+}
+
+/// Names or units, without quotes.
 fn split(delimiter: Delimiter, text: &[u8]) -> Vec<String> {
+    delimiter.merged(fields(delimiter, text))
+}
+
+/// Fields of a line, without quotes.
+fn fields(delimiter: Delimiter, text: &[u8]) -> Vec<String> {
     let spans = delimiter.fields(text);
-    let texts = spans.iter().map(|(at, end)| number::decoded(number::unquoted(&text[*at..*end])).into_owned());
-    delimiter.merged(texts.collect())
+    spans.iter().map(|(at, end)| number::decoded(number::unquoted(&text[*at..*end])).into_owned()).collect()
 }
 
 /// How the numbers of the first rows are written.

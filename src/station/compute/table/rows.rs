@@ -20,6 +20,15 @@ impl Delimiter {
         [b'\t', b';', b','].into_iter().find(|d| header.contains(d)).map_or(Self::Blanks, Self::Byte)
     }
 
+    /// What it is, as words.
+    pub(super) fn named(self) -> String {
+        match self {
+            Self::Byte(b'\t') => "tabs".to_owned(),
+            Self::Byte(byte) => format!("`{}`", char::from(byte)),
+            Self::Blanks => "blanks".to_owned(),
+        }
+    }
+
     /// Where the fields of a line begin and end.
     pub(super) fn fields(self, line: &[u8]) -> Vec<(usize, usize)> {
         let mut fields = Vec::new();

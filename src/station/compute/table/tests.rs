@@ -139,6 +139,67 @@ fn records_as_people_have_them() {
     );
 }
 
+/// Header and rows that different signs divide: both have as many fields, so nothing else can be meant.
+#[test]
+fn other_signs_between_the_names_than_between_the_values() {
+    let check = |head: &str, rows: [&str; 3], expected: &str| {
+        understood(&format!("{head}\n{}\n", rows.join("\n")), expected);
+        // A comment may hold the header, and titles may stand above it.
+        let comment = expected.replace("decimal comma, ", "");
+        let decimal = &expected[..expected.len() - comment.len()];
+        let comment = format!("{decimal}header in a comment, {comment}");
+        understood(&format!("# {head}\n{}\n", rows.join("\n")), &comment);
+    };
+    let blanks = ["0.00 0.5", "0.01 -1.25", "0.02 1234.5"];
+    check("t,w", blanks, "`,` between the names, blanks between the values");
+    check("t, w", blanks, "`,` between the names, blanks between the values");
+    check("t;w", blanks, "`;` between the names, blanks between the values");
+    check("Log time\tw", blanks, "tabs between the names, blanks between the values");
+    let commas = ["0.00,0.5", "0.01,-1.25", "0.02,1234.5"];
+    check("t\tw", commas, "tabs between the names, `,` between the values");
+    check("t;w", commas, "`;` between the names, `,` between the values");
+    check("t w", commas, "blanks between the names, `,` between the values");
+    let semicolons = ["0,00;0,5", "0,01;-1,25", "0,02;1234,5"];
+    check("t,w", semicolons, "decimal comma, `,` between the names, `;` between the values");
+    check("t w", semicolons, "decimal comma, blanks between the names, `;` between the values");
+    check("t,w", ["0.00\t0.5", "0.01\t-1.25", "0.02\t1234.5"], "`,` between the names, tabs between the values");
+    check(
+        "t;w",
+        ["0,00 0,5", "0,01 -1,25", "0,02 1234,5"],
+        "decimal comma, `;` between the names, blanks between the values",
+    );
+    understood(
+        "t,w\ns,deg/s\n0.00 0.5\n0.01 -1.25\n0.02 1234.5\n",
+        "`,` between the names, blanks between the values, units row",
+    );
+    understood(
+        "Log\nt,w\n0 0.5\n0.01 -1.25\n0.02 1234.5\n",
+        "1 title line, `,` between the names, blanks between the values",
+    );
+    // Rows of zeros are no names, and two of three digits are no thousands.
+    let counts = read("x,y\n0 0\n1 234\n5 678\n", &["x", "y"], None).unwrap();
+    assert_eq!(counts.numbers, [[0.0, 1.0, 5.0], [0.0, 234.0, 678.0]]);
+    assert_eq!(read("w\n1 234\n0\n", &["w"], None).unwrap().numbers, [[1234.0, 0.0]]);
+}
+
+#[test]
+fn signs_that_leave_it_open_are_refused() {
+    let check = |text: &'static str, expected: &str| {
+        assert_eq!(read(text, &["x", "y"], None).err().map(|e| e.to_string()).unwrap_or_default(), expected, "{text}");
+    };
+    check("x,y,z\n0 0\n1 234\n", "r.csv:2:4: row has 1 fields, the header 3");
+    check("x,y\n0 0 0\n1 2 3\n", "r.csv:2:6: row has 1 fields, the header 2");
+    // Two columns of whole numbers, or one with a decimal comma?
+    check("x;y\n0,5\n1,7\n", "r.csv:2:4: row has 1 fields, the header 2");
+    check("x y\n0,5\n1,7\n", "r.csv:1:1: no column `x`; the header has x y");
+    let text = "x y\n0,5\n1,7\n";
+    let reading = Reading { decimal: Some(Decimal::Point), ..Reading::default() };
+    let source = source::of(Path::new("r.csv"), Box::new(text.as_bytes())).unwrap();
+    let table = Table::of(Path::new("r.csv"), source, PIECE, &reading).unwrap();
+    let wanted = Wanted { numbers: &["x", "y"], ..Wanted::default() };
+    assert_eq!(table.read(&wanted, None).unwrap().numbers, [[0.0, 1.0], [5.0, 7.0]]);
+}
+
 /// Each kind of column of time is looked at: three seconds are missing from every one of them.
 #[test]
 fn gaps_are_found_under_every_name_of_time() {
