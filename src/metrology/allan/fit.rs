@@ -148,6 +148,16 @@ const EARLY: usize = 7;
 /// Probability of chi-square from which on a fit with a Gauss-Markov noise takes the place of one without.
 const LIKELY: f64 = 0.02;
 
+/// A choice of slow terms.
+struct Choice {
+    /// Weighted sum of squares, and what its terms cost.
+    cost: f64,
+    /// Whether it has a flat part.
+    flat: bool,
+    /// Square of N and its variance.
+    walk: Option<(f64, f64)>,
+}
+
 /// What is common to the fits of a search.
 struct Model {
     markov_s: f64,
@@ -177,19 +187,21 @@ impl Curve {
                 return Search::TooGood(first.clone());
             }
             if belongs(&plain) && (-BAND_LIMIT..QUANTISATION).contains(&odds) {
-                return self.holds(first, false);
+                return self.holds(first, false, None);
             }
         }
         let banded = fits(true, starts);
+        // Chance makes a band limit of one white record in fifteen: where all points follow without one, it is in doubt.
+        let doubt = plain.first().filter(|_| belongs(&plain));
         if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
-            return self.holds(first, true);
+            return self.holds(first, true, doubt);
         }
         for start in 0..banded.len() {
             if belongs(&banded[start..])
                 && let Some(further) = banded.get(start + 1)
                 && further.p >= HOLDS
             {
-                return self.holds(further, true);
+                return self.holds(further, true, doubt);
             }
         }
         let all = plain.into_iter().chain(banded).filter(|fit| fit.dof >= FEWEST_DOF);
@@ -198,36 +210,25 @@ impl Curve {
 
     /// With N as the mean over every choice of slow terms, weighted by how well each follows the points (Buckland, Burnham
     /// and Augustin, *Model Selection: An Integral Part of Inference*, 1997): one that is there but too weak to be chosen would
-    /// bend N, and the spread over the choices is the uncertainty of choosing.
-    fn holds(&self, chosen: &Solved, banded: bool) -> Search {
+    /// bend N, and the spread over the choices is the uncertainty of choosing. Among the choices are those of a fit without
+    /// the memory, where it holds as well: beside it, Q and each point left out cost as a term does.
+    fn holds(&self, chosen: &Solved, banded: bool, plain: Option<&Solved>) -> Search {
         let mut solved = chosen.clone();
-        let of = |markov_s: f64| {
-            let (design, square) = self.from(chosen.start, markov_s);
-            Constrained::all(&design, &square, &chosen.points, &allowed(banded, markov_s), TERM_COST)
-                .unwrap_or_default()
-        };
-        let mut choices = of(chosen.markov_s);
-        if chosen.markov_s == 0.0 {
-            // A bounded wander of any correlation time, which costs as a term does.
-            for markov_s in self.correlation_times() {
-                let wandering = of(markov_s).into_iter().filter(|choice| choice.columns.contains(&G));
-                choices.extend(wandering.map(|choice| Constrained { cost: choice.cost + TERM_COST, ..choice }));
-            }
-        }
-        if choices.is_empty() {
-            return Search::Holds(solved);
-        }
-        let least = |with: &dyn Fn(&Constrained) -> bool| {
+        let mut choices = self.choices(chosen, banded);
+        let least = |with: &dyn Fn(&Choice) -> bool| {
             choices.iter().filter(|c| with(c)).map(|c| c.cost).fold(f64::INFINITY, f64::min)
         };
-        let best = least(&|_| true);
-        solved.flat_gain = least(&|c| !c.columns.contains(&B)) - best;
+        solved.flat_gain = least(&|c| !c.flat) - least(&|_| true);
+        if let Some(plain) = plain {
+            let memory = TERM_COST * (1 + chosen.start) as f64;
+            choices.iter_mut().for_each(|choice| choice.cost += memory);
+            choices.extend(self.choices(plain, false));
+        }
+        let best = choices.iter().map(|c| c.cost).fold(f64::INFINITY, f64::min);
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
-        for choice in &choices {
-            let Some(row) = choice.columns.iter().position(|c| *c == N) else { continue };
-            let weight = (-(choice.cost - best) / 2.0).exp();
-            let (square, estimator) = (choice.squares[N], choice.estimator.row(row));
-            let variance = (estimator * &chosen.points * estimator.transpose())[0];
+        for Choice { cost, walk, .. } in choices {
+            let Some((square, variance)) = walk else { continue };
+            let weight = (-(cost - best) / 2.0).exp();
             total += weight;
             first += weight * square;
             second += weight * (square * square + variance);
@@ -238,6 +239,32 @@ impl Curve {
             solved.walk = Some((mean, sd));
         }
         Search::Holds(solved)
+    }
+
+    /// Every choice of slow terms that fits from the first point of a fit on, under its scatter.
+    fn choices(&self, chosen: &Solved, banded: bool) -> Vec<Choice> {
+        let of = |markov_s: f64| {
+            let (design, square) = self.from(chosen.start, markov_s);
+            Constrained::all(&design, &square, &chosen.points, &allowed(banded, markov_s), TERM_COST)
+                .unwrap_or_default()
+        };
+        let mut fits = of(chosen.markov_s);
+        if chosen.markov_s == 0.0 {
+            // A bounded wander of any correlation time, which costs as a term does.
+            for markov_s in self.correlation_times() {
+                let wandering = of(markov_s).into_iter().filter(|fit| fit.columns.contains(&G));
+                fits.extend(wandering.map(|fit| Constrained { cost: fit.cost + TERM_COST, ..fit }));
+            }
+        }
+        let choice = |fit: Constrained| {
+            let variance = |row: usize| {
+                let estimator = fit.estimator.row(row);
+                (estimator * &chosen.points * estimator.transpose())[0]
+            };
+            let walk = fit.columns.iter().position(|c| *c == N).map(|row| (fit.squares[N], variance(row)));
+            Choice { cost: fit.cost, flat: fit.columns.contains(&B), walk }
+        };
+        fits.into_iter().map(choice).collect()
     }
 
     /// Correlation times of a Gauss-Markov noise that the record can show, an octave apart, s.
