@@ -25,11 +25,34 @@ struct Contribution {
 pub(super) struct Budget {
     unit: Unit,
     rows: Vec<Contribution>,
+    shape: Shape,
+}
+
+/// What the figure is made of: its contributions count for each part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Shape {
+    /// One value.
+    One,
+    /// The largest of so many values, each with these contributions.
+    LargestOf(usize),
+    /// The length of a vector of two components, each with these contributions.
+    LengthOfTwo,
 }
 
 impl Budget {
     pub(super) fn new(unit: Unit) -> Self {
-        Self { unit, rows: Vec::new() }
+        Self { unit, rows: Vec::new(), shape: Shape::One }
+    }
+
+    /// The budget of the largest of so many values, of which this is the budget of each: that one of them misses its
+    /// interval is more likely than that a certain one does.
+    pub(super) fn of_largest(self, values: usize) -> Self {
+        Self { shape: if values > 1 { Shape::LargestOf(values) } else { Shape::One }, ..self }
+    }
+
+    /// The budget of the length of a vector, of whose two components this is the budget of each.
+    pub(super) fn of_length(self) -> Self {
+        Self { shape: Shape::LengthOfTwo, ..self }
     }
 
     pub(super) fn unit(&self) -> Unit {
@@ -73,13 +96,13 @@ impl Budget {
     /// The interval of the figure.
     pub(super) fn uncertainty(&self, figure: f64, probability: f64) -> Uncertainty {
         let (u, dof) = self.combined();
-        Uncertainty::symmetric(figure, u, stats::coverage_factor(probability, dof), probability)
+        Uncertainty::symmetric(figure, u, self.shape.coverage_factor(probability, dof), probability)
     }
 
     /// As a table with its sum.
     pub(super) fn json(&self, probability: f64) -> Value {
         let (u, dof) = self.combined();
-        let k = stats::coverage_factor(probability, dof);
+        let k = self.shape.coverage_factor(probability, dof);
         let rows: Vec<Value> = self
             .rows
             .iter()
@@ -96,14 +119,64 @@ impl Budget {
                 })
             })
             .collect();
-        json!({
+        let mut table = json!({
             "unit": self.unit.symbol(), "contributions": rows, "u": u, "dof": finite(dof), "k": finite(k), "U": finite(k * u),
             "probability": probability,
-        })
+        });
+        if let Some(figure) = self.shape.label() {
+            table["figure"] = figure.into();
+        }
+        table
+    }
+}
+
+impl Shape {
+    fn coverage_factor(self, probability: f64, dof: f64) -> f64 {
+        match self {
+            Shape::One => stats::coverage_factor(probability, dof),
+            // Bonferroni: the probabilities to miss add up at most.
+            Shape::LargestOf(values) => stats::coverage_factor(1.0 - (1.0 - probability) / values as f64, dof),
+            // A length errs by the length of the error at most. The square of that, over that of a component, is
+            // 2 F(2, dof), whose quantile has a closed form (Rayleigh's for many degrees of freedom).
+            Shape::LengthOfTwo => {
+                let miss = 1.0 - probability;
+                if dof.is_finite() {
+                    (dof * (miss.powf(-2.0 / dof) - 1.0)).sqrt()
+                } else {
+                    (-2.0 * miss.ln()).sqrt()
+                }
+            }
+        }
+    }
+
+    fn label(self) -> Option<String> {
+        match self {
+            Shape::One => None,
+            Shape::LargestOf(values) => Some(format!("the largest of {values}; k is that of all of them together")),
+            Shape::LengthOfTwo => Some("a length of two components; the contributions are those of each".to_owned()),
+        }
     }
 }
 
 /// JSON has no infinity: null.
 pub(super) fn finite(number: f64) -> Option<f64> {
     Some(number).filter(|number| number.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// F tables: the 95 % point for 2 and 10 degrees of freedom is 4.103, for 2 and infinitely many 2.996. Bonferroni's t of
+    /// five comparisons with 10 degrees of freedom is 3.169.
+    #[test]
+    fn factors_of_lengths_and_of_the_largest() {
+        let near = |found: f64, table: f64| assert!((found / table - 1.0).abs() < 3e-4, "{found} {table}");
+        near(Shape::LengthOfTwo.coverage_factor(0.95, 10.0), (2.0_f64 * 4.103).sqrt());
+        near(Shape::LengthOfTwo.coverage_factor(0.95, f64::INFINITY), (2.0_f64 * 2.996).sqrt());
+        near(Shape::LargestOf(5).coverage_factor(0.95, 10.0), 3.169);
+        let one = Budget::new(Unit::Milligravity).a("noise", 1.0, 10.0);
+        near(one.clone().of_largest(1).uncertainty(0.0, 0.95).high, 2.228);
+        near(one.of_largest(5).uncertainty(0.0, 0.95).high, 3.169);
+    }
 }

@@ -10,7 +10,7 @@ mod magnetometer;
 mod performance;
 mod receiver;
 mod refusals;
-mod world;
+pub(super) mod world;
 
 use gnc_executive::bench::{Fixture, Site, SitePlace};
 use gnc_executive::measurement::Value;
@@ -43,6 +43,7 @@ const PERFECT: Fixture = Fixture {
     runout_u_rad: 0.0,
     field_u_gauss: 0.0,
     ambient_u_gauss: 0.0,
+    board_clock_u_ppm: None,
 };
 
 fn site() -> Site {
