@@ -5,11 +5,17 @@
 mod calibrating;
 mod coverage;
 mod coverage_field;
+mod coverage_left;
+mod coverage_list;
+mod coverage_noise;
+mod coverage_repeated;
+mod coverage_sky;
 mod integrity;
 mod magnetometer;
 mod performance;
 mod receiver;
 mod refusals;
+mod sky;
 pub(super) mod world;
 
 use gnc_executive::bench::{Fixture, Site, SitePlace};
@@ -95,6 +101,7 @@ fn complete(item: ItemId, params: &Params, findings: &Findings) {
             Value::Estimate(quantity, known) => {
                 assert_eq!(quantity.dimension(), spec.unit.dimension(), "{name}");
                 assert!(quantity.number.is_finite() && known.is_finite(), "{name}: {value:?}");
+                assert!(coverage_list::has_interval(item, name), "{item} {name} has an interval: test how often it covers");
             }
             Value::Text(_) | Value::NotAvailable(_) => {}
         }

@@ -183,8 +183,7 @@ fn calibrate(params: &[Params], seed: u64) -> Option<Vec<Found>> {
             Err(error) => panic!("seed {seed}: {id}: {error}"),
         };
         for (name, truth) in truths {
-            let value = findings.value(name).cloned().unwrap_or_else(|| panic!("{id} has no {name}"));
-            all.push((format!("{id} {name}"), value, truth));
+            all.push(Found::new(id.as_str(), &findings, name, truth));
         }
     }
     Some(all)

@@ -9,7 +9,7 @@ use crate::capture::{About, Along, Capture, Pose, Receiver, Timing};
 pub(super) const LATITUDE_DEG: f64 = 34.2;
 pub(super) const GRAVITY: f64 = 9.7954;
 /// deg/h, by the textbook.
-const EARTH_DPH: f64 = 15.041_07;
+pub(super) const EARTH_DPH: f64 = 15.041_07;
 
 /// Seeded noise: splitmix64 and Box-Muller.
 #[derive(Debug, Clone)]
@@ -20,7 +20,7 @@ impl Dice {
         Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03)
     }
 
-    fn even(&mut self) -> f64 {
+    pub(crate) fn even(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
