@@ -15,14 +15,14 @@ const NOISE: &str = r#"
 [[item]]
 id = "allan"
 phase = "setup"
-params = { duration = "600 s", rate = "10 Hz" }
+params = { duration = "200 s", rate = "100 Hz" }
 [[item]]
 id = "psd"
 phase = "setup"
-params = { duration = "600 s", rate = "10 Hz", segment = 512 }
+params = { duration = "200 s", rate = "100 Hz", segment = 1024 }
 "#;
-const RATE_HZ: u16 = 10;
-const SAMPLES: usize = 6000;
+const RATE_HZ: u16 = 100;
+const SAMPLES: usize = 20_000;
 /// N (deg/s and g in a second) and B of the gyroscopes and the accelerometers.
 const GYRO: (f64, f64) = (0.0025, 0.0025);
 const ACCEL: (f64, f64) = (0.1e-3, 0.1e-3);
@@ -47,6 +47,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
             (&psd, "psd", "density_gyro", GYRO.0 * root_two),
             (&psd, "psd", "density_accel", ACCEL.0 * root_two * 1e6),
         ] {
+            if trial < 2 { eprintln!("{item} {figure} {truth} {:?}", findings.value(&format!("{figure}_x"))); }
             found.extend(AXES.iter().filter_map(|axis| Found::given(item, findings, &format!("{figure}_{axis}"), truth)));
         }
         found
@@ -54,7 +55,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
 }
 
 /// Noise of one channel: white, and flicker as a sum of relaxations whose corners stand an octave apart, from far below one
-/// over the record to far above the rate, so that the sum follows `B^2 / (2 pi f)`.
+/// over the record to 6 Hz, so that the sum follows `B^2 / (2 pi f)` below that and sampling folds nothing of it.
 struct Channel {
     white: f64,
     states: Vec<f64>,
@@ -65,7 +66,7 @@ impl Channel {
     fn new((n, b): (f64, f64), dice: &mut Dice) -> Self {
         let variance = b * b * 2.0_f64.ln() / TAU;
         let octaves = (32.0 * SAMPLES as f64).log2() as i32;
-        let keeps = (-octaves..5).map(|octave| (-TAU * 2.0_f64.powi(octave)).exp());
+        let keeps = (-octaves..-3).map(|octave| (-TAU * 2.0_f64.powi(octave)).exp());
         let relaxations: Vec<(f64, f64)> =
             keeps.map(|keep| (keep, (variance * (1.0 - keep * keep)).sqrt())).collect();
         let states = relaxations.iter().map(|_| variance.sqrt() * dice.normal()).collect();
