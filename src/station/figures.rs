@@ -27,6 +27,7 @@ mod place;
 mod psd;
 mod repeated;
 mod resolution;
+mod rest_noise;
 mod roll;
 mod rotation;
 mod six_position;

@@ -9,6 +9,7 @@
 //! runout_u = "0.001 deg"                           # tilt of that axis in step with the turn
 //! field_u = "0.2 mgauss"                           # field of the fixture at the magnetometer, each axis
 //! ambient_u = "0.1 mgauss"                         # departure of the ambient field from its mean
+//! board_clock_u = "5 ppm"                          # rate of the slave board's crystal against true time
 //! ```
 //!
 //! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`Fixture::default`] count.
@@ -22,8 +23,10 @@ use crate::spanned::{Table, Walk, quantities};
 const MOST_DEG: f64 = 5.0;
 /// Largest field of a fixture: beyond it the fixture is a magnet.
 const MOST_GAUSS: f64 = 0.1;
+/// Largest uncertainty of a crystal: beyond it the board has none.
+const MOST_PPM: f64 = 1000.0;
 
-/// Imperfections of the bench. Angles in rad, fields in gauss; every `_u` is a standard uncertainty.
+/// Imperfections of the bench. Angles in rad, fields in gauss, rates in ppm; every `_u` is a standard uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fixture {
@@ -40,6 +43,10 @@ pub struct Fixture {
     pub field_u_gauss: f64,
     /// Departure of the ambient field from its mean: one for all of an item, and another one in each attitude of it.
     pub ambient_u_gauss: f64,
+    /// Rate of the slave board's clock against true time, ppm; `None` where the bench file does not state it: then the
+    /// plan's `clock_u` counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub board_clock_u_ppm: Option<f64>,
 }
 
 impl Default for Fixture {
@@ -53,6 +60,7 @@ impl Default for Fixture {
             runout_u_rad: 0.001_f64.to_radians(),
             field_u_gauss: 0.2e-3,
             ambient_u_gauss: 0.1e-3,
+            board_clock_u_ppm: None,
         }
     }
 }
@@ -78,6 +86,9 @@ pub(super) fn fixture(walk: &Walk<'_>, table: Table<'_, '_>) -> Fixture {
         let known = written.and_then(|(quantity, span)| check(key, quantity, span, Unit::Gauss, (0.0, MOST_GAUSS)));
         known.unwrap_or(default_gauss)
     };
+    let board_clock_u_ppm = table
+        .quantity("board_clock_u", Unit::PartsPerMillion.dimension())
+        .and_then(|(quantity, span)| check("board_clock_u", quantity, span, Unit::PartsPerMillion, (0.0, MOST_PPM)));
     let mounting_rad = table.entry("mounting").and_then(|entry| {
         let written = quantities(walk, entry.value, "mounting", Unit::Degree.dimension());
         let known: Vec<f64> = written
@@ -99,6 +110,7 @@ pub(super) fn fixture(walk: &Walk<'_>, table: Table<'_, '_>) -> Fixture {
         runout_u_rad: angle("runout_u", default.runout_u_rad),
         field_u_gauss: field("field_u", default.field_u_gauss),
         ambient_u_gauss: field("ambient_u", default.ambient_u_gauss),
+        board_clock_u_ppm,
     };
     table.finish();
     fixture

@@ -107,7 +107,7 @@ fn the_fixture_is_read_or_has_stated_defaults() {
     assert_eq!(Site::fixture(read("").as_ref()), Fixture::default());
     let known = Site::fixture(
         read(
-            "[fixture]\nmounting = [\"0.012 deg\", \"-0.6 deg\", \"1 deg\"]\nmounting_u = \"0.002 deg\"\nfield_u = \"50 nT\"",
+            "[fixture]\nmounting = [\"0.012 deg\", \"-0.6 deg\", \"1 deg\"]\nmounting_u = \"0.002 deg\"\nfield_u = \"50 nT\"\nboard_clock_u = \"5 ppm\"",
         )
         .as_ref(),
     );
@@ -115,11 +115,23 @@ fn the_fixture_is_read_or_has_stated_defaults() {
     assert!(mounting.iter().zip([0.012, -0.6, 1.0]).all(|(read, written)| (read - written).abs() < 1e-12));
     assert!((known.mounting_u_rad.to_degrees() - 0.002).abs() < 1e-12 && (known.field_u_gauss - 0.5e-3).abs() < 1e-12);
     assert_eq!(known.ambient_u_gauss, Fixture::default().ambient_u_gauss);
+    assert_eq!((known.board_clock_u_ppm, Fixture::default().board_clock_u_ppm), (Some(5.0), None));
+}
+
+/// Records keep what the bench file states; those from before a key lack it.
+#[test]
+fn a_fixture_comes_back_from_a_record() {
+    let known = Fixture { board_clock_u_ppm: Some(5.0), ..Fixture::default() };
+    for fixture in [known, Fixture::default()] {
+        let text = serde_json::to_string(&fixture).unwrap();
+        assert_eq!(text.contains("board_clock_u_ppm"), fixture.board_clock_u_ppm.is_some(), "{text}");
+        assert_eq!(serde_json::from_str::<Fixture>(&text).unwrap(), fixture);
+    }
 }
 
 #[test]
 fn mistakes_of_a_fixture() {
-    let text = "[station]\nid = \"a\"\n[fixture]\nmounting = [\"0.1 deg\", \"7 deg\"]\nmounting_u = \"-1 deg\"\nfeld_u = \"1 uT\"\nambient_u = \"1 deg\"\n";
+    let text = "[station]\nid = \"a\"\n[fixture]\nmounting = [\"0.1 deg\", \"7 deg\"]\nmounting_u = \"-1 deg\"\nfeld_u = \"1 uT\"\nambient_u = \"1 deg\"\nboard_clock_u = \"1 %\"\n";
     insta::assert_snapshot!(BenchFile::read("bench.toml", text.into()).unwrap_err(), @r#"
     bench.toml:4:12: mounting is not three angles about X, Y and Z
      4 | mounting = ["0.1 deg", "7 deg"]
@@ -145,5 +157,10 @@ fn mistakes_of_a_fixture() {
      7 | ambient_u = "1 deg"
        |             ^^^^^^^
        = try: a magnetic field is written in gauss, mgauss, T, mT, uT, nT
+
+    bench.toml:8:17: board_clock_u is 1 %
+     8 | board_clock_u = "1 %"
+       |                 ^^^^^
+       = try: it may be 0 ppm to 1000 ppm
     "#);
 }

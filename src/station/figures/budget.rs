@@ -28,23 +28,31 @@ pub(super) struct Budget {
     shape: Shape,
 }
 
-/// What the figure is.
+/// What the figure is made of: its contributions count for each part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
-    /// A value with an error of either sign.
-    Value,
-    /// The length of a vector of two components, which both err as the budget says.
-    Amplitude,
+    /// One value.
+    One,
+    /// The largest of so many values, each with these contributions.
+    LargestOf(usize),
+    /// The length of a vector of two components, each with these contributions.
+    LengthOfTwo,
 }
 
 impl Budget {
     pub(super) fn new(unit: Unit) -> Self {
-        Self { unit, rows: Vec::new(), shape: Shape::Value }
+        Self { unit, rows: Vec::new(), shape: Shape::One }
     }
 
-    /// The budget of an amplitude: its contributions are those of either component.
-    pub(super) fn of_amplitude(unit: Unit) -> Self {
-        Self { shape: Shape::Amplitude, ..Self::new(unit) }
+    /// The budget of the largest of so many values, of which this is the budget of each: that one of them misses its
+    /// interval is more likely than that a certain one does.
+    pub(super) fn of_largest(self, values: usize) -> Self {
+        Self { shape: if values > 1 { Shape::LargestOf(values) } else { Shape::One }, ..self }
+    }
+
+    /// The budget of the length of a vector, of whose two components this is the budget of each.
+    pub(super) fn of_length(self) -> Self {
+        Self { shape: Shape::LengthOfTwo, ..self }
     }
 
     pub(super) fn unit(&self) -> Unit {
@@ -88,26 +96,19 @@ impl Budget {
     /// The interval of the figure.
     pub(super) fn uncertainty(&self, figure: f64, probability: f64) -> Uncertainty {
         let (u, dof) = self.combined();
-        let k = stats::coverage_factor(probability, dof);
-        match self.shape {
-            Shape::Value => Uncertainty::symmetric(figure, u, k, probability),
-            Shape::Amplitude => {
-                // Few degrees of freedom widen it as they do a value's interval.
-                let sd = u * k / stats::coverage_factor(probability, f64::INFINITY);
-                let (low, high) = stats::amplitude_interval(figure, sd, probability);
-                Uncertainty::interval(low, high, probability)
-            }
-        }
+        let Some(k) = self.shape.coverage_factor(probability, dof) else {
+            // Few degrees of freedom widen it as they do a value's interval.
+            let widened = stats::coverage_factor(probability, dof) / stats::coverage_factor(probability, f64::INFINITY);
+            let (low, high) = stats::amplitude_interval(figure, u * widened, probability);
+            return Uncertainty::interval(low, high, probability);
+        };
+        Uncertainty::symmetric(figure, u, k, probability)
     }
 
     /// As a table with its sum.
     pub(super) fn json(&self, probability: f64) -> Value {
         let (u, dof) = self.combined();
-        // The interval of an amplitude has a shape of its own.
-        let k = match self.shape {
-            Shape::Value => stats::coverage_factor(probability, dof),
-            Shape::Amplitude => f64::NAN,
-        };
+        let k = self.shape.coverage_factor(probability, dof);
         let rows: Vec<Value> = self
             .rows
             .iter()
@@ -124,14 +125,53 @@ impl Budget {
                 })
             })
             .collect();
-        json!({
-            "unit": self.unit.symbol(), "contributions": rows, "u": u, "dof": finite(dof), "k": finite(k), "U": finite(k * u),
+        let mut table = json!({
+            "unit": self.unit.symbol(), "contributions": rows, "u": u, "dof": finite(dof), "k": k.and_then(finite),
+            "U": k.and_then(|k| finite(k * u)),
             "probability": probability,
-        })
+        });
+        if let Some(figure) = self.shape.label() {
+            table["figure"] = figure.into();
+        }
+        table
+    }
+}
+
+impl Shape {
+    /// `None`: the interval is not symmetric.
+    fn coverage_factor(self, probability: f64, dof: f64) -> Option<f64> {
+        match self {
+            Shape::One => Some(stats::coverage_factor(probability, dof)),
+            // Bonferroni: the probabilities to miss add up at most.
+            Shape::LargestOf(values) => Some(stats::coverage_factor(1.0 - (1.0 - probability) / values as f64, dof)),
+            Shape::LengthOfTwo => None,
+        }
+    }
+
+    fn label(self) -> Option<String> {
+        match self {
+            Shape::One => None,
+            Shape::LargestOf(values) => Some(format!("the largest of {values}; k is that of all of them together")),
+            Shape::LengthOfTwo => Some("a length of two components; the contributions are those of each".to_owned()),
+        }
     }
 }
 
 /// JSON has no infinity: null.
 pub(super) fn finite(number: f64) -> Option<f64> {
     Some(number).filter(|number| number.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bonferroni's t of five comparisons with 10 degrees of freedom is 3.169, Student's 2.228.
+    #[test]
+    fn the_factor_of_the_largest() {
+        let near = |found: f64, table: f64| assert!((found / table - 1.0).abs() < 3e-4, "{found} {table}");
+        let one = Budget::new(Unit::Milligravity).a("noise", 1.0, 10.0);
+        near(one.clone().of_largest(1).uncertainty(0.0, 0.95).high, 2.228);
+        near(one.of_largest(5).uncertainty(0.0, 0.95).high, 3.169);
+    }
 }

@@ -98,10 +98,10 @@ fn position(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<
     for (i, axis) in AXES.iter().enumerate() {
         let noise = noise(&forces, i);
         let level = (1.0 - up[i] * up[i]).max(0.0).sqrt();
-        // Both the calibration's positions and this one may be off.
+        // What the positions of the calibration were off by is a part of the error that it leaves.
         let budget = Budget::new(Unit::Milligravity)
             .a("noise of the mean", noise.sd() * MG, noise.dof)
-            .b("attitudes", pose_rad, "rad", 2.0_f64.sqrt() * level * gravity * MG)
+            .b("attitude", pose_rad, "rad", level * gravity * MG)
             .b("gravity", gravity_ppm, "ppm", up[i] * gravity * MG * 1e-6);
         findings.figure(format!("force_error_{axis}"), force_error[i], &budget, p);
     }
@@ -128,29 +128,29 @@ fn turn(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), 
     let (capture, axis, angle_deg) = turning.ok_or_else(|| FigureError::Missing { what: "a turn".into() })?;
     let clock = clock::Known::of(question)?;
     let turned = integrate(capture, axis, &clock)?;
+    let noise_rad = turned.noise_rad(question);
     let told_rad = angle_deg.to_radians();
     let ppm = |rad: f64| rad / told_rad.abs() * 1e6;
     let angle_u = question.params.quantity("angle_u", Unit::Radian)?;
     let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
-    // The calibration and this turn each have their own error of angle and attitude.
-    let twice = 2.0_f64.sqrt();
-    let budget = Budget::new(Unit::PartsPerMillion).a("noise at rest", ppm(turned.noise_rad[axis]), turned.dof).b(
-        "angle of the table, twice",
-        angle_u,
-        "rad",
-        twice * 1e6 / told_rad.abs(),
-    );
+    let budget = |i: usize| {
+        let (noise_rad, dof) = noise_rad[i];
+        Budget::new(Unit::PartsPerMillion).a("noise of the rate at rest", ppm(noise_rad), dof)
+    };
+    // What angle, clock and attitudes of the calibration were off by is a part of the error that it leaves.
+    let own = budget(axis).b("angle of the table", angle_u, "rad", 1e6 / told_rad.abs());
     let error_ppm = (turned.angle_rad[axis] / told_rad - 1.0) * 1e6;
-    findings.figure("angle_error", error_ppm, &clock.in_budget(budget), p);
+    findings.figure("angle_error", error_ppm, &clock.in_budget(own, 1.0), p);
     findings.detail("sample_clock", clock.details());
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let across = turned.angle_rad[i].hypot(turned.angle_rad[j]);
     let earth_rad = earth::EARTH_RATE_RPS * turned.span_s;
-    let budget = Budget::new(Unit::PartsPerMillion)
-        .a("noise at rest", ppm(turned.noise_rad[i].hypot(turned.noise_rad[j])), turned.dof)
-        .b("attitudes of the axis", pose_rad, "rad", twice * 1e6)
-        .bound("rotation of the earth", ppm(earth_rad), "ppm", 1.0);
-    findings.figure("cross_angle", ppm(across), &budget, p);
+    let noisier = if noise_rad[i].0 > noise_rad[j].0 { i } else { j };
+    let across_budget = budget(noisier)
+        .b("attitude of the axis", pose_rad, "rad", 1e6)
+        .bound("rotation of the earth", ppm(earth_rad), "ppm", 1.0)
+        .of_length();
+    findings.figure("cross_angle", ppm(across), &across_budget, p);
     findings.detail(
         "turn",
         json!({
@@ -164,10 +164,27 @@ fn turn(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), 
 /// What a turn came to.
 struct Turned {
     angle_rad: Vector3<f64>,
-    noise_rad: Vector3<f64>,
-    dof: f64,
     start_s: f64,
     span_s: f64,
+    /// Time at rest around it, whose mean rate is taken off.
+    rest_s: f64,
+}
+
+impl Turned {
+    /// Standard deviation of the angle about each axis from the noise of the rate, and its degrees of freedom: as means over
+    /// the time of the turn scatter in the position.
+    fn noise_rad(&self, question: &Question<'_>) -> [(f64, f64); 3] {
+        let Some((still, ..)) = captures::lying(question.captures).next() else { return [(f64::NAN, 1.0); 3] };
+        let wanted = self.span_s * f64::from(still.about.rate_hz);
+        let block = (wanted.round() as usize).min(still.compensated.len() / FEWEST).max(1);
+        let means: Vec<Vector3<f64>> =
+            still.compensated.chunks_exact(block).map(|part| mean_of(part, rate_rps)).collect();
+        let scale = (block as f64 / wanted).min(1.0) * (1.0 + self.span_s / self.rest_s);
+        [0, 1, 2].map(|axis| {
+            let (_, sd) = stats::mean_sd(&means.iter().map(|mean| mean[axis]).collect::<Vec<f64>>());
+            (self.span_s * sd * scale.sqrt(), means.len() as f64 - 1.0)
+        })
+    }
 }
 
 /// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
@@ -199,11 +216,6 @@ fn integrate(capture: &Capture, axis: usize, clock: &clock::Known) -> Result<Tur
     let at_rest = rest.iter().fold(Vector3::zeros(), |sum, rate| sum + **rate) / count;
     let turned: Vector3<f64> =
         rates[start..end].iter().fold(Vector3::zeros(), |sum, rate| sum + (rate - at_rest)) / rate_hz;
-    let n = (end - start) as f64;
-    let noise_rad = Vector3::from_fn(|i, _| {
-        let values: Vec<f64> = rest.iter().map(|rate| rate[i]).collect();
-        stats::white_sd(&values) * (n + n * n / count).sqrt() / rate_hz
-    });
-    let span_s = n / rate_hz;
-    Ok(Turned { angle_rad: turned, noise_rad, dof: count * 2.0 / 3.0, start_s: start as f64 / rate_hz, span_s })
+    let [start_s, span_s, rest_s] = [start, end - start, rest.len()].map(|samples| samples as f64 / rate_hz);
+    Ok(Turned { angle_rad: turned, start_s, span_s, rest_s })
 }

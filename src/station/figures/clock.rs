@@ -1,8 +1,10 @@
 //! The clock by which samples were taken: against the board's own time, and against true time.
 //!
 //! Against the board's time it is checked to a microsecond, or there is no figure. Against true time it is known from the
-//! receiver's 1PPS, where an item before this one had it; else it is a crystal of the tolerance that the plan states.
+//! receiver's 1PPS, where an item before this one had it; else it is a crystal of the tolerance that the bench file states,
+//! or, where that is silent, the plan.
 
+use gnc_executive::bench::Site;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -83,16 +85,26 @@ pub(super) struct Known {
     /// What it runs too fast, as far as that was measured: samples come at `1 + error` times their rate.
     error: f64,
     u_ppm: f64,
-    measured: bool,
+    basis: Basis,
+}
+
+/// What a clock is known by; the first of them that there is counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Basis {
+    Pulses,
+    Bench,
+    Plan,
 }
 
 impl Known {
-    /// By the newest pulses before this item; else as the plan states it.
+    /// By the newest pulses before this item, else by the bench file, else by the plan.
     pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
-        let stated_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
-        Ok(match measured(question.earlier) {
-            Some(clock) => Self { error: clock.error_ppm * 1e-6, u_ppm: with_drift(&clock), measured: true },
-            None => Self { error: 0.0, u_ppm: stated_ppm, measured: false },
+        let by_plan_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
+        let by_bench_ppm = Site::fixture(question.site).board_clock_u_ppm;
+        Ok(match (measured(question.earlier), by_bench_ppm) {
+            (Some(clock), _) => Self { error: clock.error_ppm * 1e-6, u_ppm: with_drift(&clock), basis: Basis::Pulses },
+            (None, Some(u_ppm)) => Self { error: 0.0, u_ppm, basis: Basis::Bench },
+            (None, None) => Self { error: 0.0, u_ppm: by_plan_ppm, basis: Basis::Plan },
         })
     }
 
@@ -101,17 +113,22 @@ impl Known {
         asked_hz * (1.0 + self.error)
     }
 
-    /// Its line in the budget of a scale factor, which it enters one to one.
-    pub(super) fn in_budget(&self, budget: Budget) -> Budget {
-        let name = if self.measured { "sample clock, by 1PPS" } else { "sample clock, not measured" };
-        budget.b(name, self.u_ppm, "ppm", 1.0)
+    /// Its line in the budget of a figure that changes by `per_ppm` with the clock.
+    pub(super) fn in_budget(&self, budget: Budget, per_ppm: f64) -> Budget {
+        let name = match self.basis {
+            Basis::Pulses => "sample clock, by 1PPS",
+            Basis::Bench => "sample clock, by the bench file",
+            Basis::Plan => "sample clock, not measured",
+        };
+        budget.b(name, self.u_ppm, "ppm", per_ppm)
     }
 
     /// What a reader of the figure needs to know of it.
     pub(super) fn details(&self) -> serde_json::Value {
-        let basis = match self.measured {
-            true => "1PPS of the receiver, in an item before this one; its error is taken out",
-            false => "not measured against true time: the tolerance of its crystal counts",
+        let basis = match self.basis {
+            Basis::Pulses => "1PPS of the receiver, in an item before this one; its error is taken out",
+            Basis::Bench => "not measured against true time: board_clock_u of the bench file counts",
+            Basis::Plan => "not measured against true time: the tolerance of its crystal counts",
         };
         json!({ "basis": basis, "error_ppm": self.error * 1e6, "u_ppm": self.u_ppm })
     }

@@ -34,7 +34,8 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             for j in (0..3).filter(|j| *j != i) {
                 let (q, value) = judged.largest(|left| left[(i, j)] / left[(i, i)]);
                 let figure = format!("coupling_{name}_{}{}", AXES[i], AXES[j]);
-                findings.figure(figure, value * 1e6, &judged.budget(q, i, j), probability);
+                let budget = judged.budget(q, i, j).of_largest(judged.left.len());
+                findings.figure(figure, value * 1e6, &budget, probability);
             }
         }
     }
@@ -42,7 +43,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let name = judged.series.triad().name();
         for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
             let (q, value) = judged.largest(|left| nonorthogonality_rad(left)[k]);
-            let budget = of_angle(&judged.budget(q, i, j), &judged.budget(q, j, i));
+            let budget = of_angle(&judged.budget(q, i, j), &judged.budget(q, j, i)).of_largest(judged.left.len());
             let figure = format!("nonorthogonality_{name}_{}{}", AXES[i], AXES[j]);
             findings.figure(figure, value * 1e6, &budget, probability);
         }

@@ -63,7 +63,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             spins.iter().max_by(|a, b| a.roll.harmonics_rad[harmonic].total_cmp(&b.roll.harmonics_rad[harmonic]));
         if let Some(Spin { roll, .. }) = largest {
             let noise = roll.noise[harmonic];
-            let budget = Budget::of_amplitude(Unit::Degree).a(NOISE, noise.sd().to_degrees(), noise.dof);
+            let budget = Budget::new(Unit::Degree).of_length().a(NOISE, noise.sd().to_degrees(), noise.dof);
             let name = format!("roll_error_{}", harmonic + 1);
             let budget = if harmonic == 0 { known.of_roll_once(budget) } else { known.of_roll_twice(budget) };
             findings.figure(name, roll.harmonics_rad[harmonic].to_degrees(), &budget, probability);

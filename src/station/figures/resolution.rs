@@ -43,12 +43,13 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         for (axis, name) in AXES.iter().enumerate() {
             let Steps { step, up, down } = steps(question, &compensation, *triad, axis)?;
             let worse = if up.mean < down.mean { &up } else { &down };
-            let pose = if *triad == Triad::Accel { pose_rad * 1e3 * 2.0_f64.sqrt() / step * 100.0 } else { 0.0 };
+            // A step of tilt lies between two attitudes; a rate needs none.
+            let pose_mg = if *triad == Triad::Accel { 1e3 * 2.0_f64.sqrt() } else { 0.0 };
             let budget = Budget::new(Unit::Percent).a("scatter of the steps", worse.sd * 100.0, worse.dof).b(
                 "attitudes",
-                if pose > 0.0 { 1.0 } else { 0.0 },
-                "",
-                pose,
+                pose_rad,
+                "rad",
+                pose_mg / step * 100.0,
             );
             findings.figure(format!("step_response_{}_{name}", triad.name()), worse.mean * 100.0, &budget, probability);
             shown.push(json!({

@@ -4,6 +4,7 @@ use gnc_executive::bench::Site;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::rotation;
 use gnc_protocol::stream::{GYRO_LSB_PER_DPS, SATURATION};
+use nalgebra::Vector3;
 use serde_json::json;
 
 use super::axes::Frames;
@@ -13,6 +14,7 @@ use super::captures::{self, AXES, Triad};
 use super::clock;
 use super::json::{matrix, rows, vector};
 use super::place;
+use super::rest_noise::{Rest, RestNoise};
 use super::six_position::temperatures;
 use super::thin;
 use super::{FigureError, Findings, Question};
@@ -46,7 +48,11 @@ impl Known {
 pub(super) struct Solved {
     pub(super) found: rotation::Calibration,
     turned_rad: f64,
+    /// Time of the longest window, s.
+    window_s: f64,
     along: Along,
+    /// Noise of the sensors at rest, counts; `None` where the residuals of the fit tell it.
+    noise: Option<[RestNoise; 3]>,
     known: Known,
 }
 
@@ -104,7 +110,29 @@ pub(super) fn solve<'c>(captures: impl IntoIterator<Item = &'c Capture>, known: 
         nominal: Some((nominal(), known.band_percent)),
     };
     let found = rotation::calibrate(&runs, &options).map_err(FigureError::refused("gyroscope calibration"))?;
-    Ok(Solved { found, turned_rad: angle_deg.to_radians(), along, known })
+    // A vertical axis spends all data on parameters: what is left is the rest.
+    let noise = match along {
+        Along::Up => RestNoise::of(&rests(&data, &found.windows), options.rate_hz),
+        Along::Polar | Along::North => None,
+    };
+    let longest = found.windows.iter().map(|window| window.end - window.start).max().unwrap_or(0);
+    let window_s = longest as f64 / options.rate_hz;
+    Ok(Solved { found, turned_rad: angle_deg.to_radians(), window_s, along, noise, known })
+}
+
+/// What lies before and after the window of each turn.
+fn rests(data: &[(String, [Vec<f64>; 3])], windows: &[rotation::Window]) -> Vec<Rest> {
+    let turns = data
+        .iter()
+        .filter_map(|(label, channels)| Some((windows.iter().find(|window| window.label == *label)?, channels)));
+    turns
+        .map(|(window, channels)| {
+            let part = |range: std::ops::Range<usize>| -> Vec<Vector3<f64>> {
+                range.map(|k| Vector3::from_fn(|i, _| channels[i][k])).collect()
+            };
+            Rest { before: part(0..window.start), after: part(window.end..channels[0].len()) }
+        })
+        .collect()
 }
 
 /// Counts for one rad/s.
@@ -116,23 +144,39 @@ impl Solved {
     /// Of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale factor.
     pub(super) fn response_budget(&self, i: usize, j: usize) -> Budget {
         let own = self.found.response[(i, i)];
-        let budget = Budget::new(Unit::PartsPerMillion).a(
-            if self.along == Along::Up { "noise at rest" } else { "scatter of the residuals" },
-            self.found.response_sd[(i, j)] / own * 1e6,
-            self.found.dof,
-        );
+        let residual_ppm = self.found.response_sd[(i, j)] / own * 1e6;
+        // Two windows of opposite senses: the noise of their difference over twice the angle.
+        let per_mean = self.window_s / self.turned_rad / 2.0_f64.sqrt() / own * 1e6;
+        let budget = self.noise_in(Budget::new(Unit::PartsPerMillion), i, residual_ppm, per_mean);
         if i == j {
             // What both senses share cannot be seen in the record.
             let budget = budget.b("angle of the table", self.known.angle_rad, "rad", 1e6 / self.turned_rad);
-            self.known.clock.in_budget(budget)
+            self.known.clock.in_budget(budget, 1.0)
         } else {
             budget.b("attitude of the axis", self.known.pose_rad, "rad", 1e6)
         }
     }
 
+    /// Adds the noise of sensor `i` to the budget of a figure that changes by `per_mean` with the mean of a window, counts;
+    /// `residual` is what the residuals say, where they say it.
+    fn noise_in(&self, budget: Budget, i: usize, residual: f64, per_mean: f64) -> Budget {
+        let Some(noise) = self.noise.map(|noise| noise[i]) else {
+            return budget.a("scatter of the residuals", residual, self.found.dof);
+        };
+        let [(short, short_dof), (slow, slow_dof)] = [noise.short(self.window_s), noise.slow()];
+        budget.a("noise at rest", short * per_mean, short_dof).a(
+            "bias that wanders between the rests",
+            slow * per_mean,
+            slow_dof,
+        )
+    }
+
     fn bias_budget(&self, i: usize) -> Budget {
         let dph = 1.0_f64.to_degrees() * 3600.0;
-        let budget = Budget::new(Unit::DegreePerHour).a("noise", self.found.bias_sd_rps[i] * dph, self.found.dof);
+        let per_mean = dph / self.found.response[(i, i)] / 2.0_f64.sqrt();
+        let budget = Budget::new(Unit::DegreePerHour);
+        let budget = self.noise_in(budget, i, self.found.bias_sd_rps[i] * dph, per_mean);
+        let budget = self.known.clock.in_budget(budget, self.found.bias_rps()[i] * dph * 1e-6);
         budget.bound("rotation of the earth, not removed", self.found.earth_bound_rps * dph, "deg/h", 1.0)
     }
 }

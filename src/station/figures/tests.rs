@@ -6,12 +6,18 @@ mod attitude_field;
 mod calibrating;
 mod coverage;
 mod coverage_field;
+mod coverage_left;
+mod coverage_list;
+mod coverage_noise;
+mod coverage_repeated;
+mod coverage_sky;
 mod integrity;
 mod magnetometer;
 mod performance;
 mod receiver;
 mod refusals;
-mod world;
+mod sky;
+pub(super) mod world;
 
 use gnc_executive::bench::{Fixture, Site, SitePlace};
 use gnc_executive::measurement::Value;
@@ -44,6 +50,7 @@ const PERFECT: Fixture = Fixture {
     runout_u_rad: 0.0,
     field_u_gauss: 0.0,
     ambient_u_gauss: 0.0,
+    board_clock_u_ppm: None,
 };
 
 fn site() -> Site {
@@ -95,6 +102,10 @@ fn complete(item: ItemId, params: &Params, findings: &Findings) {
             Value::Estimate(quantity, known) => {
                 assert_eq!(quantity.dimension(), spec.unit.dimension(), "{name}");
                 assert!(quantity.number.is_finite() && known.is_finite(), "{name}: {value:?}");
+                assert!(
+                    coverage_list::has_interval(item, name),
+                    "{item} {name} has an interval: test how often it covers"
+                );
             }
             Value::Text(_) | Value::NotAvailable(_) => {}
         }

@@ -1,48 +1,13 @@
 //! Satellite receiver: sentences made by hand.
 
-use super::world::{Dice, capture};
+use super::sky::{Sky, sentence};
 use super::*;
 use crate::board::stream::Losses;
-use crate::capture::{Pose, Said};
 
-fn sentence(body: &str) -> String {
-    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
-    format!("${body}*{sum:02X}\r\n")
-}
-
-fn degrees(value: f64, digits: usize) -> String {
-    let whole = value.floor();
-    format!("{:0digits$}{:010.7}", whole as u32, (value - whole) * 60.0)
-}
-
-/// Epochs with errors of position (m) and speed (m/s) whose neighbours share `memory` of them.
-fn listened(n: usize, deviation: [f64; 3], memory: f64, seed: u64) -> Capture {
-    let mut dice = Dice::new(seed);
-    let place = site().place.unwrap();
-    let mut error = deviation.map(|deviation| deviation * dice.normal());
-    let mut said = Vec::new();
-    let mut pulses_ns = Vec::new();
-    for k in 0..n {
-        for (error, deviation) in error.iter_mut().zip(deviation) {
-            *error = memory * *error + (1.0 - memory * memory).sqrt() * deviation * dice.normal();
-        }
-        // Metres per degree at 34.2 deg and 412 m, from a table of the ellipsoid: 110,930 and 92,190.
-        let latitude = degrees(place.latitude_deg + error[0] / 110_930.0, 2);
-        let longitude = degrees(place.longitude_deg + error[1] / 92_190.0, 3);
-        let time = format!("{:02}{:02}{:02}.00", k / 3600, k / 60 % 60, k % 60);
-        let height = place.height_m + error[2] + 30.0;
-        let knots = (0.05 * dice.normal()).hypot(0.05 * dice.normal()) * 3600.0 / 1852.0;
-        let text = sentence(&format!("GPGGA,{time},{latitude},N,{longitude},E,1,09,0.9,{height:.3},M,-30.0,M,,"))
-            + &sentence("GPGSA,A,3,01,02,03,04,05,06,07,08,09,,,,1.8,0.9,1.5")
-            + &sentence(&format!("GPRMC,{time},A,{latitude},N,{longitude},E,{knots:.5},0.0,221126,,"));
-        said.push(Said { board_time_us: k as u64 * 1_000_000, bytes: text.into_bytes() });
-        // The board's clock is 8 ppm fast, the edges scatter by 20 ns and are seen in steps of 10 ns.
-        let edge = k as f64 * 1_000_008_000.0 + 20.0 * dice.normal() + 1e6;
-        pulses_ns.push((edge / 10.0).round() as u64 * 10);
-    }
-    let mut capture = capture("sky", 1, Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 }, 0, Vec::new());
-    (capture.receiver.said, capture.receiver.pulses_ns) = (said, pulses_ns);
-    capture
+/// So many epochs over the site's antenna; the board's clock is 8 ppm fast.
+fn listened(epochs: usize, deviation_m: [f64; 3], memory: f64, seed: u64) -> Capture {
+    let antenna = site().place.unwrap();
+    Sky { antenna, epochs, deviation_m, memory, speed_mps: 0.05, edge_ns: 20.0, clock_ppm: 8.0 }.listened(seed)
 }
 
 #[test]
