@@ -49,10 +49,18 @@ const DEVICES: [&str; 16] = [
 pub(super) struct Mistake {
     pub(super) span: Range<usize>,
     pub(super) message: String,
+    /// The place of another value that means nothing without this one.
+    pub(super) moot: Option<Range<usize>>,
+}
+
+impl Mistake {
+    pub(super) fn of(error: &toml::de::Error) -> Self {
+        Self { span: error.span().unwrap_or(0..0), message: error.message().to_owned(), moot: None }
+    }
 }
 
 pub(super) fn mistake<T>(value: &Spanned<T>, message: String) -> Mistake {
-    Mistake { span: value.span(), message }
+    Mistake { span: value.span(), message, moot: None }
 }
 
 pub(super) fn number(
@@ -307,7 +315,10 @@ impl raw::Gnss {
                 None => Ok(None),
             };
         };
-        let refused = |why: String| mistake(name, format!("playback = \"{}\": {why}", name.get_ref()));
+        let refused = |why: String| Mistake {
+            moot: self.playback_hz.as_ref().map(Spanned::span),
+            ..mistake(name, format!("playback = \"{}\": {why}", name.get_ref()))
+        };
         let log = load(name.get_ref()).map_err(refused)?;
         if log.len() > LONGEST {
             return Err(refused(format!("the log is longer than {LONGEST} bytes")));

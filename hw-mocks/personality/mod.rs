@@ -191,6 +191,7 @@
 //! ```
 
 mod check;
+mod mistakes;
 mod raw;
 mod sampling;
 mod sensors;
@@ -202,6 +203,8 @@ use std::io::Read as _;
 use std::path::Path;
 
 use serde::Deserialize;
+use toml::Spanned;
+use toml::de::DeTable;
 
 use check::Mistake;
 
@@ -254,10 +257,18 @@ pub struct Expectation {
     pub chance: Vec<String>,
 }
 
-/// Why a text is no personality.
+/// Why a text is no personality: all mistakes of its syntax, or else of its meaning, in the order of the text.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}", .mistakes.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+pub struct PersonalityError {
+    /// At least one.
+    pub mistakes: Vec<PersonalityMistake>,
+}
+
+/// A mistake in a personality, with its place.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{name}:{line}:{column}: {message}")]
-pub struct PersonalityError {
+pub struct PersonalityMistake {
     /// Name of the personality.
     pub name: String,
     /// Line, from 1.
@@ -346,22 +357,29 @@ impl Personality {
     /// # Errors
     /// As [`Personality::from_toml`]; or a file cannot be read.
     pub fn with_files(name: &str, text: &str, load: Load<'_>) -> Result<Self, PersonalityError> {
-        let at = |offset: usize, message: &str| {
-            let before = text.get(..offset).unwrap_or(text);
-            let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-            PersonalityError {
-                name: name.to_owned(),
-                line: before.matches('\n').count() + 1,
-                column: before[line_start..].chars().count() + 1,
-                message: message.trim().replace('\n', "; "),
-            }
+        let read = |table: Spanned<DeTable<'_>>| {
+            let deserializer = toml::Deserializer::from(table);
+            let raw = raw::Personality::deserialize(deserializer).map_err(|error| Mistake::of(&error))?;
+            let raw::Personality { description, expect, .. } = &raw;
+            let (description, expect) = (description.clone(), expect.clone());
+            Ok(Self { name: name.to_owned(), description, expect, model: raw.check(load)? })
         };
-        let raw: raw::Personality =
-            toml::from_str(text).map_err(|error| at(error.span().map_or(0, |span| span.start), error.message()))?;
-        let raw::Personality { description, expect, .. } = &raw;
-        let (description, expect) = (description.clone(), expect.clone());
-        let model = raw.check(load).map_err(|Mistake { span, message }| at(span.start, &message))?;
-        Ok(Self { name: name.to_owned(), description, expect, model })
+        mistakes::all(text, read).map_err(|mistakes| PersonalityError {
+            mistakes: mistakes.into_iter().map(|mistake| PersonalityMistake::of(name, text, &mistake)).collect(),
+        })
+    }
+}
+
+impl PersonalityMistake {
+    fn of(name: &str, text: &str, Mistake { span, message, .. }: &Mistake) -> Self {
+        let before = text.get(..span.start).unwrap_or(text);
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Self {
+            name: name.to_owned(),
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+            message: message.trim().replace('\n', "; "),
+        }
     }
 }
 

@@ -171,3 +171,42 @@ fn what_real_sensors_do_is_checked() {
     assert_eq!(bandwidth("[gyro]\nbandwidth_order = 1\n"), Some((80.0, Order::First)));
     assert_eq!(bandwidth("[gyro]\nbandwidth_hz = 25\n"), Some((25.0, Order::Second)));
 }
+
+#[test]
+fn a_personality_tells_all_its_mistakes() {
+    let refused = |text: &str, expected: &str| {
+        let error = Personality::from_toml("mine", text).err().map(|error| error.to_string());
+        assert_eq!(error.unwrap_or_default(), expected, "{text}");
+    };
+    // Of every kind: an unknown key, a wrong type, values out of range in a list, in a row of three and in a table.
+    let text = "\
+[module]
+colour = \"red\"
+protocol = \"one\"
+[gyro]
+offset_dps = [1e9, 0.0, -1e9]
+noise_factor = -1.0
+failed_reads = { share = 2.0, code = 7 }
+[cpu]
+dead_cores = [1, 3, 7]
+[sdram]
+stuck_cells = [{ index = 1, bit = 99, level = 0 }, { indx = 2, bit = 3, level = 0 }, { index = 3, bit = 3, level = 5 }]
+shorted_address_lines = [5, 5]
+";
+    let error = Personality::from_toml("mine", text).unwrap_err();
+    let places: Vec<(usize, usize)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.column)).collect();
+    let expected =
+        [(2, 1), (3, 12), (5, 15), (6, 16), (7, 26), (9, 18), (9, 21), (11, 35), (11, 54), (11, 115), (12, 29)];
+    assert_eq!(places, expected, "{error}");
+    // Numbers of a log that cannot be read are no second mistake.
+    refused(
+        "[gnss]\nplayback = \"no.nmea\"\nplayback_hz = 2.0\n[rails]\nv5_v = 7.0\n",
+        "mine:2:12: playback = \"no.nmea\": files are read beside a board's own file only\n\
+         mine:5:8: v5_v 7 is not in 0 to 6",
+    );
+    // Syntax stands alone.
+    let error = Personality::from_toml("mine", "[gyro\nnoise_factor = -1.0\n").unwrap_err();
+    assert_eq!(error.mistakes.len(), 1, "{error}");
+    let many = (0..80).map(|k| format!("unknown_{k} = 1\n")).collect::<String>();
+    assert_eq!(Personality::from_toml("mine", &many).unwrap_err().mistakes.len(), 50);
+}

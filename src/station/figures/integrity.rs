@@ -167,13 +167,18 @@ fn used(item: ItemId, question: &Question<'_>, capture: &Capture) -> Vec<Triad> 
     }
 }
 
-/// Samples at rest without those that are no measurements, and the shares of these, percent, in the order of [`NAMES`].
+/// Samples at rest without those in which gyroscopes or accelerometers are no measurements, and the shares of bad samples,
+/// percent, in the order of [`NAMES`]. The magnetometer's count too; one that never changes is not there, or dead, and has no
+/// share: what it measures is for the items that turn it.
 #[must_use]
 pub fn sound_at_rest(samples: &[ImuSample]) -> (Vec<ImuSample>, [f64; 3]) {
     let [gyro, accel] = [Triad::Gyro, Triad::Accel].map(|triad| screen(samples, triad, true));
-    let whole = gyro.and(accel);
-    let sound = samples.iter().enumerate().filter(|(row, _)| !left_out(whole.fault(*row)));
-    (sound.map(|(_, sample)| sample.clone()).collect(), shares(whole.left_out(), samples.len()))
+    let inertial = gyro.and(accel);
+    let sound = samples.iter().enumerate().filter(|(row, _)| !left_out(inertial.fault(*row)));
+    let sound = sound.map(|(_, sample)| sample.clone()).collect();
+    let measures_field = samples.windows(2).any(|pair| pair[0].mag != pair[1].mag);
+    let whole = if measures_field { inertial.and(screen(samples, Triad::Mag, true)) } else { inertial };
+    (sound, shares(whole.left_out(), samples.len()))
 }
 
 /// A clipped sample stays: what is cut is told by the channel's saturation and noise.

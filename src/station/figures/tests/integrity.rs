@@ -1,6 +1,6 @@
 //! Bad samples in captures: measured, replaced below a named share, and refused above it with the shares beside.
 
-use gnc_protocol::stream::ImuSample;
+use gnc_protocol::stream::{ImuSample, SATURATION};
 
 use super::calibrating::SIX;
 use super::world::World;
@@ -79,4 +79,23 @@ fn samples_at_rest_are_taken_without_the_bad_ones() {
     spoilt.iter_mut().step_by(100).for_each(|sample| sample.gyro = [0; 3]);
     let (sound, [failed, stale, spikes]) = sound_at_rest(&spoilt);
     assert_eq!((sound.len(), failed, stale, spikes), (1188, 1.0, 0.0, 0.0));
+}
+
+/// The magnetometer's bad samples count, and take nothing from the other sensors; where there is none, nothing counts.
+#[test]
+fn samples_at_rest_tell_of_the_magnetometer_too() {
+    let mut samples = World::new(33).six("", 1, 60.0, 20).remove(4).samples;
+    samples.iter_mut().for_each(|sample| sample.mag = [0; 3]);
+    assert_eq!(sound_at_rest(&samples), (samples.clone(), [0.0; 3]), "no magnetometer");
+    // A field of half a gauss in noise of a milligauss: the residues of a generator of Lehmer's.
+    let mut state = 33_u64;
+    let mut drawn = || {
+        state = state * 48_271 % 2_147_483_647;
+        (0..12).map(|k| (state >> k) % 1000).sum::<u64>() as i32 - 6000
+    };
+    samples.iter_mut().for_each(|sample| sample.mag = [400_000 + drawn(), -300_000 + drawn(), 370_000 + drawn()]);
+    assert_eq!(sound_at_rest(&samples), (samples.clone(), [0.0; 3]));
+    samples.iter_mut().skip(7).step_by(50).for_each(|sample| sample.mag = [SATURATION; 3]);
+    samples.iter_mut().skip(19).step_by(100).for_each(|sample| sample.mag[1] += 200_000);
+    assert_eq!(sound_at_rest(&samples), (samples.clone(), [2.0, 0.0, 1.0]));
 }
