@@ -37,8 +37,10 @@ mod world;
 const SEED: u64 = 1;
 /// 3.9 standard errors about what is promised: 92.3 to 97.7 % at 1000 trials of 95 %.
 const STANDARD_ERRORS: f64 = 3.9;
+/// So many trials from a seed.
+type Run = fn(usize, u64) -> Vec<coverage::Tally>;
 /// Parts of the run: words of the command line choose among them.
-const RUNS: [(&str, fn(usize, u64) -> Vec<coverage::Tally>); 6] = [
+const RUNS: [(&str, Run); 6] = [
     ("calibration", coverage::run),
     ("field", coverage_field::run),
     ("left", coverage_left::run),
