@@ -113,10 +113,10 @@ fn mistakes_are_told_with_line_and_column() {
     );
     refused("[internal_ram]\nstuck_data_line = { line = 16, level = 0 }\n", "mine:2:28: line 16 is not in 0 to 15");
     let unknown = Personality::from_toml("mine", "[timers]\n\nspeed = 3\n").unwrap_err();
-    assert_eq!((unknown.line, unknown.column), (3, 1));
-    assert!(unknown.message.contains("unknown field `speed`"), "{unknown}");
+    assert_eq!((unknown.mistakes[0].line, unknown.mistakes[0].column), (3, 1));
+    assert!(unknown.mistakes[0].message.contains("unknown field `speed`"), "{unknown}");
     let syntax = Personality::from_toml("mine", "[timers\n").unwrap_err();
-    assert_eq!(syntax.line, 1);
+    assert_eq!(syntax.mistakes[0].line, 1);
 }
 
 #[test]
