@@ -1,7 +1,8 @@
 //! All mistakes of a personality at once.
 //!
 //! serde and the checks stop at the first mistake. What it stands at is taken out of the parsed file then, and the rest is
-//! read again, until nothing more is found. A table or list that lacks only what was taken out of it is no mistake of its own.
+//! read again, until nothing more is found. A table or list that lacks only what was taken out of it is no mistake of its own,
+//! and is not looked at further.
 
 use std::ops::Range;
 

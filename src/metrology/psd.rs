@@ -193,8 +193,13 @@ impl Spectrum {
         }
         let (_, from, to) = best?;
         let highest = groups[to].end() / 2;
-        let part: Vec<Group> =
-            groups[from..=to].iter().copied().take_while(|g| to - from < 4 || g.end() <= highest).collect();
+        // Below the lowest group there is nothing that could rise into the part.
+        let lowest = if from == 0 { 0 } else { 16 * groups[from].first };
+        let narrower = |lowest: usize| -> Vec<Group> {
+            groups[from..=to].iter().copied().filter(|g| g.first >= lowest && g.end() <= highest).collect()
+        };
+        let part = [narrower(lowest), narrower(0), groups[from..=to].to_vec()];
+        let part = part.into_iter().find(|part| part.len() >= FEWEST_GROUPS)?;
         let level = self.level(&part)?;
         let (first, last) = (part.first()?, part.last()?);
         Some(Plateau {
@@ -261,6 +266,8 @@ impl Spectrum {
 /// it can be proved.
 const LEVEL: f64 = 0.2;
 /// Ratio of the ends of the narrowest part that counts as level.
+/// Groups of a level part, at least: an octave.
+const FEWEST_GROUPS: usize = 4;
 const NARROWEST: f64 = 4.0;
 
 /// Neighbouring bins.

@@ -108,9 +108,11 @@ fn imu(host: &mut Host) -> Option<bool> {
         codes.sort_unstable();
         codes[200]
     });
+    // A magnetometer that never changes is not there.
+    let field_is_read = samples.windows(2).any(|pair| pair[0].mag != pair[1].mag);
     let odd = |sample: &ImuSample| {
         let jumps = (0..3).any(|axis| (sample.accel[axis] - middle[axis]).abs() > 32_000);
-        same(&sample.gyro) || same(&sample.accel) || jumps
+        same(&sample.gyro) || same(&sample.accel) || (field_is_read && same(&sample.mag)) || jumps
     };
     let stale =
         samples.windows(2).filter(|pair| pair[0].gyro == pair[1].gyro || pair[0].accel == pair[1].accel).count();

@@ -186,7 +186,7 @@ protocol = \"one\"
 [gyro]
 offset_dps = [1e9, 0.0, -1e9]
 noise_factor = -1.0
-failed_reads = { share = 2.0, code = 7 }
+failed_reads = { share = 0.5, code = 7 }
 [cpu]
 dead_cores = [1, 3, 7]
 [sdram]
@@ -196,7 +196,7 @@ shorted_address_lines = [5, 5]
     let error = Personality::from_toml("mine", text).unwrap_err();
     let places: Vec<(usize, usize)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.column)).collect();
     let expected =
-        [(2, 1), (3, 12), (5, 15), (6, 16), (7, 26), (9, 18), (9, 21), (11, 35), (11, 54), (11, 115), (12, 29)];
+        [(2, 1), (3, 12), (5, 15), (6, 16), (7, 38), (9, 18), (9, 21), (11, 35), (11, 54), (11, 116), (12, 29)];
     assert_eq!(places, expected, "{error}");
     // Numbers of a log that cannot be read are no second mistake.
     refused(

@@ -121,7 +121,7 @@ fn rotations_recover_scale_and_coupling() {
     let told =
         ask(ItemId::Rotation, "angle_u = \"0.108 deg\", clock_u = \"20 ppm\"", &world.turns("", 1, 200), &[]).unwrap();
     let rows = &told.details["budget"]["scale_error_x"]["contributions"];
-    assert!((rows[1]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[2]["u"] == 20.0, "{rows}");
+    assert!((rows[2]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[3]["u"] == 20.0, "{rows}");
 }
 
 /// A board clock that runs 30 ppm fast makes every angle look 30 ppm large. Unmeasured, that is within the interval of the
@@ -135,7 +135,7 @@ fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
     let pulses: Vec<u64> = (0..4).map(|k| 5_000_000_000 + k * 1_000_030_000).collect();
     let clock = super::clock::BoardClock::of_pulses(&pulses).unwrap();
     assert!((clock.error_ppm - 30.0).abs() < 1e-6, "{clock:?}");
-    let row = |findings: &Findings| findings.details["budget"]["scale_error_x"]["contributions"][2].clone();
+    let row = |findings: &Findings| findings.details["budget"]["scale_error_x"]["contributions"][3].clone();
 
     let unknown = ask(ItemId::Rotation, text, &turns, &[]).unwrap();
     let (value, _, known) = figure(&unknown, "scale_error_x");

@@ -2,7 +2,7 @@
 //!
 //! The items give coefficients of IEEE Std 952; the sensor's noise is white with flicker noise beside it.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{SQRT_2, TAU};
 
 use gnc_executive::catalogue::ItemId;
 use gnc_protocol::stream::ImuSample;
@@ -27,6 +27,22 @@ const SAMPLES: usize = 20_000;
 const GYRO: (f64, f64) = (0.0025, 0.0025);
 const ACCEL: (f64, f64) = (0.1e-3, 0.1e-3);
 
+/// Item, figure and truth: deg/s in a second is 60 deg/sqrt(h), g in a second 9.80665 * 60 m/s/sqrt(h); one-sided densities
+/// are sqrt(2) N.
+const FIGURES: [(&str, &str, f64); 6] = [
+    ("allan", "angle_random_walk", GYRO.0 * 60.0),
+    ("allan", "velocity_random_walk", ACCEL.0 * 9.80665 * 60.0),
+    ("allan", "bias_instability_gyro", GYRO.1 * 3600.0),
+    ("allan", "bias_instability_accel", ACCEL.1 * 1e3),
+    ("psd", "density_gyro", GYRO.0 * SQRT_2),
+    ("psd", "density_accel", ACCEL.0 * SQRT_2 * 1e6),
+];
+
+/// Names of what a run looks at; a record shows no bias instability now and then.
+pub(super) fn names() -> impl Iterator<Item = String> {
+    FIGURES.iter().flat_map(|(item, figure, _)| AXES.iter().map(move |axis| format!("{item} {figure}_{axis}")))
+}
+
 /// Lets `trials` modules lie still.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     let all = params(&format!("{PLAN}{NOISE}"));
@@ -37,16 +53,8 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
         let mut found = Vec::new();
         let allan = module.ask(ItemId::Allan, &all[3], &captures);
         let psd = module.ask(ItemId::Psd, &all[4], &captures);
-        // deg/s in a second is 60 deg/sqrt(h), g in a second 9.80665 * 60 m/s/sqrt(h); one-sided densities are sqrt(2) N.
-        let root_two = 2.0_f64.sqrt();
-        for (findings, item, figure, truth) in [
-            (&allan, "allan", "angle_random_walk", GYRO.0 * 60.0),
-            (&allan, "allan", "velocity_random_walk", ACCEL.0 * 9.80665 * 60.0),
-            (&allan, "allan", "bias_instability_gyro", GYRO.1 * 3600.0),
-            (&allan, "allan", "bias_instability_accel", ACCEL.1 * 1e3),
-            (&psd, "psd", "density_gyro", GYRO.0 * root_two),
-            (&psd, "psd", "density_accel", ACCEL.0 * root_two * 1e6),
-        ] {
+        for (item, figure, truth) in FIGURES {
+            let findings = if item == "allan" { &allan } else { &psd };
             found.extend(
                 AXES.iter().filter_map(|axis| Found::given(item, findings, &format!("{figure}_{axis}"), truth)),
             );
@@ -56,7 +64,8 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
 }
 
 /// Noise of one channel: white, and flicker as a sum of relaxations whose corners stand an octave apart, from far below one
-/// over the record to 6 Hz, so that the sum follows `B^2 / (2 pi f)` (two-sided, as in IEEE Std 952) below that and sampling folds nothing of it.
+/// over the record to 6 Hz, so that the two-sided density follows
+/// `B^2 / (2 pi f)` (IEEE Std 952) below that and sampling folds nothing of it.
 struct Channel {
     white: f64,
     states: Vec<f64>,
