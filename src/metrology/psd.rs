@@ -1,8 +1,9 @@
 //! Power spectral density after Welch.
 
+use nalgebra::DMatrix;
 use realfft::RealFftPlanner;
 
-use crate::{Refusal, series, stats};
+use crate::{Refusal, linear, series, stats};
 
 /// One-sided power spectral density.
 #[derive(Debug, Clone, PartialEq)]
@@ -170,12 +171,26 @@ impl Spectrum {
         (self.density[k] > level * STANDS_OUT.max(1.0 + OVER_SCATTER * self.relative_sd)).then_some(level)
     }
 
-    /// The level part: the widest part, by the ratio of its ends, that follows `level + bend f^2` within its scatter
-    /// (chi-square with p >= 0.2), without its upper octave. A low-pass of any order begins with `f^2`; what comes
-    /// after it is sixteen times smaller an octave below, where the scatter just hides it. `None` where no part spans two
-    /// octaves.
+    /// Level of the level part: the widest part, by the ratio of its ends, that follows `level + bend f^2` within its
+    /// scatter (chi-square with p >= 0.2), without its upper octave. A low-pass of any order begins with `f^2`; what
+    /// comes after it is sixteen times smaller an octave below, where the scatter just hides it. `None` where no part spans
+    /// two octaves.
     #[must_use]
     pub fn plateau(&self) -> Option<Plateau> {
+        let part = self.level_part()?;
+        self.plateau_of(&part, self.level(&part)?)
+    }
+
+    /// The same beside a flicker that is too weak to show in the level part and yet raises its level by more than the
+    /// level scatters: the fit has a term `rise / f`, with a rise that is not negative. The standard deviation is half as
+    /// large again and more, and a spike counts more.
+    #[must_use]
+    pub fn plateau_above_flicker(&self) -> Option<Plateau> {
+        let part = self.level_part()?;
+        self.plateau_of(&part, self.level_above_flicker(&part)?)
+    }
+
+    fn level_part(&self) -> Option<Vec<Group>> {
         let groups = self.groups();
         let mut best: Option<(f64, usize, usize)> = None;
         for from in 0..groups.len() {
@@ -193,14 +208,10 @@ impl Spectrum {
         }
         let (_, from, to) = best?;
         let highest = groups[to].end() / 2;
-        // Below the lowest group there is nothing that could rise into the part.
-        let lowest = if from == 0 { 0 } else { 16 * groups[from].first };
-        let narrower = |lowest: usize| -> Vec<Group> {
-            groups[from..=to].iter().copied().filter(|g| g.first >= lowest && g.end() <= highest).collect()
-        };
-        let part = [narrower(lowest), narrower(0), groups[from..=to].to_vec()];
-        let part = part.into_iter().find(|part| part.len() >= FEWEST_GROUPS)?;
-        let level = self.level(&part)?;
+        Some(groups[from..=to].iter().copied().take_while(|g| to - from < 4 || g.end() <= highest).collect())
+    }
+
+    fn plateau_of(&self, part: &[Group], level: Level) -> Option<Plateau> {
         let (first, last) = (part.first()?, part.last()?);
         Some(Plateau {
             density: level.density,
@@ -239,6 +250,31 @@ impl Spectrum {
         level
     }
 
+    /// Weighted fit of `level + bend f^2 + rise / f`; without the rise where it is negative.
+    fn level_above_flicker(&self, groups: &[Group]) -> Option<Level> {
+        let level = self.level(groups)?;
+        if groups.len() <= 3 {
+            return Some(level);
+        }
+        let mut curve = vec![level.density; groups.len()];
+        let mut clear = level;
+        // The scatter is that of the fitted curve.
+        for _ in 0..4 {
+            let sd: Vec<f64> = groups.iter().zip(&curve).map(|(g, density)| self.sd_of(g.bins) * density).collect();
+            let design =
+                DMatrix::from_fn(groups.len(), 3, |r, c| [1.0, groups[r].square, groups[r].inverse][c] / sd[r]);
+            let data = DMatrix::from_fn(groups.len(), 1, |r, _| groups[r].density / sd[r]);
+            let Ok(fit) = linear::least_squares("level of a spectrum", &design, &data) else { return Some(level) };
+            let [density, bend, rise] = [0, 1, 2].map(|term| fit.solution[term]);
+            curve = groups.iter().map(|g| density + bend * g.square + rise * g.inverse).collect();
+            if rise <= 0.0 || density <= 0.0 || curve.iter().any(|density| *density <= 0.0) {
+                return Some(level);
+            }
+            clear = Level { density, sd: fit.cofactor[(0, 0)].sqrt(), chi_square: fit.residuals.norm_squared() };
+        }
+        Some(clear)
+    }
+
     /// Quarters of an octave. The two lowest bins hold what is left of the mean, the last one has no mirror image.
     fn groups(&self) -> Vec<Group> {
         let last = self.density.len() - 1;
@@ -247,7 +283,14 @@ impl Spectrum {
         while first < last {
             let bins = ((first as f64 * (2.0_f64.powf(0.25) - 1.0)).round() as usize).clamp(1, last - first);
             let square = (first..first + bins).map(|k| (k as f64).powi(2)).sum::<f64>() / bins as f64;
-            groups.push(Group { first, bins, square, density: stats::mean(&self.density[first..first + bins]) });
+            let inverse = (first..first + bins).map(|k| (k as f64).recip()).sum::<f64>() / bins as f64;
+            groups.push(Group {
+                first,
+                bins,
+                square,
+                inverse,
+                density: stats::mean(&self.density[first..first + bins]),
+            });
             first += bins;
         }
         groups
@@ -266,8 +309,6 @@ impl Spectrum {
 /// it can be proved.
 const LEVEL: f64 = 0.2;
 /// Ratio of the ends of the narrowest part that counts as level.
-/// Groups of a level part, at least: an octave.
-const FEWEST_GROUPS: usize = 4;
 const NARROWEST: f64 = 4.0;
 
 /// Neighbouring bins.
@@ -277,6 +318,8 @@ struct Group {
     bins: usize,
     /// Mean square of the bins' numbers.
     square: f64,
+    /// Mean inverse of the bins' numbers.
+    inverse: f64,
     /// Mean density.
     density: f64,
 }
@@ -288,6 +331,7 @@ impl Group {
 }
 
 /// Density at low frequencies.
+#[derive(Clone, Copy)]
 struct Level {
     density: f64,
     sd: f64,

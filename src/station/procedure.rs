@@ -163,18 +163,18 @@ pub enum Trouble {
         received: u32,
         /// Frames that this computer lost meanwhile, as far as it knows.
         by_host: u64,
-        /// Other frames on the bus meanwhile, whoever sent them.
+        /// Other frames on the bus meanwhile, from any sender.
         others: u64,
         /// What they take of the bus.
         busy_percent: f64,
         /// How long it was tried.
         span_s: f64,
-        /// Frames of an earlier exchange, or of somebody else, that came under test ids before any could be sent.
+        /// Frames of an earlier exchange, or of another node, that came under test ids before any could be sent.
         stale: u64,
     },
     /// Somebody else uses the ids of the test frames, so that nothing can be said of what is missing or too much.
     #[error(
-        "somebody else uses the ids of CAN test frames: beside the {sent} frames of this station, of which {lost} did not come \
+        "another node uses the ids of CAN test frames: beside the {sent} frames of this station, of which {lost} did not come \
          back unaltered, {foreign} of another sender passed, and {strange} that are no answer to this station's"
     )]
     TestIdsShared {

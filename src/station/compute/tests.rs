@@ -410,7 +410,7 @@ fn exports_are_read() {
     cannot_read("allan --rate 100 --column gyro_x", &export, "#turn z+ #still, z- #turn z-");
 }
 
-/// A rate that nobody states is that of the time column, where the column tells it well enough.
+/// Without `--rate` the rate is that of the time column, where the column tells it well enough.
 #[test]
 fn the_record_tells_its_rate() {
     let stamped = |head: &str, step: f64, jitter: f64, count: usize| {

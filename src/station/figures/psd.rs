@@ -36,7 +36,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let channel = format!("{}_{axis}", triad.name());
             let found = psd::welch(&values, rate_hz, segment).map_err(FigureError::refused(channel.clone()))?;
             // The level part below the sensor's low-pass and above the wander of the bias.
-            let level = psd::Spectrum::of_welch(&found).without_lines().plateau();
+            let level = psd::Spectrum::of_welch(&found).without_lines().plateau_above_flicker();
             let (line_hz, line) = strongest_line(&found);
             findings.put(format!("density_{channel}"), density(level, *triad, probability));
             lines.push((format!("line_{channel}"), line));

@@ -144,7 +144,7 @@ pub struct BusErrors {
     pub overruns: u32,
 }
 
-/// Frames that came over the bus, whoever sent them.
+/// Frames that came over the bus, from any sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Traffic {
     /// Frames.

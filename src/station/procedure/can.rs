@@ -34,7 +34,7 @@ pub(super) async fn run(bench: &Bench<'_>, report: &Report<'_>) -> Result<(), Tr
     measured
 }
 
-/// Moves frames for the tap; what else is on the bus is nobody's here.
+/// Moves frames for the tap; it drops what else is on the bus.
 async fn drive(link: &mut CanLink) -> io::Error {
     loop {
         match link.next(true).await {
@@ -45,7 +45,7 @@ async fn drive(link: &mut CanLink) -> io::Error {
     }
 }
 
-/// Frames that nobody acknowledges count as errors of the module's controller: nothing of such an exchange is judged.
+/// Frames that no node acknowledges count as errors of the module's controller: nothing of such an exchange is judged.
 fn went_away(name: &str) -> io::Error {
     io::Error::new(io::ErrorKind::NotConnected, format!("{name} went away in the middle of the test"))
 }

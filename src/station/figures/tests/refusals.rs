@@ -151,7 +151,7 @@ fn an_hour_that_is_spoilt() {
     assert!(matches!(uneven, Err(FigureError::Unfit { .. })), "{uneven:?}");
 }
 
-/// Samples off the grid of the board's own time have no rate that anybody knows: no item makes a figure of them.
+/// Samples off the grid of the board's own time have no known rate: no item makes a figure of them.
 #[test]
 fn samples_off_the_boards_own_time_are_refused_everywhere() {
     for item in [ItemId::SixPosition, ItemId::GyroBias, ItemId::BiasStability, ItemId::Allan, ItemId::Rotation] {

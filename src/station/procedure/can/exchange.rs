@@ -214,7 +214,7 @@ impl Line<'_> {
     }
 
     /// Sends marked frames one by one: an adapter or a driver that lets one frame pass another does so for
-    /// milliseconds, and what has the mark is nobody else's.
+    /// milliseconds, and only this station sends frames with the mark.
     async fn single_file(&mut self) -> io::Result<Alone> {
         let frames = self.mark.single_frames();
         let mut alone = Line { tap: self.tap, mark: self.mark, ledger: Ledger::new(&frames), marked: 0 };

@@ -15,7 +15,7 @@ pub(super) struct Seen {
     pub(super) twice: u64,
     /// Under an id of the module, but no frame of this exchange sent back: another module or station sent them, or
     /// this module altered their id or length. Standard frames of another content are among them where there are
-    /// others, or other test frames: somebody else may use the same sixteen ids.
+    /// others, or other test frames: another station may use the same sixteen ids.
     pub(super) strange: u64,
     /// Test frames of another station.
     pub(super) foreign: u64,
@@ -108,7 +108,7 @@ impl Ledger {
             (true, Fate::Back) => self.twice += 1,
             (true, before) => {
                 entry.fate = Fate::Back;
-                // It is there in full: what came in its place was somebody else's.
+                // It is there in full: another node sent what came in its place.
                 self.strange += u64::from(before == Fate::Altered);
                 self.out_of_order += u64::from(at < self.latest);
                 self.latest = self.latest.max(at);

@@ -1,6 +1,6 @@
 //! Whose fault is what is missing? The module's where its own controller tells of it, where a frame comes back altered,
 //! where two change places although only one was on its way, and where it keeps back what it received although the bus
-//! is free. All else may be the line, the adapter, this computer or somebody else on the bus.
+//! is free. All else may be the line, the adapter, this computer or another node on the bus.
 
 use gnc_protocol::message::CanState;
 
