@@ -112,9 +112,12 @@ impl Sensor {
         ((r[0] + 2.0 * r[1..].iter().sum::<f64>()) / self.rate_hz).sqrt()
     }
 
-    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker. Their corners stand an
-    /// octave apart, from far below one over the record to far above the rate, so that the sum follows
-    /// `B^2 / (2 pi f)` within 0.1 %.
+    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker. IEEE Std 952
+    /// defines B by the two-sided density `B^2 / (2 pi f)`, which is one-sided `B^2 / (pi f)`. A relaxation of variance v and
+    /// corner c has the one-sided density `(2 v / pi) c / (c^2 + f^2)`, and one in each octave adds up to `v / (f ln 2)`: so v
+    /// is `B^2 ln 2 / pi`. Their corners reach from far below one over the record to half the rate, where the last one counts
+    /// half (faster ones would fold as white noise into N). So the flat part is right within 1 % up to T/4, and
+    /// within 0.1 % up to T/64.
     fn relaxations(&self) -> Vec<(f64, f64)> {
         let (sd, correlation_s) = self.wander;
         let mut all = vec![((-1.0 / (self.rate_hz * correlation_s)).exp(), sd * sd)];
@@ -122,9 +125,10 @@ impl Sensor {
         if self.b == 0.0 {
             return all;
         }
-        let variance = self.b * self.b * RELAXATIONS.ln() / std::f64::consts::TAU;
+        let variance = self.b * self.b * RELAXATIONS.ln() / std::f64::consts::PI;
         let octaves = (32.0 * self.samples as f64).log2() as i32;
-        all.extend((-octaves..5).map(|o| ((-std::f64::consts::TAU * RELAXATIONS.powi(o)).exp(), variance)));
+        let part = |o: i32| if o == -1 { variance / 2.0 } else { variance };
+        all.extend((-octaves..0).map(|o| ((-std::f64::consts::TAU * RELAXATIONS.powi(o)).exp(), part(o))));
         all
     }
 
