@@ -363,7 +363,14 @@ fn covers(names: &[&str]) {
 
 #[test]
 fn sensors_with_a_low_pass() {
-    covers(&["white", "first order, 10 %", "first order, 40 %", "second order, 20 %", "digital second order, 10 %"]);
+    covers(&[
+        "white",
+        "first order, 10 %",
+        "first order, 40 %",
+        "second order, 20 %",
+        "second order, 25 %",
+        "digital second order, 15 %",
+    ]);
 }
 
 #[test]
