@@ -4,7 +4,7 @@
 
 use gnc_metrology::allan::{Absence, Analysis, Coefficient, Input, Kind, Taus, analyse};
 
-use super::Dice;
+use super::{Dice, chi_square};
 
 /// A low-pass of the white noise, its corner in parts of the rate.
 #[derive(Clone, Copy)]
@@ -132,12 +132,11 @@ impl Sensor {
         all
     }
 
-    /// Expected square of the Allan deviation at m samples.
-    pub fn square(&self, m: usize) -> f64 {
-        let r = self.memory();
-        let relaxations = self.relaxations();
-        // Variance of the sum of m samples.
-        let of_sum = |m: usize| -> f64 {
+    /// Variance of the sum of m samples without the line (of a walk without a part that no difference of means sees).
+    fn of_sum(&self) -> impl Fn(usize) -> f64 {
+        let (r, relaxations) = (self.memory(), self.relaxations());
+        let step = self.k * self.k / self.rate_hz;
+        move |m: usize| {
             let mf = m as f64;
             let short: f64 =
                 mf * r[0] + 2.0 * r.iter().enumerate().take(m).skip(1).map(|(k, r)| (mf - k as f64) * r).sum::<f64>();
@@ -153,14 +152,17 @@ impl Sensor {
                     }
                 })
                 .sum();
-            short + slow
-        };
-        let mf = m as f64;
-        let walk = self.k * self.k / self.rate_hz * (2.0 * mf * mf + 1.0) / (6.0 * mf);
+            short + slow - step * mf * (mf * mf - 1.0) / 6.0
+        }
+    }
+
+    /// Expected square of the Allan deviation at m samples.
+    pub fn square(&self, m: usize) -> f64 {
+        let (of_sum, mf) = (self.of_sum(), m as f64);
         let x = std::f64::consts::PI * self.line.0 / self.rate_hz;
         let line =
             if self.line.1 == 0.0 { 0.0 } else { (self.line.1 / (mf * x.sin())).powi(2) * (x * mf).sin().powi(4) };
-        (4.0 * of_sum(m) - of_sum(2 * m)) / (2.0 * mf * mf) + walk + line
+        (4.0 * of_sum(m) - of_sum(2 * m)) / (2.0 * mf * mf) + line
     }
 
     pub fn record(&self, dice: &mut Dice) -> Vec<f64> {
@@ -344,27 +346,31 @@ impl Coverage {
         )
     }
 
-    /// Bounds that are broken: each share within 3.9 standard errors of 68.3 %, every record with N, no B above its bound.
+    /// Bounds that are broken: each share within 3.9 standard errors of 68.3 % (of what a chi-square of the exact degrees of
+    /// freedom covers, for a deviation), every record with N, no B above its bound.
     pub fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
-        let mut check = |what: String, covered: usize, of: usize| {
-            let bound = 3.9 * (0.683 * 0.317 / of as f64).sqrt();
+        let mut check = |what: String, covered: usize, of: usize, expected: f64| {
+            let bound = 3.9 * (expected * (1.0 - expected) / of as f64).sqrt();
             let share = covered as f64 / of as f64;
-            if of >= 100 && (share - 0.683).abs() > bound {
+            if of >= 100 && (share - expected).abs() > bound {
                 failures.push(format!(
-                    "{} {what}: {:.1} % of {of}, bound +-{:.1} %",
+                    "{} {what}: {:.1} % of {of}, bound {:.1} +-{:.1} %",
                     self.sensor.name,
                     100.0 * share,
+                    100.0 * expected,
                     100.0 * bound
                 ));
             }
         };
-        check("N".into(), self.n_covered, self.n_given);
-        check("B".into(), self.b_covered, self.b_given);
+        check("N".into(), self.n_covered, self.n_given, chi_square::ONE_SIGMA);
+        check("B".into(), self.b_covered, self.b_given, chi_square::ONE_SIGMA);
         // Held samples are not stationary, so that within the hold no spectrum says how they scatter.
         let shortest = if let LowPass::Held(times) = self.sensor.low_pass { 2 * times } else { 1 };
+        let of_sum = self.sensor.of_sum();
         for (m, covered) in self.points.iter().filter(|(m, _)| *m >= shortest) {
-            check(format!("deviation at {m} samples"), *covered, self.records);
+            let expected = chi_square::coverage(&of_sum, self.sensor.samples, *m);
+            check(format!("deviation at {m} samples"), *covered, self.records, expected);
         }
         if self.n_given * 100 < self.records * 97 {
             failures.push(format!("{}: N given in {} of {} records", self.sensor.name, self.n_given, self.records));
