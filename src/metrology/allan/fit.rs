@@ -7,7 +7,8 @@
 //! noise of coefficient N with memory, `var(angle) = N^2 t - C` as soon as the memory is over, and the deviation follows as
 //! `dev^2 = N^2 / tau - 3 C / (2 tau^2)`. So a band limit is a quantisation term of the other sign, whatever its order. Within
 //! the memory the curve differs by what is left of it, which falls exponentially: at twice the time it is squared. So one
-//! octave more than chi-square asks for is left out, and nothing remains of it.
+//! octave more than chi-square asks for is left out, and nothing remains of it. Chance may hide what the first of these points
+//! holds of the memory, and then N takes it up: so the first deviation, which every memory lowers, must say that it is over too.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -38,6 +39,9 @@ const TOO_GOOD: f64 = 1e-6;
 const MODEL_ERROR: f64 = 0.03;
 /// A band limit is fitted from this many standard deviations on: where one is missed, it bends N.
 const BAND_LIMIT: f64 = 1.5;
+/// Most that a fit may have of the sensor's memory at its first point, in standard deviations of that point, by a low-pass of
+/// the first order. (A steeper one forgets sooner than one of the first order with the same deviation at one sample.)
+const REMEMBERED: f64 = 3.0;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
 /// What a term must improve chi-square by to be fitted. (At 2, after Akaike, a weak walk is taken for a flat part.)
@@ -200,6 +204,7 @@ impl Curve {
             if belongs(&banded[start..])
                 && let Some(further) = banded.get(start + 1)
                 && further.p >= HOLDS
+                && further.remembers(self) <= REMEMBERED
             {
                 return self.holds(further, true, doubt);
             }
@@ -352,6 +357,24 @@ impl Solved {
     /// Whether the first points lack what is added behind them: a low-pass only takes off.
     pub(super) fn adds(&self) -> bool {
         self.start > 0 && self.odds(Q).is_some_and(|odds| odds >= QUANTISATION)
+    }
+
+    /// What a low-pass of the first order leaves of its memory at the first point used, in standard deviations of that
+    /// point. Its coefficient a from sample to sample follows from the deviation at one sample, of which it leaves
+    /// `(1 - a)^2 / (1 + a)` of white noise; at m samples it leaves `1 - 3 c / 2 m` with `c = 2 a / (1 - a^2)`, and `2 c a^m / m`
+    /// until it is over.
+    fn remembers(&self, curve: &Curve) -> f64 {
+        let (Some(dt_s), Some(first)) = (curve.tau_s.first(), curve.square.first()) else { return 0.0 };
+        let left = first * dt_s / self.squares[N];
+        if self.squares[N] <= 0.0 || left >= 1.0 {
+            return 0.0;
+        }
+        let b = 2.0 + left;
+        let a = (b - (b * b - 4.0 * (1.0 - left)).sqrt()) / 2.0;
+        let (c, m) = (2.0 * a / (1.0 - a * a), curve.tau_s[self.start] / dt_s);
+        // The memory of a slower one would take more than there is.
+        let level = (1.0 - 1.5 * c / m).max(0.0);
+        2.0 * c * a.powf(m) / m / level * self.model(curve.tau_s[self.start]) / self.points[(0, 0)].sqrt()
     }
 
     fn row(&self, term: usize) -> Option<usize> {

@@ -334,6 +334,19 @@ fn refusals() {
     assert!(matches!(run(&values, 1.0, Taus::Octave), Refusal::NotFinite { index: 7, .. }));
 }
 
+/// The flicker of the simulated sensors is that of IEEE Std 952: `dev^2 = (2 ln 2 / pi) B^2` far above one sample and far
+/// below the record.
+#[test]
+fn simulated_flicker_has_the_flat_part_of_its_coefficient() {
+    let sensor = Sensor { n: 0.0, b: 0.05, samples: 1 << 20, ..Sensor::WHITE };
+    let flat = 2.0 * std::f64::consts::LN_2 / std::f64::consts::PI * 0.05_f64.powi(2);
+    for m in [1 << 6, 1 << 8, 1 << 10, 1 << 12, 1 << 14] {
+        let square = sensor.square(m);
+        println!("{m}: {}", square / flat);
+        assert!((square / flat - 1.0).abs() < 0.002, "{m}: {square} {flat}");
+    }
+}
+
 /// The intervals of N, B and each deviation hold the truth of sensors with a bandwidth, a hold, a line, flicker and walk:
 /// the short form of `cargo bench -p gnc-metrology --bench truth -- allan`.
 fn covers(names: &[&str]) {
@@ -350,7 +363,14 @@ fn covers(names: &[&str]) {
 
 #[test]
 fn sensors_with_a_low_pass() {
-    covers(&["white", "first order, 10 %", "first order, 40 %", "second order, 20 %", "digital second order, 10 %"]);
+    covers(&[
+        "white",
+        "first order, 10 %",
+        "first order, 40 %",
+        "second order, 20 %",
+        "second order, 25 %",
+        "digital second order, 15 %",
+    ]);
 }
 
 #[test]

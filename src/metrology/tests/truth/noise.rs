@@ -4,7 +4,7 @@
 
 use gnc_metrology::allan::{Absence, Analysis, Coefficient, Input, Kind, Taus, analyse};
 
-use super::Dice;
+use super::{Dice, chi_square};
 
 /// A low-pass of the white noise, its corner in parts of the rate.
 #[derive(Clone, Copy)]
@@ -112,9 +112,12 @@ impl Sensor {
         ((r[0] + 2.0 * r[1..].iter().sum::<f64>()) / self.rate_hz).sqrt()
     }
 
-    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker. Their corners stand an
-    /// octave apart, from far below one over the record to far above the rate, so that the sum follows
-    /// `B^2 / (2 pi f)` within 0.1 %.
+    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker. IEEE Std 952
+    /// defines B by the two-sided density `B^2 / (2 pi f)`, which is one-sided `B^2 / (pi f)`. A relaxation of variance v and
+    /// corner c has the one-sided density `(2 v / pi) c / (c^2 + f^2)`, and one in each octave adds up to `v / (f ln 2)`: so v
+    /// is `B^2 ln 2 / pi`. Their corners reach from far below one over the record to half the rate, where the last one counts
+    /// half (faster ones would fold as white noise into N). So the flat part is right within 1 % up to T/4, and
+    /// within 0.1 % up to T/64.
     fn relaxations(&self) -> Vec<(f64, f64)> {
         let (sd, correlation_s) = self.wander;
         let mut all = vec![((-1.0 / (self.rate_hz * correlation_s)).exp(), sd * sd)];
@@ -122,18 +125,18 @@ impl Sensor {
         if self.b == 0.0 {
             return all;
         }
-        let variance = self.b * self.b * RELAXATIONS.ln() / std::f64::consts::TAU;
+        let variance = self.b * self.b * RELAXATIONS.ln() / std::f64::consts::PI;
         let octaves = (32.0 * self.samples as f64).log2() as i32;
-        all.extend((-octaves..5).map(|o| ((-std::f64::consts::TAU * RELAXATIONS.powi(o)).exp(), variance)));
+        let part = |o: i32| if o == -1 { variance / 2.0 } else { variance };
+        all.extend((-octaves..0).map(|o| ((-std::f64::consts::TAU * RELAXATIONS.powi(o)).exp(), part(o))));
         all
     }
 
-    /// Expected square of the Allan deviation at m samples.
-    pub fn square(&self, m: usize) -> f64 {
-        let r = self.memory();
-        let relaxations = self.relaxations();
-        // Variance of the sum of m samples.
-        let of_sum = |m: usize| -> f64 {
+    /// Variance of the sum of m samples without the line (of a walk without a part that no difference of means sees).
+    fn of_sum(&self) -> impl Fn(usize) -> f64 {
+        let (r, relaxations) = (self.memory(), self.relaxations());
+        let step = self.k * self.k / self.rate_hz;
+        move |m: usize| {
             let mf = m as f64;
             let short: f64 =
                 mf * r[0] + 2.0 * r.iter().enumerate().take(m).skip(1).map(|(k, r)| (mf - k as f64) * r).sum::<f64>();
@@ -149,14 +152,17 @@ impl Sensor {
                     }
                 })
                 .sum();
-            short + slow
-        };
-        let mf = m as f64;
-        let walk = self.k * self.k / self.rate_hz * (2.0 * mf * mf + 1.0) / (6.0 * mf);
+            short + slow - step * mf * (mf * mf - 1.0) / 6.0
+        }
+    }
+
+    /// Expected square of the Allan deviation at m samples.
+    pub fn square(&self, m: usize) -> f64 {
+        let (of_sum, mf) = (self.of_sum(), m as f64);
         let x = std::f64::consts::PI * self.line.0 / self.rate_hz;
         let line =
             if self.line.1 == 0.0 { 0.0 } else { (self.line.1 / (mf * x.sin())).powi(2) * (x * mf).sin().powi(4) };
-        (4.0 * of_sum(m) - of_sum(2 * m)) / (2.0 * mf * mf) + walk + line
+        (4.0 * of_sum(m) - of_sum(2 * m)) / (2.0 * mf * mf) + line
     }
 
     pub fn record(&self, dice: &mut Dice) -> Vec<f64> {
@@ -340,27 +346,31 @@ impl Coverage {
         )
     }
 
-    /// Bounds that are broken: each share within 3.9 standard errors of 68.3 %, every record with N, no B above its bound.
+    /// Bounds that are broken: each share within 3.9 standard errors of 68.3 % (of what a chi-square of the exact degrees of
+    /// freedom covers, for a deviation), every record with N, no B above its bound.
     pub fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
-        let mut check = |what: String, covered: usize, of: usize| {
-            let bound = 3.9 * (0.683 * 0.317 / of as f64).sqrt();
+        let mut check = |what: String, covered: usize, of: usize, expected: f64| {
+            let bound = 3.9 * (expected * (1.0 - expected) / of as f64).sqrt();
             let share = covered as f64 / of as f64;
-            if of >= 100 && (share - 0.683).abs() > bound {
+            if of >= 100 && (share - expected).abs() > bound {
                 failures.push(format!(
-                    "{} {what}: {:.1} % of {of}, bound +-{:.1} %",
+                    "{} {what}: {:.1} % of {of}, bound {:.1} +-{:.1} %",
                     self.sensor.name,
                     100.0 * share,
+                    100.0 * expected,
                     100.0 * bound
                 ));
             }
         };
-        check("N".into(), self.n_covered, self.n_given);
-        check("B".into(), self.b_covered, self.b_given);
+        check("N".into(), self.n_covered, self.n_given, chi_square::ONE_SIGMA);
+        check("B".into(), self.b_covered, self.b_given, chi_square::ONE_SIGMA);
         // Held samples are not stationary, so that within the hold no spectrum says how they scatter.
         let shortest = if let LowPass::Held(times) = self.sensor.low_pass { 2 * times } else { 1 };
+        let of_sum = self.sensor.of_sum();
         for (m, covered) in self.points.iter().filter(|(m, _)| *m >= shortest) {
-            check(format!("deviation at {m} samples"), *covered, self.records);
+            let expected = chi_square::coverage(&of_sum, self.sensor.samples, *m);
+            check(format!("deviation at {m} samples"), *covered, self.records, expected);
         }
         if self.n_given * 100 < self.records * 97 {
             failures.push(format!("{}: N given in {} of {} records", self.sensor.name, self.n_given, self.records));
@@ -380,11 +390,14 @@ pub const SENSORS: &[Sensor] = &[
     Sensor { name: "first order, 25 %", low_pass: LowPass::First(0.25), ..Sensor::WHITE },
     Sensor { name: "first order, 40 %", low_pass: LowPass::First(0.40), ..Sensor::WHITE },
     Sensor { name: "second order, 10 %", low_pass: LowPass::Second(0.10), ..Sensor::WHITE },
+    Sensor { name: "second order, 15 %", low_pass: LowPass::Second(0.15), ..Sensor::WHITE },
     Sensor { name: "second order, 20 %", low_pass: LowPass::Second(0.20), ..Sensor::WHITE },
+    Sensor { name: "second order, 25 %", low_pass: LowPass::Second(0.25), ..Sensor::WHITE },
     Sensor { name: "second order, 40 %", low_pass: LowPass::Second(0.40), ..Sensor::WHITE },
     Sensor { name: "digital first order, 10 %", low_pass: LowPass::DigitalFirst(0.10), ..Sensor::WHITE },
     Sensor { name: "digital first order, 40 %", low_pass: LowPass::DigitalFirst(0.40), ..Sensor::WHITE },
     Sensor { name: "digital second order, 10 %", low_pass: LowPass::DigitalSecond(0.10), ..Sensor::WHITE },
+    Sensor { name: "digital second order, 15 %", low_pass: LowPass::DigitalSecond(0.15), ..Sensor::WHITE },
     Sensor { name: "digital second order, 40 %", low_pass: LowPass::DigitalSecond(0.40), ..Sensor::WHITE },
     Sensor { name: "each sample read twice", low_pass: LowPass::Held(2), ..Sensor::WHITE },
     Sensor { name: "white and flicker", b: 0.05, ..Sensor::WHITE },
