@@ -221,6 +221,12 @@ impl Bench {
         self.can.pop()
     }
 
+    /// Time before `now` in which the host could not speak is no silence of the host.
+    pub(crate) fn excuse(&mut self, span: Duration, now: Duration) {
+        self.slave.excuse(span, now);
+        self.can_slave.excuse(span, now);
+    }
+
     /// Lets link time pass up to `now`.
     pub fn advance(&mut self, now: Duration) {
         self.carry(now);

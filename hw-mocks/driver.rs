@@ -375,6 +375,7 @@ impl Driver {
                 return Ok(());
             }
             let now = self.clock.now();
+            self.bench.excuse(self.clock.take_stood_still(), now);
             self.read(now)?;
             self.can.read(&mut self.bench, now)?;
             // What the adapter has not handed on yet was said and has not left: time must not pass by it.

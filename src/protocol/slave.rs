@@ -186,6 +186,11 @@ impl Slave {
         }
     }
 
+    /// Of the time up to `now`, so much is no silence of the host: a simulator's, that stood still together with its host.
+    pub fn excuse(&mut self, span: Duration, now: Duration) {
+        self.heard = (self.heard + span).min(now).max(self.heard);
+    }
+
     /// Sends what is due: results, samples, progress, heartbeat; ends the session of a host that fell silent.
     pub fn tick(&mut self, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
         while self.session.is_some()

@@ -131,7 +131,12 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
             Personality::with_files(&name, &text, &mut hw_mocks::beside(personality))
         }
     };
-    let personality = personality.map_err(|error| Refusal::new(error, ""))?;
+    let personality = personality.map_err(|error| {
+        Refusal::new(
+            error,
+            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality/mod.rs",
+        )
+    })?;
     let speed = speed(&args.sim_speed)?;
     let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
         .map_err(|mistakes| Refusal::new(mistakes, ""))?;

@@ -386,6 +386,25 @@ fn the_watchdog_bites_at_its_exact_time() {
     }
 }
 
+/// A simulator that stood still together with its host; the host's silence counts on behind that, and never from later
+/// than now.
+#[test]
+fn excused_time_is_no_silence() {
+    let nanosecond = Duration::from_nanos(1);
+    for (excused_ms, counts_ms) in [(0, 0), (400, 400), (5000, 1000)] {
+        let mut bench = Bench::in_session();
+        bench.now = Duration::from_millis(1000);
+        bench.slave.excuse(Duration::from_millis(excused_ms), bench.now);
+        let due = timing::WATCHDOG + Duration::from_millis(counts_ms);
+        bench.now = due - nanosecond;
+        bench.tick();
+        assert!(bench.slave.has_session(), "{excused_ms} ms: too early");
+        bench.now = due;
+        bench.tick();
+        assert!(!bench.slave.has_session(), "{excused_ms} ms: too late");
+    }
+}
+
 /// A line whose ends are joined, or a second board: whatever a board sends must not look like a living host.
 #[test]
 fn its_own_echo_does_not_feed_the_watchdog() {

@@ -109,6 +109,10 @@ impl ComputeError {
     fn try_this(&self) -> Option<&'static str> {
         match self {
             Self::Unreadable(error) => error.try_this(),
+            Self::Toml { .. } => Some(
+                "write range_deg = 10 at the top, and for each contribution [[contribution]] with name, before_mg and \
+                 after_mg",
+            ),
             Self::Write { .. } => Some("name a file in a folder that is there and that you may write to"),
             _ => None,
         }

@@ -58,7 +58,7 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, report: &Report<'_>)
 /// What came of the receiver.
 #[derive(Debug, Default)]
 struct Heard {
-    /// From the first sentence to the first fix.
+    /// From the first sentence after the restart to the first fix. The board does not tell when it restarted the receiver.
     time_to_fix_s: Option<f64>,
     /// Board time of the first fix.
     fixed_us: Option<u64>,
