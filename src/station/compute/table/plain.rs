@@ -1,6 +1,6 @@
 //! Pieces in which every row is plain: as many fields as the header, no quotes, no comment, and numbers in the columns that
-//! are wanted. Nearly all pieces of a long record are, and the columns of such a piece are read one by one, at twice the
-//! speed. Whatever else a piece holds, and every mistake in it, is left to [`Rows`].
+//! are wanted. Nearly all pieces of a long record are. One pass marks where fields and rows end, and then only the fields of
+//! the wanted columns are looked at. Whatever else a piece holds, and every mistake in it, is left to [`Rows`].
 
 use wide::u8x16;
 
@@ -10,33 +10,18 @@ use super::rows::{Delimiter, Parsed, Role, Rows};
 
 /// Bytes that are compared at once, four times in a row: fields are too short for a search of its own each.
 const WIDTH: usize = 16;
+/// Bytes whose marks are the bits of one number.
 const WORD: usize = 4 * WIDTH;
-/// Marks of a word that are written without a question: more of them are rare.
-const USUAL: usize = 8;
 
 /// Reads a piece; `None` where it is not plain.
 pub(super) fn parse(rows: &Rows, piece: &[u8]) -> Option<Parsed> {
     let Delimiter::Byte(delimiter) = rows.delimiter else { return None };
     // Those of a decimal point alone.
-    if !matches!(rows.form, Form::Open | Form::Known(super::Decimal::Point)) || memchr::memchr(b'"', piece).is_some() {
+    if !matches!(rows.form, Form::Open | Form::Known(super::Decimal::Point)) {
         return None;
     }
-    let marks = marks(piece, delimiter);
-    let lines = memchr::memchr_iter(b'\n', piece).count();
-    if lines == 0 || piece.last() != Some(&b'\n') || marks.len() != lines * rows.expected {
-        return None;
-    }
-    // As many line ends as rows, and one behind each row: there is none within a row.
-    let mut start = 0;
-    for row in marks.chunks_exact(rows.expected) {
-        let end = *row.last()? as usize;
-        let first = piece[start];
-        let is_plain = first != b'#' && first != b'%' && first != delimiter && !first.is_ascii_whitespace();
-        if piece[end] != b'\n' || !is_plain || end - start > LONGEST_LINE {
-            return None;
-        }
-        start = end + 1;
-    }
+    let grid = Grid::of(piece, delimiter, rows.expected)?;
+    let lines = grid.starts.len();
     let mut parsed = Parsed { numbers: vec![Vec::new(); rows.numbers], rows: lines, lines, ..Parsed::default() };
     for (column, role) in rows.roles {
         let values = match role {
@@ -44,56 +29,127 @@ pub(super) fn parse(rows: &Rows, piece: &[u8]) -> Option<Parsed> {
             Role::Time { dates: false } => &mut parsed.times,
             _ => return None,
         };
-        *values = numbers(piece, &marks, rows.expected, *column)?;
+        *values = grid.numbers(piece, delimiter, *column)?;
     }
     Some(parsed)
 }
 
-/// The numbers of a column.
-fn numbers(piece: &[u8], marks: &[u32], expected: usize, column: usize) -> Option<Vec<f64>> {
-    let ends = marks.iter().skip(column).step_by(expected);
-    // The mark before a field is that of the field before, in the same row or in the row before.
-    let starts = marks.iter().skip((column + expected - 1) % expected).step_by(expected);
-    let first = if column == 0 { Some(&u32::MAX) } else { None };
-    let mut values = Vec::with_capacity(marks.len() / expected);
-    for (before, end) in first.into_iter().chain(starts).zip(ends) {
-        let field = piece.get(before.wrapping_add(1) as usize..*end as usize)?;
-        let field = field.strip_suffix(b"\r").unwrap_or(field);
-        values.push(fast_float2::parse(field).ok()?);
-    }
-    Some(values)
+/// Where the rows and fields of a piece lie.
+struct Grid {
+    /// First byte of each row.
+    starts: Vec<u32>,
+    marks: Marks,
 }
 
-/// Places of all delimiters and line ends.
-fn marks(text: &[u8], delimiter: u8) -> Vec<u32> {
-    let (delimiters, ends) = (u8x16::splat(delimiter), u8x16::splat(b'\n'));
-    let of = |bytes: &[u8; WIDTH]| {
-        let bytes = u8x16::new(*bytes);
-        u64::from((bytes.simd_eq(delimiters) | bytes.simd_eq(ends)).to_bitmask())
-    };
-    let (words, rest) = text.as_chunks::<WORD>();
-    let mut marks = Vec::with_capacity(text.len() / 4);
-    for (k, word) in words.iter().enumerate() {
-        let chunks = word.as_chunks::<WIDTH>().0;
-        let mut found = chunks.iter().rev().fold(0, |found, chunk| found << WIDTH | of(chunk));
-        let count = found.count_ones() as usize;
-        let mut places = [0; WORD];
-        let mut next = || {
-            let place = (k * WORD) as u32 + found.trailing_zeros();
-            found &= found.wrapping_sub(1);
-            place
-        };
-        // A fixed number of steps, since the processor cannot foresee how many there are.
-        places[..USUAL].fill_with(&mut next);
-        if count > USUAL {
-            places[USUAL..count].fill_with(next);
+impl Grid {
+    /// `None` unless each row ends, has so many fields, and begins as a number does; and where there is a quote.
+    fn of(piece: &[u8], delimiter: u8, expected: usize) -> Option<Self> {
+        if piece.last() != Some(&b'\n') {
+            return None;
         }
-        marks.extend_from_slice(&places[..count]);
+        let mut marks = Vec::with_capacity(piece.len() / WORD + 2);
+        let mut starts = Vec::with_capacity(piece.len() / (2 * expected).max(1));
+        let (words, rest) = piece.as_chunks::<WORD>();
+        let mut last = [0; WORD];
+        last[..rest.len()].copy_from_slice(rest);
+        // Fields that ended before the word, and those that end in as many rows.
+        let (mut before, mut due) = (0, 0);
+        let mut start = 0;
+        for (k, word) in words.iter().chain([&last]).enumerate() {
+            let Found { delimiters, mut ends, quotes } = Found::of(word, delimiter);
+            if quotes {
+                return None;
+            }
+            let fields = delimiters | ends;
+            while ends != 0 {
+                let place = ends.trailing_zeros();
+                ends &= ends - 1;
+                let end = k * WORD + place as usize;
+                let count = before + (fields & (u64::MAX >> (63 - place))).count_ones() as usize;
+                due += expected;
+                // Blanks, comments and what else stands before `-` are no beginning of a number.
+                let first = piece[start];
+                let is_plain = (first >= b'-' || first == b'+') && first != delimiter;
+                if count != due || !is_plain || end - start > LONGEST_LINE {
+                    return None;
+                }
+                starts.push(start as u32);
+                start = end + 1;
+            }
+            before += fields.count_ones() as usize;
+            marks.push(fields);
+        }
+        marks.push(0);
+        Some(Self { starts, marks: Marks(marks) })
     }
-    let start = text.len() - rest.len();
-    let is_mark = |byte: u8| byte == delimiter || byte == b'\n';
-    marks.extend(rest.iter().enumerate().filter(|(_, byte)| is_mark(**byte)).map(|(at, _)| (start + at) as u32));
-    marks
+
+    /// The numbers of a column.
+    fn numbers(&self, piece: &[u8], delimiter: u8, column: usize) -> Option<Vec<f64>> {
+        let mut values = Vec::with_capacity(self.starts.len());
+        for start in &self.starts {
+            let start = *start as usize;
+            let at = if column == 0 { start } else { self.marks.behind(start, column - 1)? + 1 };
+            let (value, length) = fast_float2::parse_partial(piece.get(at..)?).ok()?;
+            let mut end = *piece.get(at + length)?;
+            if end == b'\r' {
+                end = *piece.get(at + length + 1)?;
+            }
+            // Else the field holds more than the number.
+            if end != delimiter && end != b'\n' {
+                return None;
+            }
+            values.push(value);
+        }
+        Some(values)
+    }
+}
+
+/// A bit for each byte of a piece, the lowest one first: whether a field ends there. Behind them is a word without any.
+struct Marks(Vec<u64>);
+
+impl Marks {
+    /// Place of the mark behind so many others, counted from a byte on.
+    fn behind(&self, mut from: usize, mut others: usize) -> Option<usize> {
+        loop {
+            let word = self.word(from)?;
+            let bits = (0..others).fold(word, |bits, _| bits & bits.wrapping_sub(1));
+            if bits != 0 {
+                return Some(from + bits.trailing_zeros() as usize);
+            }
+            others -= word.count_ones() as usize;
+            from += WORD;
+        }
+    }
+
+    /// The bits of the bytes from one on.
+    fn word(&self, from: usize) -> Option<u64> {
+        let [low, high] = self.0.get(from / WORD..)?.first_chunk()?;
+        let shift = from % WORD;
+        Some(low >> shift | (high << 1) << (WORD - 1 - shift))
+    }
+}
+
+/// What stands in the bytes of a word.
+struct Found {
+    delimiters: u64,
+    ends: u64,
+    quotes: bool,
+}
+
+impl Found {
+    fn of(word: &[u8; WORD], delimiter: u8) -> Self {
+        let [delimiter, end, quote] = [delimiter, b'\n', b'"'].map(u8x16::splat);
+        let mut found = Self { delimiters: 0, ends: 0, quotes: false };
+        let mut quotes = u8x16::splat(0);
+        for bytes in word.as_chunks::<WIDTH>().0.iter().rev() {
+            let bytes = u8x16::new(*bytes);
+            found.delimiters = found.delimiters << WIDTH | u64::from(bytes.simd_eq(delimiter).to_bitmask());
+            found.ends = found.ends << WIDTH | u64::from(bytes.simd_eq(end).to_bitmask());
+            quotes |= bytes.simd_eq(quote);
+        }
+        found.quotes = quotes.to_bitmask() != 0;
+        found
+    }
 }
 
 #[cfg(test)]
@@ -114,6 +170,19 @@ mod tests {
             capture: None,
             unlabelled: false,
         }
+    }
+
+    /// Places of all delimiters and line ends, each found from the one before.
+    fn marks(text: &[u8], delimiter: u8) -> Vec<u32> {
+        let words = text.chunks(WORD).map(|word| {
+            let mut whole = [0; WORD];
+            whole[..word.len()].copy_from_slice(word);
+            let found = Found::of(&whole, delimiter);
+            found.delimiters | found.ends
+        });
+        let marks = Marks(words.chain([0]).collect());
+        let first = marks.behind(0, 0);
+        std::iter::successors(first, |place| marks.behind(place + 1, 0)).map(|place| place as u32).collect()
     }
 
     /// The row-by-row reading is the reference: the same columns, whatever lies at the ends of words.

@@ -1,0 +1,67 @@
+#!/usr/bin/env python3
+"""Processor time of `compute` in one program over that in another, on long records: medians of pairs run in turn.
+
+    git worktree add /tmp/before COMMIT
+    cargo build --release -p gnc-station && (cd /tmp/before && cargo build --release -p gnc-station)
+    pip install numpy pandas
+    python3 src/station/benches/pairs.py /tmp/before/target/release/gnc-station target/release/gnc-station
+
+A second of processor time is not the same on a machine that has other work, so that the programs of a pair run one right
+after the other, each first in every second pair. Ends with 1 where a ratio is above its bound.
+"""
+import argparse, os, resource, statistics, subprocess, sys, tempfile
+import numpy as np, pandas as pd
+
+BOUND = 1.05
+METHODS = ("stability", "allan", "psd")
+
+words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+words.add_argument("old")
+words.add_argument("new")
+words.add_argument("--rows", type=int, default=3_600_000)
+words.add_argument("--pairs", type=int, default=7)
+words.add_argument("--seed", type=int, default=1)
+args = words.parse_args()
+
+
+def records(folder):
+    """Eight channels of white noise with a random walk: in counts, and in physical units with six decimals."""
+    rng = np.random.default_rng(args.seed)
+    channels = {}
+    for k, name in enumerate("abcdefgh"):
+        walk = np.cumsum(rng.normal(size=args.rows))
+        channels[name] = 100 * (k - 3) + (20 + 5 * k) * rng.normal(size=args.rows) + 0.02 * walk
+    physical = pd.DataFrame(channels)
+    for name, table in (("counts", physical.round().astype(int)), ("units", physical * 0.01)):
+        path = os.path.join(folder, f"{name}.csv")
+        table.to_csv(path, index=False, float_format="%.6f")
+        yield name, path
+
+
+def processor_s(program, method, path):
+    """User and system time of a run."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [program, "compute", method, path, "--rate", "1000", "--column", "c", "--json"]
+    out = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if out.returncode:
+        sys.exit(f"{' '.join(command)}: {out.stderr}")
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+above = False
+with tempfile.TemporaryDirectory() as folder:
+    print(f"{args.rows} rows of 8 columns, seed {args.seed}, medians of {args.pairs} pairs")
+    for name, path in records(folder):
+        for method in METHODS:
+            old, new = [], []
+            for pair in range(args.pairs):
+                turns = [(args.old, old), (args.new, new)]
+                for program, times in turns[:: -1 if pair % 2 else 1]:
+                    times.append(processor_s(program, method, path))
+            ratio = statistics.median(n / o for n, o in zip(new, old))
+            seconds = f"old {statistics.median(old):.3f} s, new {statistics.median(new):.3f} s"
+            verdict = "ok" if ratio <= BOUND else "ABOVE"
+            print(f"{name:<7} {method:<10} {ratio:6.3f}  bound {BOUND}  {verdict:<6} {seconds}", flush=True)
+            above |= ratio > BOUND
+sys.exit(int(above))
