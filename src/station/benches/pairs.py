@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Processor time of `compute` in one program over that in another, on long records: medians of pairs run in turn.
 
-    git worktree add /tmp/before COMMIT
-    cargo build --release -p gnc-station && (cd /tmp/before && cargo build --release -p gnc-station)
+    git worktree add ../before COMMIT
+    cargo build --release -p gnc-station && (cd ../before && cargo build --release -p gnc-station)
     pip install numpy pandas
-    python3 src/station/benches/pairs.py /tmp/before/target/release/gnc-station target/release/gnc-station
+    python3 src/station/benches/pairs.py ../before/target/release/gnc-station target/release/gnc-station
 
 A second of processor time is not the same on a machine that has other work, so that the programs of a pair run one right
 after the other, each first in every second pair. Ends with 1 where a ratio is above its bound.

@@ -205,6 +205,37 @@ mod tests {
         assert_eq!(marks(&[b','; 200], b','), (0..200).collect::<Vec<u32>>());
     }
 
+    /// Rows of 1 to 9 words: every column is found, however far from the beginning of its row.
+    #[test]
+    fn far_columns_are_found() {
+        let roles = [0, 1, 2, 3].map(|column| (column, Role::Number(column)));
+        let mut text = String::new();
+        for row in 0..400_usize {
+            let wide = |shift: usize| format!("{:.*}", (row * 37 + shift * 59) % 140, row as f64 / 7.0);
+            text += &[0, 1, 2, 3].map(wide).join(",");
+            text += "\n";
+        }
+        let rows = Rows { numbers: 4, ..rows(&roles) };
+        let found = parse(&rows, text.as_bytes()).unwrap();
+        assert_eq!(format!("{found:?}"), format!("{:?}", rows.one_by_one(text.as_bytes())));
+        assert_eq!([3, 2, 1, 0].map(|column| found.numbers[column].len()), [400; 4]);
+    }
+
+    /// Plain or not, a field is what the row-by-row reading makes of it.
+    #[test]
+    fn fields_are_read_whole_or_not_at_all() {
+        for field in
+            ["1e", "1e5", "1E+2", "+1", "-", ".", "1.", ".5", "1x", "1 ", "1\r", "inf", "infinit", "-nan", "0x1"]
+        {
+            for text in [format!("{field},2,7,4\n1,2,8,4\n"), format!("1,2,{field},4\n1,2,8,4\n")] {
+                let expected = rows(&ROLES).one_by_one(text.as_bytes());
+                if let Some(found) = parse(&rows(&ROLES), text.as_bytes()) {
+                    assert_eq!(format!("{found:?}"), format!("{expected:?}"), "{text:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn what_is_not_plain_is_left_to_the_other() {
         let good = "1,2,3,4\n".repeat(40);
