@@ -15,7 +15,8 @@ use super::{Fault, Screening};
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, blocks: &[Range<usize>]) {
     for piece in character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON) {
         let block = &blocks[piece.block];
-        let far = limit(character, piece, block);
+        // Of a sensor that is read more often than it updates, only the rows that move tell the scale.
+        let far = limit(character, piece.scale.max(piece.moving_scale), block);
         let mut from = piece.rows.start;
         while from < piece.rows.end {
             let to = (from + PART).min(piece.rows.end);
@@ -55,6 +56,7 @@ fn is_far(found: &Screening, values: &[f64], block: &Range<usize>, held: &Range<
     let right = side(&mut (held.end..(held.end + REACH).min(block.end)));
     let mut steps: Vec<f64> =
         [&left, &right].into_iter().flat_map(|side| side.windows(2)).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    steps.retain(|step| *step != 0.0);
     let away: Vec<f64> = [&left, &right].into_iter().filter_map(|side| side.first()).map(|near| word - near).collect();
     let far = far.max(CURVED * crate::stats::median(&mut steps));
     !steps.is_empty() && (away.iter().all(|away| *away > far) || away.iter().all(|away| *away < -far))
