@@ -233,17 +233,18 @@ fn a_channel_that_freezes_alone_is_stale() {
     assert_eq!(counts(&[x, y, z], true), [0, 0, 40, 0]);
 }
 
-/// Blocks of 200 rows in which the sensor updates 2 to 40 times.
+/// Blocks of 200 rows in which the sensor updates 5 to 40 times.
 #[test]
 fn few_updates_in_each_block_are_told_by_all_blocks() {
-    for polled in [5, 8, 20, 40, 100] {
+    for polled in [5, 8, 20, 40] {
         let blocks: Vec<Range<usize>> = (0..14).map(|block| block * 200..(block + 1) * 200).collect();
         let updates = noise(11, 14 * 200 / polled, 0.0, 30.0);
         let values: Vec<f64> = (0..14 * 200).map(|row| updates[row / polled] + 1000.0 * (row / 200) as f64).collect();
         let found = screen(&[&values], &blocks, true);
         let LeftOut { stale, .. } = *found.left_out();
         // An update may repeat the one before by chance.
-        assert!((0..=5 * polled).contains(&(stale + updates.len() - 14 * 200)), "every {polled} rows: {stale}");
+        let repeats = 14 * 200 - updates.len();
+        assert!((repeats..=repeats + 5 * polled).contains(&stale), "every {polled} rows: {stale} for {repeats}");
         assert_eq!(found.left_out().total(), stale, "every {polled} rows");
         assert_eq!(found.admit(Rows::Samples).is_ok(), polled <= 10, "every {polled} rows");
     }

@@ -43,28 +43,9 @@ pub enum Kind {
     Spikes,
     /// The row before once more.
     Stale,
-    /// One word on one channel for 10 rows: 65,535, as of a bus that hangs.
-    Held,
-    /// One channel off by 20 to 300 deviations of its noise for 3 rows.
-    Bumps,
-    /// All channels but the last hold their value for 40 rows.
-    Frozen,
 }
 
-pub const KINDS: [Kind; 8] =
-    [Kind::Nothing, Kind::Zeros, Kind::RangeEnds, Kind::Spikes, Kind::Stale, Kind::Held, Kind::Bumps, Kind::Frozen];
-
-impl Kind {
-    /// Rows that are spoilt on end.
-    fn rows(self) -> usize {
-        match self {
-            Self::Held => 10,
-            Self::Bumps => 3,
-            Self::Frozen => 40,
-            _ => 1,
-        }
-    }
-}
+pub const KINDS: [Kind; 5] = [Kind::Nothing, Kind::Zeros, Kind::RangeEnds, Kind::Spikes, Kind::Stale];
 
 /// How a record is spoilt.
 #[derive(Debug, Clone, Copy)]
@@ -76,14 +57,11 @@ pub struct Spoil {
 impl Spoil {
     /// Spoils rows of channels, whose noise has this deviation.
     pub fn apply(self, channels: &mut [Vec<f64>], noise: f64, dice: &mut Dice) {
-        let length = self.kind.rows();
         for row in 1..channels[0].len() {
-            if self.kind == Kind::Nothing || dice.even() >= self.share / length as f64 {
+            if self.kind == Kind::Nothing || dice.even() >= self.share {
                 continue;
             }
             let spiked = (dice.even() * channels.len() as f64) as usize;
-            let last = channels.len() - 1;
-            let rows = row..(row + length).min(channels[0].len());
             for (index, values) in channels.iter_mut().enumerate() {
                 match self.kind {
                     Kind::Nothing => {}
@@ -92,16 +70,7 @@ impl Spoil {
                     Kind::Spikes if index == spiked => {
                         values[row] += (noise * 10.0 * 30.0_f64.powf(dice.even())).round();
                     }
-                    Kind::Held if index == spiked => values[rows.clone()].fill(65_535.0),
-                    Kind::Bumps if index == spiked => {
-                        let off = (noise * 20.0 * 15.0_f64.powf(dice.even())).round();
-                        values[rows.clone()].iter_mut().for_each(|value| *value += off);
-                    }
-                    Kind::Frozen if index < last || last == 0 => {
-                        let held = values[row - 1];
-                        values[rows.clone()].fill(held);
-                    }
-                    Kind::Spikes | Kind::Held | Kind::Bumps | Kind::Frozen => {}
+                    Kind::Spikes => {}
                     Kind::Stale => values[row] = values[row - 1],
                 }
             }
