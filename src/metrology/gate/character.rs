@@ -33,6 +33,8 @@ pub(super) struct Piece {
     pub(super) moving: usize,
     /// Whether differences change their sign as noise does.
     pub(super) noisy: bool,
+    /// How many differences follow each other, and in how many the sign changes: (changes, pairs).
+    turns: (usize, usize),
 }
 
 /// One channel.
@@ -62,6 +64,7 @@ impl Character {
                 start = end;
             }
         }
+        pool(&mut pieces);
         Self { step: step(values), pieces, extremes }
     }
 
@@ -118,14 +121,11 @@ impl Room {
         of_lag(1).max(of_lag(3))
     }
 
-    fn piece(&mut self, values: &[f64], rows: Range<usize>, block: usize) -> Piece {
-        let part = &values[rows.clone()];
-        let stride = part.len().div_ceil(LOOKS).max(1);
-        let scale = self.scale(part, stride);
+    /// Collects the differences that are not 0. How many pairs of them follow each other, and in how many the sign changes:
+    /// (changes, pairs).
+    fn moving(&mut self, part: &[f64], stride: usize) -> (usize, usize) {
         self.differences.clear();
         let (mut turns, mut pairs) = (0, 0);
-        // A stride of its own, so that a pattern of the record does not fall in step with it.
-        let stride = if stride > 2 { stride | 1 } else { 1 };
         for triple in part.windows(3).step_by(stride) {
             let (before, after) = (triple[1] - triple[0], triple[2] - triple[1]);
             if after != 0.0 {
@@ -138,11 +138,26 @@ impl Room {
                 turns += usize::from((before < 0.0) != (after < 0.0));
             }
         }
+        (turns, pairs)
+    }
+
+    fn piece(&mut self, values: &[f64], rows: Range<usize>, block: usize) -> Piece {
+        let part = &values[rows.clone()];
+        let stride = part.len().div_ceil(LOOKS).max(1);
+        let scale = self.scale(part, stride);
+        // A stride of its own, so that a pattern of the record does not fall in step with it.
+        let stride = if stride > 2 { stride | 1 } else { 1 };
+        let mut turning = self.moving(part, stride);
+        if self.differences.len() < FEWEST && stride > 1 {
+            // Where the sensor updates seldom, few of those looked at move, and all of them are needed.
+            turning = self.moving(part, 1);
+        }
         let moving = self.differences.len();
         let median = median(&mut self.differences);
         // Where every other row repeats, no two differences follow each other: the rows that move are taken alone.
-        let noisy = if pairs >= FEWEST { turns as f64 > NOISY * pairs as f64 } else { turns_of_moving(part) };
-        Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy }
+        let turns = if turning.1 >= FEWEST { turning } else { turns_of_moving(part) };
+        let noisy = is_noisy(turns);
+        Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy, turns }
     }
 }
 
@@ -164,8 +179,8 @@ fn common_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// Whether the differences that are not 0 change their sign as noise does.
-fn turns_of_moving(values: &[f64]) -> bool {
+/// How often the differences that are not 0 follow each other, and change their sign: (changes, pairs).
+fn turns_of_moving(values: &[f64]) -> (usize, usize) {
     let (mut turns, mut pairs, mut before) = (0, 0, 0.0);
     for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
         let difference = pair[1] - pair[0];
@@ -175,7 +190,29 @@ fn turns_of_moving(values: &[f64]) -> bool {
         }
         before = difference;
     }
+    (turns, pairs)
+}
+
+/// Whether differences change their sign as noise does.
+fn is_noisy((turns, pairs): (usize, usize)) -> bool {
     pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
+}
+
+/// A sensor that updates a few times in each block says in none of them what its noise is: all of them say it together.
+fn pool(pieces: &mut [Piece]) {
+    if pieces.iter().all(|piece| piece.turns.1 < FEWEST) {
+        let turns = pieces.iter().fold((0, 0), |sum, piece| (sum.0 + piece.turns.0, sum.1 + piece.turns.1));
+        pieces.iter_mut().for_each(|piece| piece.noisy = is_noisy(turns));
+    }
+    let moving: usize = pieces.iter().map(|piece| piece.moving).sum();
+    if pieces.iter().any(Piece::speaks) || moving < FEWEST {
+        return;
+    }
+    let mut scales: Vec<f64> = pieces.iter().filter(|piece| piece.moving > 0).map(|piece| piece.moving_scale).collect();
+    let scale = crate::stats::median(&mut scales);
+    for piece in pieces {
+        (piece.moving_scale, piece.moving) = (scale, moving);
+    }
 }
 
 /// Step between codes: the largest common divisor of the distances of whole numbers, else the smallest distance.

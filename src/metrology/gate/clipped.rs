@@ -5,12 +5,17 @@ use std::ops::Range;
 
 use super::character::Character;
 use super::extremes::PART;
-use super::{Fault, Screening};
+use super::{Fault, Screening, spikes};
+use crate::stats;
 
 /// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
 const RATIO: f64 = 3.0;
 /// And so many rows more.
 const MORE: f64 = 8.0;
+/// Scales within which a tail lies beside its end.
+const TAIL: f64 = 6.0;
+/// Different words that are sought at an end.
+const WORDS: usize = 4;
 /// Width in which the codes inside are counted, in scales and in codes.
 const INSIDE: f64 = 0.25;
 const CODES: f64 = 4.0;
@@ -28,31 +33,64 @@ pub(super) fn search(
         if block.len() < PART || scales.is_empty() {
             continue;
         }
-        let scale = crate::stats::median(&mut scales);
+        let scale = stats::median(&mut scales);
         // Noise of a code or two has few codes, of which the last may well be the usual one.
         if scale < 2.0 * character.step || !character.pieces.iter().any(|piece| piece.block == number && piece.noisy) {
             continue;
         }
         for sign in [1.0, -1.0] {
-            let Some(extreme) = usual_extreme(&ranges(found, values, character, number, block), sign) else { continue };
-            let width = (INSIDE * scale).max((CODES + 0.5) * character.step);
-            let below = |value: &f64| sign * (extreme - value);
-            let (at, inside) = if found.left_out.total() == 0 {
-                beside(values[block.clone()].iter().map(below), width)
-            } else {
-                beside(block.clone().filter(|row| found.keeps(*row)).map(|row| below(&values[row])), width)
-            };
-            let codes = (width / character.step).floor().max(1.0);
-            if at as f64 > RATIO * inside as f64 / codes + MORE {
-                for row in block.clone().filter(|row| values[*row] == extreme) {
-                    found.mark(row, Fault::Clipped);
+            for _ in 0..WORDS {
+                let ends = ranges(found, values, character, number, block);
+                let Some(extreme) = usual_extreme(&ends, sign) else { break };
+                if !is_too_often(found, values, block, sign, extreme, (scale, character.step)) {
+                    break;
                 }
-                let channel =
-                    if blocks.len() > 1 { format!("{name} of stretch {}", number + 1) } else { name.to_owned() };
-                found.clipped_at.get_or_insert((channel, extreme));
+                let is_word = is_word(found, values, block, extreme, scale);
+                for row in block.clone().filter(|row| values[*row] == extreme) {
+                    found.mark(row, if is_word { Fault::FailedRead } else { Fault::Clipped });
+                }
+                if !is_word {
+                    let channel =
+                        if blocks.len() > 1 { format!("{name} of stretch {}", number + 1) } else { name.to_owned() };
+                    found.clipped_at.get_or_insert((channel, extreme));
+                    break;
+                }
+                // The end of the noise lies behind the word.
             }
         }
     }
+}
+
+/// Whether a code at an end comes more often than those inside.
+fn is_too_often(
+    found: &Screening,
+    values: &[f64],
+    block: &Range<usize>,
+    sign: f64,
+    extreme: f64,
+    (scale, step): (f64, f64),
+) -> bool {
+    let width = (INSIDE * scale).max((CODES + 0.5) * step);
+    let below = |value: &f64| sign * (extreme - value);
+    let (at, inside) = if found.left_out.total() == 0 {
+        beside(values[block.clone()].iter().map(below), width)
+    } else {
+        beside(block.clone().filter(|row| found.keeps(*row)).map(|row| below(&values[row])), width)
+    };
+    let codes = (width / step).floor().max(1.0);
+    at as f64 > RATIO * inside as f64 / codes + MORE
+}
+
+/// Whether a code at an end has no tail beside it: not the end of the noise, but a word that was read in its place. The
+/// spread is that of the values as well, for many such words spoil the differences.
+fn is_word(found: &Screening, values: &[f64], block: &Range<usize>, extreme: f64, scale: f64) -> bool {
+    let mut kept: Vec<f64> = block.clone().filter(|row| found.keeps(*row)).map(|row| values[row]).collect();
+    let level = stats::median(&mut kept);
+    let away = |value: &&f64| **value != extreme;
+    let nearest = kept.iter().filter(away).map(|value| (value - extreme).abs()).fold(f64::INFINITY, f64::min);
+    let mut spread: Vec<f64> = kept.iter().map(|value| (value - level).abs()).collect();
+    let spread = stats::median(&mut spread) / spikes::MEDIAN_DEVIATION;
+    spread > 0.0 && nearest.is_finite() && nearest > TAIL * spread.min(scale)
 }
 
 /// How many of these distances are 0, and how many lie above it up to a width.

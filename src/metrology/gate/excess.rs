@@ -8,6 +8,14 @@ const ROUGH: (f64, f64) = (2.0, 6.0);
 /// Number over what a normal distribution gives from which it is worth a closer look.
 const SUSPECT: (f64, f64) = (1.1, 3.0);
 
+/// Chance in the whole record of a run that is taken for a fault.
+const RARE: f64 = 1e-5;
+
+/// The shortest run of rows that is no chance in a record of so many, where one of them has this chance.
+pub(super) fn shortest_run(chance: f64, rows: usize) -> usize {
+    if chance < 1.0 { (RARE / rows as f64).ln().div_euclid(chance.ln()) as usize + 1 } else { usize::MAX }
+}
+
 /// How many rows are too many.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Excess {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::character::Character;
-use super::excess::{Excess, beside};
+use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
 use super::{Fault, Screening};
 
@@ -51,32 +51,37 @@ fn judge(
     word: f64,
     rows: &[usize],
 ) {
-    let mut expected = 0.0;
-    let pieces = characters.first().map_or(0, |character| character.pieces.len());
-    for piece in 0..pieces {
-        let of_channel = |character: &Character| character.chance_of_code(&character.pieces[piece]);
-        expected += characters[0].pieces[piece].rows.len() as f64 * characters.iter().map(of_channel).product::<f64>();
-    }
+    let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
+    let chance = |at: usize| -> f64 {
+        characters.iter().map(|character| character.chance_of_code(&character.pieces[at])).product()
+    };
+    let expected: f64 = pieces.iter().enumerate().map(|(at, piece)| piece.rows.len() as f64 * chance(at)).sum();
     let mut excess = Excess::of(rows.len(), expected, || codes_beside(channels, word, characters));
     let mut block = 0;
-    for row in rows {
-        while block + 1 < blocks.len() && blocks[block].end <= *row {
-            block += 1;
-        }
-        let impossible = || {
-            channels.iter().zip(characters).any(|(values, character)| {
-                let far = NEAR * scale_at(character, *row).max(character.step);
-                let block = &blocks[block];
-                let left = &values[row.saturating_sub(BESIDE).max(block.start)..*row];
-                let right = &values[row + 1..(row + 1 + BESIDE).min(block.end)];
-                // A motion that begins or ends in the word is near it on one side.
-                is_apart(left, word, far) && is_apart(right, word, far)
-            })
-        };
-        if impossible() || excess.takes(1) {
-            found.mark(*row, Fault::FailedRead);
+    for run in rows.chunk_by(|row, next| row + 1 == *next) {
+        let at = pieces.partition_point(|piece| piece.rows.end <= run[0]).min(pieces.len().saturating_sub(1));
+        // So many of them on end are no chance, and none of them is right.
+        let on_end = run.len() > 1 && run.len() >= excess::shortest_run(chance(at), found.rows());
+        for row in run {
+            while block + 1 < blocks.len() && blocks[block].end <= *row {
+                block += 1;
+            }
+            if on_end || is_impossible(channels, characters, &blocks[block], word, *row) || excess.takes(1) {
+                found.mark(*row, Fault::FailedRead);
+            }
         }
     }
+}
+
+/// Whether a channel lies far from the word on both sides of a row.
+fn is_impossible(channels: &[&[f64]], characters: &[Character], block: &Range<usize>, word: f64, row: usize) -> bool {
+    channels.iter().zip(characters).any(|(values, character)| {
+        let far = NEAR * scale_at(character, row).max(character.step);
+        let left = &values[row.saturating_sub(BESIDE).max(block.start)..row];
+        let right = &values[row + 1..(row + 1 + BESIDE).min(block.end)];
+        // A motion that begins or ends in the word is near it on one side.
+        is_apart(left, word, far) && is_apart(right, word, far)
+    })
 }
 
 /// Rows at the codes one and two steps beside a word, each the mean of both sides; only of one channel, for several show

@@ -81,9 +81,11 @@ pub(super) fn bridge(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
 /// What the neighbours predict, and beside it the error that this prediction has elsewhere in the record: a line alone
 /// would take its share of noise out of every deviation and density.
 ///
-/// Of a value between two neighbours the prediction is `m + a (l + r - 2 m)` with `a = r1 / (1 + r2)`, where m is the level
-/// beside it and r1, r2 are the correlations of rows one and two apart; with their own correlations the values then vary
-/// as those that they replace.
+/// Of a value between two neighbours the prediction is `m + a (l + r - 2 m)` with `a = r1 / (1 + r2)`, where r1, r2 are the
+/// correlations of rows one and two apart and m is what the level beside it says: `M + b (L - M)`, with the mean M of the
+/// block, the mean L of the rows beside, and the regression b of a value on L. White noise has b = 0: a value that took L
+/// as it is would be like its neighbours, and raise every deviation at longer times by its share. With their own
+/// correlations the values then vary as those that they replace.
 pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<usize>]) -> Vec<f64> {
     let mut mended = bridge(values, faults, blocks);
     for block in blocks {
@@ -92,6 +94,8 @@ pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
             continue;
         }
         let weight = weight(values, faults, block);
+        let (mean, slope) = regression(values, faults, block);
+        let level = |hole: Range<usize>| mean + slope * (level(values, faults, block, hole) - mean);
         let sound = |row: usize| block.contains(&row) && faults[row].is_none();
         // Rows with sound neighbours, taken in turn with a stride that no period of the record is likely to share.
         let mut donor = block.start;
@@ -99,7 +103,7 @@ pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
             for _ in 0..block.len() {
                 donor = block.start + (donor - block.start + 7919) % block.len();
                 if donor > block.start && sound(donor - 1) && sound(donor) && sound(donor + 1) {
-                    let level = level(values, faults, block, donor..donor + 1);
+                    let level = level(donor..donor + 1);
                     let predicted = level + weight * (values[donor - 1] + values[donor + 1] - 2.0 * level);
                     return values[donor] - predicted;
                 }
@@ -107,7 +111,7 @@ pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
             0.0
         };
         for hole in holes {
-            let level = level(values, faults, block, hole.clone());
+            let level = level(hole.clone());
             for row in hole.clone() {
                 let left = if row > block.start { mended[row - 1] } else { level };
                 let right = if hole.end < block.end { values[hole.end] } else { level };
@@ -124,6 +128,34 @@ fn level(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>, hole: R
     let right = (hole.end..block.end).filter(|row| faults[*row].is_none()).take(BESIDE);
     let beside: Vec<f64> = left.chain(right).map(|row| values[row]).collect();
     if beside.is_empty() { values[hole.start] } else { stats::mean(&beside) }
+}
+
+/// Mean of the sound rows, and the regression of a row on the mean of those beside it, between 0 and 1.
+fn regression(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) -> (f64, f64) {
+    let rows = block.start..block.end.min(block.start + LEARN);
+    let sound: Vec<f64> = block.clone().filter(|row| faults[*row].is_none()).map(|row| values[row]).collect();
+    if sound.is_empty() {
+        return (values[block.start], 0.0);
+    }
+    let mean = stats::mean(&sound);
+    // Sums and faults up to a row.
+    let mut sums = vec![(0.0, 0_usize)];
+    for row in rows.clone() {
+        let (sum, bad) = sums[sums.len() - 1];
+        sums.push((sum + values[row] - mean, bad + usize::from(faults[row].is_some())));
+    }
+    let (mut squares, mut products) = (0.0, 0.0);
+    for row in BESIDE..rows.len().saturating_sub(BESIDE) {
+        let ((from, bad_before), (to, bad)) = (sums[row - BESIDE], sums[row + BESIDE + 1]);
+        if bad == bad_before {
+            let own = values[rows.start + row] - mean;
+            let beside = (to - from - own) / (2 * BESIDE) as f64;
+            squares += beside * beside;
+            products += beside * own;
+        }
+    }
+    // A short block says nothing; its level is that of the rows beside.
+    (mean, if squares > 0.0 { (products / squares).clamp(0.0, 1.0) } else { 1.0 })
 }
 
 /// `r1 / (1 + r2)`, from rows about the mean of their piece.

@@ -16,6 +16,7 @@ mod clipped;
 mod excess;
 mod extremes;
 mod failed;
+mod held;
 mod mend;
 mod spikes;
 mod stale;
@@ -127,6 +128,9 @@ impl Screening {
         let characters: Vec<Character> =
             channels.iter().map(|values| Character::of(&values[..rows], layout.blocks)).collect();
         failed::at_once(&mut found, channels, &characters, layout.blocks);
+        for (values, character) in channels.iter().zip(&characters) {
+            held::search(&mut found, values, character, layout.blocks);
+        }
         found.polled = stale::search(&mut found, channels, &characters, layout.blocks);
         for (values, character) in channels.iter().zip(&characters) {
             spikes::search(&mut found, values, character, layout);
@@ -219,13 +223,15 @@ impl Screening {
     pub fn admit(&self, rows: Rows) -> Result<(), Refusal> {
         let first = |fault| 1 + self.faults.iter().position(|found| *found == Some(fault)).unwrap_or(0);
         let total = self.rows();
-        if let Some((channel, value)) = &self.clipped_at {
-            let (channel, value, samples) = (channel.clone(), *value, self.left_out.clipped);
-            return Err(Refusal::Clipped { channel, value, samples, total, first_row: first(Fault::Clipped) });
-        }
         let limit_percent = if rows == Rows::Samples { MOST_OF_MEANS_PERCENT } else { MOST_OF_SERIES_PERCENT };
         let above = |count: usize, limit_percent: f64| count as f64 * 100.0 > limit_percent * total as f64;
-        let LeftOut { failed_reads, spikes, stale, .. } = self.left_out;
+        let LeftOut { failed_reads, spikes, stale, clipped } = self.left_out;
+        // Where one row in four is bad, some of the bad ones are left and look like an end: the larger number is the cause.
+        let mostly_bad = above(failed_reads + spikes, limit_percent) && failed_reads + spikes > clipped;
+        if let Some((channel, value)) = self.clipped_at.as_ref().filter(|_| !mostly_bad) {
+            let (channel, value) = (channel.clone(), *value);
+            return Err(Refusal::Clipped { channel, value, samples: clipped, total, first_row: first(Fault::Clipped) });
+        }
         if above(failed_reads + spikes, limit_percent) {
             let (what, samples, fault) = if failed_reads >= spikes {
                 ("failed reads", failed_reads, Fault::FailedRead)

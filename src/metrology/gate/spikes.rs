@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use super::character::{self, Character, Piece};
 use super::extremes::PART;
-use super::{Fault, Layout, Screening};
+use super::{Fault, Layout, Screening, stale};
 use crate::stats;
 
 /// Neighbours on each side whose median a sample is compared with: two of them may be spikes themselves.
-const SIDE: usize = 5;
+pub(super) const SIDE: usize = 5;
 /// Rows beyond which neighbours are not sought.
-const REACH: usize = 64;
+pub(super) const REACH: usize = 64;
 /// Rows on each side from which the scale beside a candidate is known.
 const BESIDE: usize = 128;
 /// Scales by which a spike differs from both sides. Of 10^8 normal samples none does.
@@ -26,7 +26,15 @@ const STEP: f64 = 0.75;
 const LINES: f64 = 1.5;
 /// Rows on each side that say by how much a curved motion leaves such lines, and how many times that a spike does.
 const CURVE: usize = 12;
-const CURVED: f64 = 8.0;
+pub(super) const CURVED: f64 = 8.0;
+/// Rows on each side whose median is the level of a record that stands still.
+const LEVEL: usize = 32;
+/// Scale of the rows that move over that of all rows, above which most rows do not move.
+const POLLED: f64 = 1.5;
+/// Part of the limit within which a sample lies on the level.
+const ON_LEVEL: f64 = 0.5;
+/// Median of the absolute value of a normal one, in standard deviations.
+pub(super) const MEDIAN_DEVIATION: f64 = 0.674_49;
 /// Spikes hide each other; each pass finds what the one before laid open.
 const PASSES: usize = 5;
 
@@ -38,7 +46,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         let before = spikes.len();
         for piece in &character.pieces {
             let block = &layout.blocks[piece.block];
-            look(found, values, character, piece, block, far, &mut spikes);
+            look(found, values, character, piece, &Where { block, still: layout.still, far }, &mut spikes);
         }
         // Marked after a whole pass, as what they are only when all are known.
         for row in &spikes[before..] {
@@ -93,19 +101,36 @@ fn is_code_end(value: f64) -> bool {
         .any(|end| value == end - 1.0 || value == -end)
 }
 
+/// Where a piece lies, and by how many scales a spike differs there.
+struct Where<'a> {
+    block: &'a Range<usize>,
+    still: bool,
+    far: f64,
+}
+
+/// A scale from few differences may be half of the true one: the larger of both, in scales.
+fn few(block: &Range<usize>) -> f64 {
+    1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt()
+}
+
+/// By how much a sample differs from both sides when it is no noise of this scale.
+pub(super) fn limit(character: &Character, scale: f64, block: &Range<usize>) -> f64 {
+    FAR * few(block) * scale.max(STEP * character.step)
+}
+
 fn look(
     found: &Screening,
     values: &[f64],
     character: &Character,
     piece: &Piece,
-    block: &Range<usize>,
-    far: f64,
+    &Where { block, still, far }: &Where<'_>,
     spikes: &mut Vec<usize>,
 ) {
-    let step = character.step;
-    // A scale from few differences may be half of the true one.
-    let few = 1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt();
-    let limit = far * few * piece.scale.max(STEP * step);
+    // Of a sensor that is read more often than it updates most neighbours are equal: the rows that move tell the scale.
+    let is_polled = piece.moving_scale > POLLED * piece.scale && character.chance_of_repeat(piece) < stale::COMMON;
+    let moving_scale = if is_polled { piece.moving_scale } else { 0.0 };
+    let limit_beside = |scale: f64| far * few(block) * scale.max(moving_scale).max(STEP * character.step);
+    let limit = limit_beside(piece.scale);
     // A median of five that lies far away has one of the next three far away.
     let first = piece.rows.start.max(block.start + 3).min(piece.rows.end);
     let candidates = |from: usize, to: usize| {
@@ -122,9 +147,15 @@ fn look(
             .sum::<u32>()
     };
     let mut consider = |row: usize| {
-        if found.keeps(row) && stands_out(found, values, block, row, limit) {
+        if !found.keeps(row) {
+            return;
+        }
+        let leaves = if still { leaves_level(found, values, block, row, limit) } else { None };
+        if leaves == Some(true) {
+            spikes.push(row);
+        } else if leaves.is_none() && stands_out(found, values, block, row, limit) {
             let beside = row.saturating_sub(BESIDE).max(block.start)..(row + BESIDE).min(block.end);
-            if stands_out(found, values, block, row, far * few * character::scale(&values[beside]).max(STEP * step)) {
+            if stands_out(found, values, block, row, limit_beside(character::scale(&values[beside]))) {
                 spikes.push(row);
             }
         }
@@ -153,6 +184,31 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
         (Some(side), None) | (None, Some(side)) => (value - side).abs() > limit,
         (None, None) => false,
     }
+}
+
+/// Whether a sample lies far from the level on both sides of it, by more than what the samples of these levels spread: so
+/// are found several spikes on end, which hide each other from the nearest neighbours. `Some(false)` where it lies on the
+/// level, as good samples between such spikes do; `None` where the level does not say.
+fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> Option<bool> {
+    let side = |rows: &mut dyn Iterator<Item = usize>| -> Vec<f64> {
+        rows.filter(|row| found.keeps(*row)).take(LEVEL).map(|row| values[row]).collect()
+    };
+    let mut left = side(&mut (row.saturating_sub(2 * LEVEL).max(block.start)..row).rev());
+    let mut right = side(&mut (row + 1..(row + 1 + 2 * LEVEL).min(block.end)));
+    if left.len().min(right.len()) < SIDE {
+        return None;
+    }
+    let (to_left, to_right) = (values[row] - stats::median(&mut left), values[row] - stats::median(&mut right));
+    if to_left.abs().max(to_right.abs()) < ON_LEVEL * limit {
+        return Some(false);
+    }
+    let off = one_sided(to_left, to_right).abs();
+    if off <= limit || (to_left - to_right).abs() > limit {
+        return None;
+    }
+    let level = values[row] - f64::midpoint(to_left, to_right);
+    let mut spread: Vec<f64> = left.iter().chain(&right).map(|value| (value - level).abs()).collect();
+    (off > FAR * stats::median(&mut spread) / MEDIAN_DEVIATION).then_some(true)
 }
 
 /// The smaller of two differences of one sign; 0 where their signs differ.

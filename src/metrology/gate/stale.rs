@@ -3,18 +3,16 @@
 use std::ops::Range;
 
 use super::character::{Character, Piece};
-use super::excess::{Excess, beside};
+use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
 use super::{Fault, Screening};
 
-/// Chance in the whole record of a run of repeats that is taken for a fault.
-const RARE: f64 = 1e-5;
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
 /// Part of the rows above which repeats are the rule: a sensor that is read more often than it updates.
 const MANY: f64 = 0.1;
 /// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
-const COMMON: f64 = 0.5;
+pub(super) const COMMON: f64 = 0.5;
 
 /// Marks stale rows. Gives the rows for each update where the sensor is read more often than it updates.
 pub(super) fn search(
@@ -24,12 +22,17 @@ pub(super) fn search(
     blocks: &[Range<usize>],
 ) -> Option<f64> {
     let rows = found.rows();
+    if channels.len() > 1 {
+        for (values, character) in channels.iter().zip(characters) {
+            frozen(found, values, character, blocks);
+        }
+    }
     let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
     let mut repeats: Vec<usize> = Vec::new();
     let ends: Vec<usize> = pieces
         .iter()
         .map(|piece| {
-            note(channels, piece, &blocks[piece.block], &mut repeats);
+            note(found, channels, piece, &blocks[piece.block], &mut repeats);
             repeats.len()
         })
         .collect();
@@ -49,8 +52,7 @@ pub(super) fn search(
     }
     let mut marked = 0;
     for at in judged().filter(|at| !of_piece(*at).is_empty()) {
-        // So many repeats in a row are no chance in a record of this length.
-        let shortest = (RARE / rows as f64).ln().div_euclid(chances[at].ln()) as usize + 1;
+        let shortest = excess::shortest_run(chances[at], rows);
         let block = &blocks[pieces[at].block];
         for run in of_piece(at).chunk_by(|row, next| row + 1 == *next) {
             if pauses(channels, characters, at, block, run[0]) {
@@ -62,6 +64,25 @@ pub(super) fn search(
         }
     }
     polled(found, marked, blocks)
+}
+
+/// Marks rows in which one channel alone repeats itself for longer than chance lets it, while the others go on.
+fn frozen(found: &mut Screening, values: &[f64], character: &Character, blocks: &[Range<usize>]) {
+    let mut repeats = Vec::new();
+    for piece in &character.pieces {
+        let chance = character.chance_of_repeat(piece);
+        if chance >= COMMON {
+            continue;
+        }
+        repeats.clear();
+        note(found, &[values], piece, &blocks[piece.block], &mut repeats);
+        let shortest = excess::shortest_run(chance, found.rows());
+        for run in repeats.chunk_by(|row, next| row + 1 == *next).filter(|run| run.len() >= shortest) {
+            for row in run {
+                found.mark(*row, Fault::Stale);
+            }
+        }
+    }
 }
 
 /// Whether a channel moves fast before and after a repeat, and not in it: no chance, however coarse the noise.
@@ -86,8 +107,8 @@ fn steps_beside(channels: &[&[f64]], characters: &[Character], blocks: &[Range<u
     Some(beside(blocks.iter().flat_map(within).map(|pair| (pair[1] - pair[0]) / character.step)))
 }
 
-/// Adds the rows of a piece that repeat the row before on all channels.
-fn note(channels: &[&[f64]], piece: &Piece, block: &Range<usize>, repeats: &mut Vec<usize>) {
+/// Adds the rows of a piece that repeat the row before on all channels and are not known to be bad already.
+fn note(found: &Screening, channels: &[&[f64]], piece: &Piece, block: &Range<usize>, repeats: &mut Vec<usize>) {
     let start = piece.rows.start.max(block.start + 1);
     let Some((first, others)) = channels.split_first() else { return };
     if start >= piece.rows.end {
@@ -96,7 +117,8 @@ fn note(channels: &[&[f64]], piece: &Piece, block: &Range<usize>, repeats: &mut 
     let (now, before) = (&first[start..piece.rows.end], &first[start - 1..piece.rows.end - 1]);
     for (part, (now, before)) in now.chunks(PART).zip(before.chunks(PART)).enumerate() {
         let rows = places(now.iter().zip(before).map(|(a, b)| a == b)).map(|place| start + part * PART + place);
-        repeats.extend(rows.filter(|row| others.iter().all(|values| values[*row] == values[row - 1])));
+        let on_all = |row: &usize| others.iter().all(|values| values[*row] == values[row - 1]);
+        repeats.extend(rows.filter(|row| found.keeps(*row) && on_all(row)));
     }
 }
 

@@ -176,3 +176,117 @@ fn a_tail_cut_at_one_side_is_found() {
         }
     }
 }
+
+/// Medians of neighbours do not see a word that is held: its rows are neighbours of each other.
+#[test]
+fn a_word_that_is_held_is_a_failed_read_on_any_channel() {
+    for word in [0.0, -999.0, 65_535.0, -32_768.0] {
+        for length in [2, 5, 10, 40] {
+            let mut x = noise(1, 4000, 8000.0, 30.0);
+            let y = noise(2, 4000, -3000.0, 30.0);
+            // The second one begins two rows behind the first.
+            let held = [500..500 + length, 502 + length..502 + 2 * length, 4000 - length..4000];
+            held.iter().for_each(|rows| x[rows.clone()].fill(word));
+            let found = screen(&[&x, &y], &one_stretch(4000), true);
+            let bad = |row: usize| held.iter().any(|rows| rows.contains(&row));
+            assert_eq!(found.left_out().total(), 3 * length, "{word} for {length} rows");
+            assert!((0..4000).all(|row| found.keeps(row) != bad(row)), "{word} for {length} rows");
+        }
+    }
+}
+
+/// Zeros among noise about zero: one by one they are chance, five on end are not, and all five are marked.
+#[test]
+fn zeros_on_end_go_together() {
+    let mut values = noise(4, 20_000, 3.0, 30.0);
+    let natural = counts(&[&values], true)[0];
+    (100..20_000).step_by(1000).for_each(|row| values[row..row + 8].fill(0.0));
+    let found = screen(&[&values], &one_stretch(20_000), true);
+    assert!((100..20_000).step_by(1000).all(|row| (row..row + 8).all(|row| !found.keeps(row))));
+    assert!(found.left_out().total() < natural + 20 * 8 + 20, "{:?}", found.left_out());
+}
+
+#[test]
+fn several_spikes_on_end_leave_a_level() {
+    for length in [2, 3, 5, 8] {
+        let mut values = noise(9, 20_000, 3.0, 30.0);
+        // The second of a pair comes four rows behind the first.
+        let bumps = (100..19_900).step_by(500).flat_map(|row| [row, row + length + 4]);
+        let bad: Vec<usize> = bumps.flat_map(|row| row..row + length).collect();
+        bad.iter().for_each(|row| values[*row] += 600.0);
+        let found = screen(&[&values], &one_stretch(20_000), true);
+        assert!(bad.iter().all(|row| !found.keeps(*row)), "{length} rows: {:?}", found.left_out());
+        // Of what is left out a tenth may be honest tails.
+        assert!(found.left_out().total() * 10 <= bad.len() * 11, "{length} rows: {:?}", found.left_out());
+    }
+}
+
+/// Two channels of three stand still for 40 rows while the third goes on.
+#[test]
+fn a_channel_that_freezes_alone_is_stale() {
+    let mut channels = [noise(1, 4000, 8000.0, 30.0), noise(2, 4000, -3.0, 30.0), noise(3, 4000, 1.0, 30.0)];
+    for values in &mut channels[..2] {
+        let held = values[999];
+        values[1000..1040].fill(held);
+    }
+    let [x, y, z] = &channels;
+    assert_eq!(counts(&[x, y, z], true), [0, 0, 40, 0]);
+}
+
+/// Blocks of 200 rows in which the sensor updates 5 to 40 times.
+#[test]
+fn few_updates_in_each_block_are_told_by_all_blocks() {
+    for polled in [5, 8, 20, 40] {
+        let blocks: Vec<Range<usize>> = (0..14).map(|block| block * 200..(block + 1) * 200).collect();
+        let updates = noise(11, 14 * 200 / polled, 0.0, 30.0);
+        let values: Vec<f64> = (0..14 * 200).map(|row| updates[row / polled] + 1000.0 * (row / 200) as f64).collect();
+        let found = screen(&[&values], &blocks, true);
+        let LeftOut { stale, .. } = *found.left_out();
+        // An update may repeat the one before by chance.
+        let repeats = 14 * 200 - updates.len();
+        assert!((repeats..=repeats + 5 * polled).contains(&stale), "every {polled} rows: {stale} for {repeats}");
+        assert_eq!(found.left_out().total(), stale, "every {polled} rows");
+        assert_eq!(found.admit(Rows::Samples).is_ok(), polled <= 10, "every {polled} rows");
+    }
+}
+
+#[test]
+fn the_larger_number_is_the_cause() {
+    let mut values = noise(12, 2400, 8000.0, 3.0);
+    (0..2400).step_by(4).for_each(|row| values[row] = 32_767.0);
+    let refused = screen(&[&values], &one_stretch(2400), true).admit(Rows::Samples);
+    assert!(matches!(refused, Err(Refusal::BadRows { what: "failed reads", .. })), "{refused:?}");
+}
+
+/// The mean of 32 white values has a 32nd of their variance, whether 1 in 50 was replaced or not: 40 records give that
+/// variance to 0.9 %. Steps of a walk keep their variance as well.
+#[test]
+fn values_in_place_of_others_vary_as_those() {
+    let (mut white, mut steps) = (Vec::new(), Vec::new());
+    for seed in 0..40 {
+        let bad: Vec<usize> = (50..19_950).step_by(50).map(|row| row + (row * 7 + seed as usize * 13) % 40).collect();
+        let mut values = noise(100 + seed, 20_000, 3.0, 30.0);
+        bad.iter().for_each(|row| values[*row] = 65_535.0);
+        let found = screen(&[&values], &one_stretch(20_000), true);
+        assert!(found.left_out().total() <= bad.len() + 3, "{:?}", found.left_out());
+        let mended = found.refilled(&values, &one_stretch(20_000));
+        white.extend(mended.chunks(32).take(625).map(|part| part.iter().sum::<f64>() / 32.0 - 3.0));
+
+        let mut level = 0.0;
+        let mut walk: Vec<f64> = noise(200 + seed, 20_000, 0.0, 300.0)
+            .iter()
+            .map(|step| {
+                level += step;
+                level
+            })
+            .collect();
+        bad.iter().for_each(|row| walk[*row] += 1e6);
+        let mended = screen(&[&walk], &one_stretch(20_000), true).refilled(&walk, &one_stretch(20_000));
+        steps.extend(bad.iter().map(|row| mended[*row] - mended[row - 1]));
+    }
+    let variance = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
+    let ratio = variance(&white) / (30.0_f64.powi(2) / 32.0);
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
+    let ratio = variance(&steps) / 300.0_f64.powi(2);
+    assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
+}
