@@ -1,11 +1,12 @@
-//! One word for several rows on end, far from both sides: a chip or a link that hung on a 0, an end of the range, the word
-//! of an error. Medians of neighbours do not show it, for its rows are neighbours of each other.
+//! One word for several rows on end, far from both sides: a chip or a link that hung on a 0 or on the word of an error.
+//! Medians of neighbours do not show it, for its rows are neighbours of each other. An end of the range that is held is no
+//! failed read but a sensor at its end, of which the checks of the methods speak.
 
 use std::ops::Range;
 
 use super::character::Character;
 use super::extremes::PART;
-use super::spikes::{CURVED, REACH, SIDE, limit};
+use super::spikes::{CURVED, REACH, SIDE, is_code_end, limit};
 use super::stale::COMMON;
 use super::{Fault, Screening};
 
@@ -36,7 +37,11 @@ fn look(found: &mut Screening, values: &[f64], block: &Range<usize>, rows: Range
         let value = values[row];
         let end = (row..block.end.min(values.len())).find(|at| values[*at] != value).unwrap_or(block.end);
         let begins = row == block.start || values[row - 1] != value;
-        if begins && (2..=REACH).contains(&(end - row)) && is_far(found, values, block, &(row..end), far) {
+        if begins
+            && (2..=REACH).contains(&(end - row))
+            && !is_code_end(value)
+            && is_far(found, values, block, &(row..end), far)
+        {
             for held in row..end {
                 found.mark(held, Fault::FailedRead);
             }

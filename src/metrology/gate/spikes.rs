@@ -33,6 +33,8 @@ const LEVEL: usize = 32;
 const POLLED: f64 = 1.5;
 /// Part of the limit within which a sample lies on the level.
 const ON_LEVEL: f64 = 0.5;
+/// Most rows on end that are spikes by that level. More of them are a level of their own: the module or its field moved.
+const LONGEST: usize = 8;
 /// Median of the absolute value of a normal one, in standard deviations.
 pub(super) const MEDIAN_DEVIATION: f64 = 0.674_49;
 /// Spikes hide each other; each pass finds what the one before laid open.
@@ -94,7 +96,7 @@ fn closest(spikes: usize, rows: usize) -> f64 {
 }
 
 /// The end of a range of 8, 12, 16, 20, 24 or 32 bits.
-fn is_code_end(value: f64) -> bool {
+pub(super) fn is_code_end(value: f64) -> bool {
     [7, 11, 15, 19, 23, 31]
         .into_iter()
         .map(|bits| f64::from(bits).exp2())
@@ -188,7 +190,7 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
 
 /// Whether a sample lies far from the level on both sides of it, by more than what the samples of these levels spread: so
 /// are found several spikes on end, which hide each other from the nearest neighbours. `Some(false)` where it lies on the
-/// level, as good samples between such spikes do; `None` where the level does not say.
+/// level, as good samples between such spikes do; `None` where the level does not say, or where too many rows on end leave it.
 fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> Option<bool> {
     let side = |rows: &mut dyn Iterator<Item = usize>| -> Vec<f64> {
         rows.filter(|row| found.keeps(*row)).take(LEVEL).map(|row| values[row]).collect()
@@ -202,11 +204,18 @@ fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: us
     if to_left.abs().max(to_right.abs()) < ON_LEVEL * limit {
         return Some(false);
     }
-    let off = one_sided(to_left, to_right).abs();
-    if off <= limit || (to_left - to_right).abs() > limit {
+    let off = one_sided(to_left, to_right);
+    if off.abs() <= limit || (to_left - to_right).abs() > limit {
         return None;
     }
     let level = values[row] - f64::midpoint(to_left, to_right);
+    let leaves = |row: &usize| ((values[*row] - level) * off.signum()) > ON_LEVEL * limit;
+    let off = off.abs();
+    let on_end = (block.start..row).rev().take_while(leaves).take(LONGEST).count()
+        + (row + 1..block.end).take_while(leaves).take(LONGEST).count();
+    if on_end >= LONGEST {
+        return None;
+    }
     let mut spread: Vec<f64> = left.iter().chain(&right).map(|value| (value - level).abs()).collect();
     (off > FAR * stats::median(&mut spread) / MEDIAN_DEVIATION).then_some(true)
 }

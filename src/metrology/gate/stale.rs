@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::character::{Character, Piece};
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
+use super::spikes::is_code_end;
 use super::{Fault, Screening};
 
 /// Scales by which neighbours of a repeat differ where the record moves.
@@ -78,7 +79,8 @@ fn frozen(found: &mut Screening, values: &[f64], character: &Character, blocks: 
         note(found, &[values], piece, &blocks[piece.block], &mut repeats);
         let shortest = excess::shortest_run(chance, found.rows());
         for run in repeats.chunk_by(|row, next| row + 1 == *next).filter(|run| run.len() >= shortest) {
-            for row in run {
+            // A sensor at the end of its range is not frozen.
+            for row in run.iter().filter(|row| !is_code_end(values[**row])) {
                 found.mark(*row, Fault::Stale);
             }
         }

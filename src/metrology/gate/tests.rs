@@ -180,7 +180,7 @@ fn a_tail_cut_at_one_side_is_found() {
 /// Medians of neighbours do not see a word that is held: its rows are neighbours of each other.
 #[test]
 fn a_word_that_is_held_is_a_failed_read_on_any_channel() {
-    for word in [0.0, -999.0, 65_535.0, -32_768.0] {
+    for word in [0.0, -999.0, 65_535.0, -32_000.0] {
         for length in [2, 5, 10, 40] {
             let mut x = noise(1, 4000, 8000.0, 30.0);
             let y = noise(2, 4000, -3000.0, 30.0);
@@ -193,6 +193,10 @@ fn a_word_that_is_held_is_a_failed_read_on_any_channel() {
             assert!((0..4000).all(|row| found.keeps(row) != bad(row)), "{word} for {length} rows");
         }
     }
+    // The end of a range is no word of a link that hung: the methods say that the sensor is at its end.
+    let (mut x, y) = (noise(1, 4000, 8000.0, 30.0), noise(2, 4000, -3000.0, 30.0));
+    x[500..520].fill(32_767.0);
+    assert_eq!(screen(&[&x, &y], &one_stretch(4000), false).left_out().total(), 0);
 }
 
 /// Zeros among noise about zero: one by one they are chance, five on end are not, and all five are marked.
@@ -218,6 +222,13 @@ fn several_spikes_on_end_leave_a_level() {
         assert!(bad.iter().all(|row| !found.keeps(*row)), "{length} rows: {:?}", found.left_out());
         // Of what is left out a tenth may be honest tails.
         assert!(found.left_out().total() * 10 <= bad.len() * 11, "{length} rows: {:?}", found.left_out());
+    }
+    // What lasts longer is a level of its own: the module or its field moved.
+    for length in [9, 20] {
+        let mut values = noise(9, 4000, 3.0, 30.0);
+        values[1000..1000 + length].iter_mut().for_each(|value| *value += 600.0);
+        let found = screen(&[&values], &one_stretch(4000), true);
+        assert_eq!(found.left_out().total(), 0, "{length} rows");
     }
 }
 
