@@ -43,7 +43,9 @@ fn shown(record: &RunRecord) {
     if let Ok(passport) = &passport {
         passport::xml(passport).expect("a passport as XML");
     }
-    let page = report::html(record, &passport, &[]);
+    let mut page = Vec::new();
+    report::html(&mut page, record, &passport, &[]).expect("a page in memory");
+    let page = String::from_utf8(page).expect("a page is text");
     assert!(!page.contains("<script"));
     let written = serde_json::to_string(record).expect("a record is written");
     assert_eq!(&serde_json::from_str::<RunRecord>(&written).expect("and read"), record);

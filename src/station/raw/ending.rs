@@ -18,7 +18,7 @@ use mcap::sans_io::LinearReaderOptions;
 use mcap::{MAGIC, McapError, McapResult};
 
 use super::RawError;
-use super::reader::{Unread, each_in_chunk, each_record};
+use super::reader::{Unread, each_in_chunk, each_record, parsed};
 use super::writer::RawWriter;
 
 /// Bytes before the data of a record: what it is, and its length.
@@ -306,7 +306,7 @@ impl Survey {
     }
 
     fn parsed<'d>(&self, opcode: u8, data: &'d [u8]) -> Result<Record<'d>, RawError> {
-        mcap::parse_record(opcode, data).map_err(|source| self.damaged(source))
+        parsed(opcode, data).map_err(|source| self.damaged(source))
     }
 
     fn damaged(&self, source: McapError) -> RawError {

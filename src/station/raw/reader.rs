@@ -1,5 +1,6 @@
 //! Reads captures back, bit for bit. A file is hostile: nothing in it is believed before it was checked.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 
@@ -141,6 +142,15 @@ pub(super) fn each_record(
     Ok(())
 }
 
+/// A record, parsed. Attachments stay as they are: no file of ours has one, and the reader of MCAP stops the program at one that
+/// is cut short.
+pub(super) fn parsed(opcode: u8, data: &[u8]) -> Result<Record<'_>, McapError> {
+    match opcode {
+        op::ATTACHMENT => Ok(Record::Unknown { opcode, data: Cow::Borrowed(data) }),
+        _ => mcap::parse_record(opcode, data),
+    }
+}
+
 /// Gives every record of a chunk to `take`, after a look at its checksum.
 pub(super) fn each_in_chunk(chunk: &[u8], take: impl FnMut(u8, &[u8]) -> Result<(), RawError>) -> Result<(), Unread> {
     let opened = mcap::parse_record(op::CHUNK, chunk).map_err(Unread::File)?;
@@ -200,7 +210,7 @@ struct Found {
 
 impl Found {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), RawError> {
-        let record = mcap::parse_record(opcode, data).map_err(|source| self.damaged(source))?;
+        let record = parsed(opcode, data).map_err(|source| self.damaged(source))?;
         self.take(record)
     }
 
@@ -402,5 +412,13 @@ mod tests {
             found.take(Record::Channel(channel)).unwrap();
         }
         assert_eq!(found.channels.into_iter().collect::<Vec<_>>(), [(7, Topic::Imu)]);
+    }
+
+    /// An attachment of any length, whole or cut short, is passed over.
+    #[test]
+    fn attachments_are_passed_over() {
+        for length in 0..64 {
+            Found::default().record(op::ATTACHMENT, &vec![0; length]).unwrap();
+        }
     }
 }
