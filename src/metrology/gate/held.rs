@@ -1,6 +1,6 @@
 //! One word for several rows on end, far from both sides: a chip or a link that hung on a 0 or on the word of an error.
 //! Medians of neighbours do not show it, for its rows are neighbours of each other. An end of the range that is held is no
-//! failed read but a sensor at its end, of which the checks of the methods speak.
+//! failed read but a sensor at its end; the methods check for that.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use super::spikes::{CURVED, REACH, SIDE, is_code_end, limit};
 use super::stale::COMMON;
 use super::{Fault, Screening};
 
-/// Marks words that are held for up to [`REACH`] rows. A longer one is the business of the search for stale rows.
+/// Marks words that are held for up to [`REACH`] rows. The search for stale rows finds longer ones.
 ///
 /// Only where the record's noise makes repeats rare: a motion without noise has plateaus.
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, blocks: &[Range<usize>]) {

@@ -209,15 +209,14 @@ fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: us
         return None;
     }
     let level = values[row] - f64::midpoint(to_left, to_right);
-    let leaves = |row: &usize| ((values[*row] - level) * off.signum()) > ON_LEVEL * limit;
-    let off = off.abs();
+    let leaves = |row: &usize| (values[*row] - level) * off.signum() > ON_LEVEL * limit;
     let on_end = (block.start..row).rev().take_while(leaves).take(LONGEST).count()
         + (row + 1..block.end).take_while(leaves).take(LONGEST).count();
     if on_end >= LONGEST {
         return None;
     }
     let mut spread: Vec<f64> = left.iter().chain(&right).map(|value| (value - level).abs()).collect();
-    (off > FAR * stats::median(&mut spread) / MEDIAN_DEVIATION).then_some(true)
+    (off.abs() > FAR * stats::median(&mut spread) / MEDIAN_DEVIATION).then_some(true)
 }
 
 /// The smaller of two differences of one sign; 0 where their signs differ.

@@ -21,7 +21,7 @@ mod tilt;
 mod triad;
 mod zero_bias;
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -113,7 +113,11 @@ impl ComputeError {
                 "write range_deg = 10 at the top, and for each contribution [[contribution]] with name, before_mg and \
                  after_mg",
             ),
-            Self::Write { .. } => Some("name a file in a folder that is there and that you may write to"),
+            Self::Record(record::RecordError::Captures(error)) => Some(error.source.try_this()),
+            Self::Write { source, .. } => Some(match source.kind() {
+                ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room on the disk and run again",
+                _ => "name a file in a folder that is there and that you may write to",
+            }),
             _ => None,
         }
     }
@@ -173,9 +177,8 @@ pub fn run(args: &Args) -> ExitCode {
             ExitCode::from(1)
         }
         Err(error) => {
-            let cause = std::error::Error::source(&error).map(|c| format!(": {c}")).unwrap_or_default();
             let hint = error.try_this().map(|hint| format!("  try: {hint}\n")).unwrap_or_default();
-            complain(&format!("{error}{cause}\n{hint}"));
+            complain(&format!("{}\n{hint}", crate::runner::chain(&error)));
             ExitCode::from(2)
         }
     }
