@@ -17,8 +17,9 @@ use crate::adapter::CanPort;
 use crate::bench::{Bench, Options, Truth};
 use crate::link_clock::{LOOK_EVERY, LinkClock};
 use crate::port::Tty;
-use crate::turntable::{Direction, TableRefusal};
+use crate::turntable::TableRefusal;
 use crate::world::{Axis, Sign};
+use gnc_rig::Along;
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);
@@ -44,7 +45,7 @@ pub enum TableError {
 
 #[derive(Debug)]
 enum Motion {
-    Orient(Direction, Axis, Sign, f64),
+    Orient(Along, Axis, Sign, f64),
     OrientUp([f64; 3], f64),
     Rotate(f64, f64),
     Spin(f64),
@@ -142,7 +143,7 @@ impl Control {
     ///
     /// # Errors
     /// [`TableError`]: the bench has ended, or the table is moving.
-    pub fn orient(&self, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableError> {
+    pub fn orient(&self, along: Along, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableError> {
         self.set_in_motion(Motion::Orient(along, axis, sign, heading_deg))
     }
 

@@ -15,8 +15,8 @@ use nix::sys::signal::{SigSet, Signal};
 use crate::bench::{Options, Speed, Truth};
 use crate::driver::{BenchGone, RunningBench, TableError};
 use crate::personality::{Personality, beside, boards};
-use crate::turntable::Direction;
 use crate::world::{Axis, Sign};
+use gnc_rig::Along;
 
 /// Largest personality file that is read: they are a page long.
 const LARGEST_FILE: u64 = 1024 * 1024;
@@ -244,9 +244,9 @@ fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
         }
         ["orient", along, axis, heading] => {
             let along = match *along {
-                "up" => Direction::Up,
-                "north" => Direction::North,
-                "polar" => Direction::Polar,
+                "up" => Along::Up,
+                "north" => Along::North,
+                "polar" => Along::Polar,
                 other => return Err(format!("\"{other}\" is not one of up, north, polar")),
             };
             let (axis, sign) = parse_signed_axis(axis)?;

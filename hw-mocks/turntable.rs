@@ -15,6 +15,7 @@
 //! - A spin ramps at [`ACCELERATION_DPS2`] to `rate (1 + rate_error_ppm)` and stays there.
 //! - A stop ramps down at [`STOP_DPS2`] from whatever runs. After a stop amid orienting the table must be oriented anew.
 
+use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 use crate::motion::{Motion, Profile, Wobble};
@@ -32,22 +33,10 @@ pub const FASTEST_DPS: f64 = 7200.0;
 /// Longest rotation: a day, beyond which somebody mistook the unit.
 pub const LONGEST_S: f64 = 86_400.0;
 
-/// Where an axis of the module points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
-    /// Up. The next axis points at the heading, clockwise from north.
-    Up,
-    /// Horizontally to true north. The next axis is turned by the heading from up, clockwise seen from the north.
-    North,
-    /// To the celestial north pole, parallel to the earth's axis. The next axis is turned by the heading from the upper
-    /// side of the meridian plane, clockwise seen from the pole.
-    Polar,
-}
-
 /// The errors of a table. All defaults are those of a good position table with a socket screwed on by hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TableModel {
-    /// Tilt of the axis: towards the reference direction (north for [`Direction::Up`], else up in the meridian), and to
+    /// Tilt of the axis: towards the reference direction (north for [`Along::Up`], else up in the meridian), and to
     /// the left of it.
     pub axis_error_arcsec: [f64; 2],
     /// Error of the heading's zero, about the axis, clockwise.
@@ -196,7 +185,7 @@ impl Turntable {
     pub fn orient(
         &mut self,
         world: &mut World,
-        along: Direction,
+        along: Along,
         (axis, sign): (Axis, Sign),
         heading_deg: f64,
         now_s: f64,
@@ -228,7 +217,7 @@ impl Turntable {
             if unit[axis.index()].abs() > unit[best.index()].abs() + 1e-9 { axis } else { best }
         });
         let sense = if unit[nearest.index()] < 0.0 { -1.0 } else { 1.0 };
-        self.take_up(world, Direction::Up, (unit, nearest), unit * sense, heading_deg, now_s)
+        self.take_up(world, Along::Up, (unit, nearest), unit * sense, heading_deg, now_s)
     }
 
     /// Begins a rotation by an angle within a span, from rest to rest, right-handed about the module's axis.
@@ -309,7 +298,7 @@ impl Turntable {
     fn take_up(
         &mut self,
         world: &mut World,
-        along: Direction,
+        along: Along,
         (module, nearest): (Vector3<f64>, Axis),
         about: Vector3<f64>,
         heading_deg: f64,
@@ -344,7 +333,7 @@ impl Turntable {
     }
 
     /// The socket on the plate in this orientation: `M E`.
-    fn seat(&mut self, along: Direction, ideal: &Rotation3<f64>) -> Rotation3<f64> {
+    fn seat(&mut self, along: Along, ideal: &Rotation3<f64>) -> Rotation3<f64> {
         // The same orientation has the same error: its dice are seeded by what it is.
         let key = ideal.matrix().iter().fold(0xcbf2_9ce4_8422_2325 ^ along as u64, |hash: u64, component| {
             (hash ^ ((component * 1e4).round() as i64).cast_unsigned()).wrapping_mul(0x0100_0000_01b3)
@@ -382,12 +371,12 @@ fn fast_enough(rate_dps: f64) -> Result<(), TableRefusal> {
 }
 
 /// The direction and the zero of its headings, in the local frame (north, west, up).
-fn frame(along: Direction, latitude_deg: f64) -> (Vector3<f64>, Vector3<f64>) {
+fn frame(along: Along, latitude_deg: f64) -> (Vector3<f64>, Vector3<f64>) {
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
     match along {
-        Direction::Up => (Vector3::z(), Vector3::x()),
-        Direction::North => (Vector3::x(), Vector3::z()),
-        Direction::Polar => (Vector3::new(cos, 0.0, sin), Vector3::new(-sin, 0.0, cos)),
+        Along::Up => (Vector3::z(), Vector3::x()),
+        Along::North => (Vector3::x(), Vector3::z()),
+        Along::Polar => (Vector3::new(cos, 0.0, sin), Vector3::new(-sin, 0.0, cos)),
     }
 }
 

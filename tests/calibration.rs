@@ -7,8 +7,9 @@ use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-use gnc_station::capture::{Along, Pose};
-use gnc_station::raw::{self, RawRecord};
+use gnc_analysis::capture::Pose;
+use gnc_records::raw::{self, RawRecord};
+use gnc_rig::Along;
 use gnc_tests::{Place, Run, bad_items, read_json, repository};
 use serde_json::Value;
 

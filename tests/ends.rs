@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdout, Stdio};
 use std::time::Instant;
 
-use gnc_station::store::{captures, chain, reader};
+use gnc_records::store::{captures, chain, reader};
 use gnc_tests::{Board, Place, functional_plan, read_json, repository};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};

@@ -1,13 +1,13 @@
 //! The sixty figures of stability and repeatability: five modules of the published table, six axes, against what the true
 //! noise of the simulated module gives, by a parametric bootstrap. Samples come from the sensors alone, without frames.
 
+use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
+use gnc_analysis::figures::{Findings, Question, analyse};
+use gnc_protocol::stream::Losses;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;
-use gnc_station::board::stream::Losses;
-use gnc_station::capture::{About, Capture, Pose, Receiver, Timing};
-use gnc_station::figures::{Findings, Question, analyse};
 use hw_mocks::devices::inertial::model::{PUBLISHED, Published};
 use hw_mocks::devices::inertial::noise::{AxisNoise, FLICKER_S};
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadModel};

@@ -117,7 +117,7 @@ impl Place {
         if !records.exists() {
             return Vec::new();
         }
-        let found = gnc_station::store::reader::list(&records).expect("records");
+        let found = gnc_records::store::reader::list(&records).expect("records");
         found.into_iter().map(|run| run.path).collect()
     }
 

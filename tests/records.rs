@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gnc_executive::event::Event;
 use gnc_executive::journal;
 use gnc_executive::state::RunState;
-use gnc_station::store::reader;
+use gnc_records::store::reader;
 use gnc_tests::{Place, functional_plan, read_json};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;

@@ -6,8 +6,8 @@
 use std::fs::{self, File};
 use std::path::Path;
 
-use gnc_station::capture::{Capture, HostView};
-use gnc_station::raw::{self, Piece, RawWriter};
+use gnc_analysis::capture::{Capture, HostView};
+use gnc_records::raw::{self, Piece, RawWriter};
 use gnc_tests::{Place, Run, read_json};
 use serde_json::Value;
 

@@ -6,7 +6,7 @@ use gnc_executive::event::Event;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use gnc_executive::{journal, text};
-use gnc_station::{passport, report};
+use gnc_records::{passport, report};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

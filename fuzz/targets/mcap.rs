@@ -5,7 +5,7 @@
 
 use std::io::Cursor;
 
-use gnc_station::raw::{self, RawRecord, RawWriter};
+use gnc_records::raw::{self, RawRecord, RawWriter};
 use libfuzzer_sys::fuzz_target;
 
 /// By which a file is known.

@@ -4,8 +4,9 @@ use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 use super::Bench;
-use crate::turntable::{Direction, TableRefusal};
+use crate::turntable::TableRefusal;
 use crate::world::{Axis, Sign};
+use gnc_rig::Along;
 
 /// Somebody who waits for bench time to pass.
 #[derive(Debug)]
@@ -47,7 +48,7 @@ impl Bench {
     ///
     /// # Errors
     /// As [`crate::turntable::Turntable::orient`], and so the next ones.
-    pub fn orient(&mut self, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
+    pub fn orient(&mut self, along: Along, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient(&mut self.board.world, along, (axis, sign), heading_deg, now_s)
     }

@@ -360,7 +360,7 @@ impl raw::Wire {
     }
 }
 
-impl raw::Direction {
+impl raw::Along {
     fn check(&self) -> Result<WireRates, Mistake> {
         let share = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 1e6, 0.0);
         let span = |value: &Option<Spanned<f64>>, name| number(value.as_ref(), name, 0.0, 60_000.0, 0.0);

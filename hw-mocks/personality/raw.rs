@@ -344,15 +344,15 @@ pub(super) struct Turntable {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Wire {
-    pub(super) both: Direction,
-    pub(super) to_host: Option<Direction>,
-    pub(super) to_board: Option<Direction>,
+    pub(super) both: Along,
+    pub(super) to_host: Option<Along>,
+    pub(super) to_board: Option<Along>,
     pub(super) can_lose_every: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct Direction {
+pub(super) struct Along {
     pub(super) lost_bytes_per_million: Option<Spanned<f64>>,
     pub(super) lost_byte_at: Option<Spanned<u32>>,
     pub(super) flipped_bits_per_million: Option<Spanned<f64>>,

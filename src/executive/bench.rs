@@ -34,9 +34,9 @@ use serde::{Deserialize, Serialize};
 pub use fixture::Fixture;
 
 use crate::mistake::{Mistakes, Source};
-use crate::printable::quoted;
 use crate::quantity::{Dimension, Quantity, Unit};
 use crate::spanned::{Table, Walk, parse};
+use gnc_text::quoted;
 
 /// Bytes of a bench file; one has about 1 kB.
 pub const MAX_BENCH_BYTES: usize = 64 << 10;

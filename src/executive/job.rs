@@ -5,9 +5,9 @@ use crate::event::{PlannedItem, StopHow};
 use crate::mistake::{Mistake, Mistakes};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
-use crate::printable::quoted;
 use crate::state::{Attempt, Row, RunState};
 use crate::suggest::nearest;
+use gnc_text::quoted;
 
 /// What a bench can do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

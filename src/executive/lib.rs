@@ -20,7 +20,6 @@ pub mod mistake;
 mod number;
 pub mod outcome;
 pub mod plan;
-pub mod printable;
 pub mod quantity;
 pub mod record;
 mod spanned;

@@ -10,8 +10,8 @@ use std::fmt;
 
 use crate::number;
 use crate::outcome::Outcome;
-use crate::printable::{printable, quoted};
 use crate::quantity::{Dimension, Quantity, QuantityError, Unit, number_and_unit, with_unit};
+use gnc_text::{printable, quoted};
 
 /// Stands in a limit for the serial number that was scanned for this run.
 pub const SERIAL_NUMBER: &str = "$serial_number";

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::limit::{self, Limit};
 use crate::number;
 use crate::outcome::Outcome;
-use crate::printable::printable;
 use crate::quantity::{Quantity, Unit, with_unit};
 use crate::uncertainty::{Decision, Uncertainty};
+use gnc_text::printable;
 
 /// What a procedure measured.
 #[derive(Clone, Debug, PartialEq)]

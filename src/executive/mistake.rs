@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use crate::printable::{printable, quoted, shortened};
+use gnc_text::{printable, quoted, shortened};
 
 /// Mistakes that are kept; a file with more is not a file of ours, and nobody reads on.
 pub const MAX_MISTAKES: usize = 50;

@@ -10,8 +10,8 @@ mod unit;
 use std::fmt;
 
 use crate::number;
-use crate::printable::quoted;
 use crate::suggest::nearest;
+use gnc_text::quoted;
 
 pub use unit::Unit;
 

@@ -10,9 +10,9 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::mistake::{Mistakes, Source, syntax_message};
-use crate::printable::quoted;
 use crate::quantity::{Dimension, Quantity, Unit};
 use crate::suggest::nearest;
+use gnc_text::quoted;
 
 /// Bytes of a file that are marked at a mistake.
 pub(crate) type Span = Range<usize>;

@@ -146,13 +146,13 @@ pub enum OutOfOrder {
         kind: &'static str,
     },
     /// Two rows would have one name.
-    #[error("item {} is planned twice", crate::printable::quoted(item))]
+    #[error("item {} is planned twice", gnc_text::quoted(item))]
     PlannedTwice {
         /// Name of the item.
         item: String,
     },
     /// No row has this name.
-    #[error("event {seq} is {kind} of the item {}, which is not planned", crate::printable::quoted(item))]
+    #[error("event {seq} is {kind} of the item {}, which is not planned", gnc_text::quoted(item))]
     UnknownItem {
         /// Number of the event.
         seq: u64,
@@ -162,7 +162,7 @@ pub enum OutOfOrder {
         item: String,
     },
     /// The item is not in the state in which this can happen.
-    #[error("event {seq} is {kind} of {}, which {state}", crate::printable::quoted(item))]
+    #[error("event {seq} is {kind} of {}, which {state}", gnc_text::quoted(item))]
     Item {
         /// Number of the event.
         seq: u64,

@@ -10,8 +10,8 @@ use std::fmt::Write as _;
 use crate::event::BenchKind;
 use crate::measurement::{Measurement, Reading};
 use crate::outcome::{Outcome, words};
-use crate::printable::{printable, shortened};
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
+use gnc_text::{printable, shortened};
 
 pub use log::log_txt;
 

@@ -110,6 +110,25 @@ pub struct StreamFrame {
     pub samples: heapless::Vec<u8, MAX_SAMPLE_BYTES>,
 }
 
+/// What is missing from a stream, by place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Losses {
+    /// Samples that came.
+    pub received: u32,
+    /// Samples that the board could not send.
+    pub on_board: u32,
+    /// Samples that left the board and did not arrive.
+    pub on_line: u32,
+}
+
+impl Losses {
+    /// Whether any sample is missing.
+    #[must_use]
+    pub fn any(&self) -> bool {
+        self.on_board > 0 || self.on_line > 0
+    }
+}
+
 impl Wire for StreamFrame {
     fn put(&self, writer: &mut Writer) -> Result<(), Overflow> {
         self.head.put(writer)?;

@@ -15,19 +15,20 @@ use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
 use gnc_executive::job::Job;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{OnFail, Plan};
+use gnc_text::with_causes;
 
 use crate::cli::{OnFailArg, RunArgs, complain, refuse};
-use crate::control::Control;
 use crate::files;
-use crate::fixture::{Fixture, Operator};
 use crate::records;
-use crate::resume::Resumed;
-use crate::runner::journal::Journal;
-use crate::runner::{self, Ending, Live, Order, chain};
 use crate::serial_number;
 use crate::setup::{self, Setup};
-use crate::store::{RunFolder, Scribe, StationKey, Watcher, digest, seal_interrupted};
 use face::Face;
+use gnc_bench::control::Control;
+use gnc_bench::fixture::{Fixture, Operator};
+use gnc_bench::journal::Journal;
+use gnc_bench::runner::{self, Ending, Live, Order};
+use gnc_records::resume::Resumed;
+use gnc_records::store::{RunFolder, Scribe, StationKey, Watcher, digest, seal_interrupted};
 
 /// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
@@ -158,16 +159,16 @@ fn counts(ends: &[Outcome]) -> String {
 
 /// The run that is taken up again, if it is like the one that is to begin.
 fn taken_up(run: &std::path::Path, records: &std::path::Path, header: &RunHeader) -> Result<Resumed, Refusal> {
-    let runs = records::resolve(records, run).map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
+    let runs = records::resolve(records, run).map_err(|error| Refusal::new(with_causes(&error), error.try_this()))?;
     let [folder] = runs.as_slice() else {
-        let shown = gnc_executive::printable::quoted(&run.to_string_lossy());
+        let shown = gnc_text::quoted(&run.to_string_lossy());
         let what = match runs.len() {
             0 => format!("there is no run {shown}"),
             more => format!("{shown} names {more} runs"),
         };
         return Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"));
     };
-    Resumed::read(folder, header).map_err(|error| Refusal::new(chain(&error), error.try_this()))
+    Resumed::read(folder, header).map_err(|error| Refusal::new(with_causes(&error), error.try_this()))
 }
 
 async fn one_round(
@@ -177,7 +178,7 @@ async fn one_round(
     (records, key): (&std::path::Path, Option<&StationKey>),
     control: &Control,
 ) -> Result<Ending, Refusal> {
-    let store_refusal = |error: crate::store::StoreError| Refusal::new(chain(&error), error.try_this());
+    let store_refusal = |error: gnc_records::store::StoreError| Refusal::new(with_causes(&error), error.try_this());
     // Before power-on, so that no module is tested whose record cannot be kept.
     let folder = RunFolder::create(records, Local::now().fixed_offset(), &order.header.serial_number, &plan.name)
         .map_err(store_refusal)?
@@ -195,7 +196,7 @@ async fn one_round(
         complain(
             format_args!(
                 "ERRORED: this run is no pass, since its record could not be written: {}; what there is lies in {}",
-                chain(error),
+                with_causes(error),
                 path.display()
             ),
             error.try_this(),

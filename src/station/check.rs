@@ -9,7 +9,8 @@ use gnc_executive::plan::Plan;
 
 use crate::auto::Refusal;
 use crate::cli::{USAGE, refuse};
-use crate::{files, motion, setup};
+use crate::{files, setup};
+use gnc_analysis::motion;
 
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCode {
     let abilities = match abilities(bench, sim) {

@@ -10,17 +10,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use gnc_executive::printable::printable;
+use gnc_text::printable;
+use gnc_text::with_causes;
 
-pub(crate) use self::table::labels;
 use self::table::{Kind, Table};
-use crate::capture::Capture;
 use crate::cli::{complain, refuse};
-use crate::raw::RawRecord;
 use crate::records;
-use crate::runner::chain;
-use crate::store::captures::{self, CapturesError};
-use crate::store::{StoreError, on};
+use gnc_analysis::capture::Capture;
+use gnc_records::raw::RawRecord;
+use gnc_records::store::captures::{self, CapturesError};
+use gnc_records::store::{StoreError, on};
 
 /// The form of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -84,7 +83,7 @@ pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>)
             }
             ExitCode::SUCCESS
         }
-        Err(error) => refuse(chain(&error), error.try_this()),
+        Err(error) => refuse(with_causes(&error), error.try_this()),
     }
 }
 

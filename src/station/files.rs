@@ -8,7 +8,7 @@ use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
 
 use crate::auto::Refusal;
-use crate::motion;
+use gnc_analysis::motion;
 
 /// Reads and checks a plan with all that it includes.
 pub(crate) fn plan(path: &Path) -> Result<Plan, Refusal> {

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use gnc_executive::printable::printable;
+use gnc_text::printable;
 use serialport::SerialPortType;
 
 /// Lists the serial ports of this computer.

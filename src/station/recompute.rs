@@ -11,15 +11,15 @@ use std::process::ExitCode;
 
 use gnc_executive::event::{EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
-use gnc_executive::printable::printable;
 use gnc_executive::state::RunState;
+use gnc_text::printable;
+use gnc_text::with_causes;
 
 use crate::cli::{complain, refuse};
 use crate::files;
 use crate::records;
-use crate::runner::chain;
-use crate::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
 use again::Again;
+use gnc_records::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
 use source::{Run, RunError};
 
 /// Exit code where something is not as it was.
@@ -43,7 +43,7 @@ pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
         None => same(&folder),
         Some(plan) => other(&folder, plan),
     };
-    done.unwrap_or_else(|error| refuse(chain(&error), error.try_this()))
+    done.unwrap_or_else(|error| refuse(with_causes(&error), error.try_this()))
 }
 
 fn same(folder: &Path) -> Result<ExitCode, RunError> {

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_executive::event::BenchKind;
-use gnc_executive::printable::printable;
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
+use gnc_text::printable;
 
 use crate::cli::{RecordsCommand, complain, refuse};
-use crate::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
+use gnc_records::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -24,11 +24,11 @@ pub(crate) fn run(what: &RecordsCommand, records: &Path) -> ExitCode {
         }),
         RecordsCommand::Verify { runs, key } => match key.as_deref().map(PublicKey::read).transpose() {
             Ok(key) => verify(records, runs, key.as_ref()),
-            Err(error) => return refuse(crate::runner::chain(&error), error.try_this()),
+            Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
         },
         RecordsCommand::Key { file } => return make_key(file),
     };
-    done.unwrap_or_else(|error| refuse(crate::runner::chain(&error), error.try_this()))
+    done.unwrap_or_else(|error| refuse(gnc_text::with_causes(&error), error.try_this()))
 }
 
 fn make_key(file: &Path) -> ExitCode {
@@ -39,7 +39,7 @@ fn make_key(file: &Path) -> ExitCode {
             let _ = writeln!(out, "{}: give it to whoever verifies records", public.display());
             ExitCode::SUCCESS
         }
-        Err(error) => refuse(crate::runner::chain(&error), error.try_this()),
+        Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
     }
 }
 
@@ -161,7 +161,7 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
 /// The exit code, after a word to the user: there is none, there are several, or they cannot be read.
 pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
     match resolve(records, named) {
-        Err(error) => Err(refuse(crate::runner::chain(&error), error.try_this())),
+        Err(error) => Err(refuse(gnc_text::with_causes(&error), error.try_this())),
         Ok(mut runs) if runs.len() <= 1 => runs.pop().ok_or_else(|| no_such(named)),
         Ok(runs) => {
             let what = format!("there are {} runs of {}", runs.len(), printable(&named.to_string_lossy()));

@@ -1,6 +1,6 @@
 //! Serial numbers as scanned: from outside, so they may hold anything.
 
-use gnc_executive::printable::quoted;
+use gnc_text::quoted;
 
 /// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
 pub(crate) const MAX_CHARACTERS: usize = 64;

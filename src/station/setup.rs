@@ -11,10 +11,10 @@ use crate::cli::RunArgs;
 #[cfg(feature = "sim")]
 use crate::cli::SimLink;
 use crate::files;
-use crate::fixture::Fixture;
-use crate::link::Target;
-use crate::link::can::CanTarget;
-use crate::store::StationKey;
+use gnc_bench::fixture::Fixture;
+use gnc_link::Target;
+use gnc_link::can::CanTarget;
+use gnc_records::store::StationKey;
 
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
@@ -151,7 +151,7 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
     let interfaces = args.sim_can.as_deref().map(|names| names.split_once(',').unwrap_or((names, names)));
     if let Some((_, board)) = interfaces {
         // What it says of an interface that is not there is better than what the simulated board could.
-        let open = crate::link::can::check_interface(board);
+        let open = gnc_link::can::check_interface(board);
         open.map_err(|error| Refusal::new(&error, error.try_this()))?;
     }
     let running = RunningBench::start_with(&options, interfaces.map(|(_, board)| board))
@@ -176,7 +176,7 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
         target,
         can: Some(can),
         abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
-        fixture: Fixture::Simulated(running.control()),
+        fixture: Fixture::Driven(std::sync::Arc::new(running.control())),
         site: file.site,
         simulation: Some(running),
     })
@@ -190,7 +190,7 @@ fn speed(text: &str) -> Result<hw_mocks::Speed, Refusal> {
     match text.parse::<f64>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(hw_mocks::Speed::Times(factor)),
         _ => {
-            let shown = gnc_executive::printable::quoted(text);
+            let shown = gnc_text::quoted(text);
             Err(Refusal::new(format!("{shown} is no speed of simulated time"), "use a factor such as 10, or max"))
         }
     }
@@ -213,7 +213,7 @@ pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
 fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, Refusal> {
     let Some(key) = &file.key else { return Ok(None) };
     let path = folder.unwrap_or_else(|| Path::new("")).join(key);
-    StationKey::read(&path).map(Some).map_err(|error| Refusal::new(crate::runner::chain(&error), error.try_this()))
+    StationKey::read(&path).map(Some).map_err(|error| Refusal::new(gnc_text::with_causes(&error), error.try_this()))
 }
 
 /// A folder in a bench file goes from the folder of that file.

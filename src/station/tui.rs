@@ -31,8 +31,8 @@ use tokio::sync::{mpsc, watch};
 
 use crate::auto::Refusal;
 use crate::cli::{OnFailArg, RunArgs, complain, refuse};
-use crate::runner::Live;
 use crate::serial_number;
+use gnc_bench::runner::Live;
 use model::{AfterFailure, Loaded, Model, Rounds};
 use session::{Session, Signals};
 use show::{Clock, Inbox};

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use chrono::{DateTime, FixedOffset};
+use gnc_bench::fixture::Fixture;
+use gnc_bench::runner::Order;
 use gnc_executive::bench::BenchFile;
 use gnc_executive::event::{Bench, EVENTS_SCHEMA, PlanInfo, Program, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::plan::Plan;
-use gnc_station::fixture::Fixture;
-use gnc_station::link::Target;
-use gnc_station::link::can::CanTarget;
-use gnc_station::runner::Order;
-use gnc_station::store::{RunFolder, digest};
+use gnc_link::Target;
+use gnc_link::can::CanTarget;
+use gnc_records::store::{RunFolder, digest};
 
 use super::case::{Case, Link};
 

@@ -6,14 +6,14 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use chrono::Local;
+use gnc_bench::control::Control;
+use gnc_bench::fixture::Fixture;
+use gnc_bench::journal::Journal;
+use gnc_bench::runner::{self, Live};
 use gnc_executive::outcome::Outcome;
-use gnc_station::control::Control;
-use gnc_station::fixture::Fixture;
-use gnc_station::link::Target;
-use gnc_station::link::can::CanTarget;
-use gnc_station::runner::journal::Journal;
-use gnc_station::runner::{self, Live};
-use gnc_station::store::{Scribe, Watcher};
+use gnc_link::Target;
+use gnc_link::can::CanTarget;
+use gnc_records::store::{Scribe, Watcher};
 use hw_mocks::{Cable, RunningBench, Speed};
 use tokio::time::Instant;
 
@@ -51,7 +51,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         Link::Rs422 => Target::Serial { port: port.clone(), rate_baud: options.rate_baud },
         Link::Can => Target::Can(can.clone()),
     };
-    let fixture = Fixture::Simulated(hands.clone());
+    let fixture = Fixture::Driven(std::sync::Arc::new(hands.clone()));
     let ordered = order(case, "max", (target, can), fixture, place, Local::now().fixed_offset())?;
     let station = Station { control: control.clone(), told, ordered };
     let thread = std::thread::Builder::new()

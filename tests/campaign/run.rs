@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
-use gnc_station::store::reader;
+use gnc_records::store::reader;
 use hw_mocks::{LineTruth, Options, Personality, Speed};
 use tokio::time::Instant;
 

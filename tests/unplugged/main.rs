@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use cable::Cable;
-use gnc_station::store::reader;
+use gnc_records::store::reader;
 use gnc_tests::{Board, Place, functional_plan};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;

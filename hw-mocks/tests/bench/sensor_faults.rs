@@ -1,8 +1,9 @@
 //! Each sensor fault has the size and the place that its board states, and leaves all else as it was.
 
+use gnc_rig::Along;
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadFaults};
 use hw_mocks::world::{Influence, Site, World};
-use hw_mocks::{Axis, Direction, Sign};
+use hw_mocks::{Axis, Sign};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::host::Host;
@@ -174,7 +175,7 @@ fn one_magnetometer_saturates_in_the_vertical_field_only() {
     }
     let mut most = 0.0_f64;
     for heading_deg in 0..36 {
-        host.bench.orient(Direction::North, Axis::Z, Sign::Plus, f64::from(heading_deg) * 10.0).unwrap();
+        host.bench.orient(Along::North, Axis::Z, Sign::Plus, f64::from(heading_deg) * 10.0).unwrap();
         let (done, still) = std::sync::mpsc::channel();
         host.bench.wait_still(done);
         while still.try_recv().is_err() {

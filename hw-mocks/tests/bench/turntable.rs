@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 use gnc_protocol::message::{StreamStart, StreamStop};
 use gnc_protocol::stream::ImuSample;
 use gnc_protocol::wire::Wire;
-use hw_mocks::{Axis, Direction, RunningBench, Sign, Speed, TableError, TableModel, TableRefusal};
+use gnc_rig::Along;
+use hw_mocks::{Axis, RunningBench, Sign, Speed, TableError, TableModel, TableRefusal};
 use nalgebra::Vector3;
 
 use crate::host::{Host, options};
@@ -31,7 +32,7 @@ fn settle(host: &mut Host) {
     panic!("the table never came to rest");
 }
 
-fn orient(host: &mut Host, along: Direction, axis: Axis, sign: Sign, heading_deg: f64) {
+fn orient(host: &mut Host, along: Along, axis: Axis, sign: Sign, heading_deg: f64) {
     host.bench.orient(along, axis, sign, heading_deg).unwrap();
     settle(host);
 }
@@ -48,13 +49,13 @@ fn orientations_point_where_they_say() {
     for axis in Axis::ALL {
         for sign in [Sign::Plus, Sign::Minus] {
             let along = |v: Vector3<f64>| v[axis.index()] * sign.factor();
-            orient(&mut host, Direction::Polar, axis, sign, 77.0);
+            orient(&mut host, Along::Polar, axis, sign, 77.0);
             assert!((along(rate_dph(&host)) - EARTH_DPH).abs() < 1e-4);
             assert!(rate_dph(&host).norm() < EARTH_DPH + 1e-4);
-            orient(&mut host, Direction::North, axis, sign, 200.0);
+            orient(&mut host, Along::North, axis, sign, 200.0);
             assert!((along(rate_dph(&host)) - EARTH_DPH * latitude.cos()).abs() < 1e-4);
             assert!(along(host.bench.truth().influence.force).abs() < 1e-9);
-            orient(&mut host, Direction::Up, axis, sign, 90.0);
+            orient(&mut host, Along::Up, axis, sign, 90.0);
             let truth = host.bench.truth();
             assert!((along(truth.influence.force) - truth.gravity).abs() < 1e-9);
             assert!((along(rate_dph(&host)) - EARTH_DPH * latitude.sin()).abs() < 1e-4);
@@ -70,7 +71,7 @@ fn orientations_point_where_they_say() {
         }
     }
     // With Z to the pole, X at heading 0 lies in the meridian plane above: it sees cos(latitude) of gravity.
-    orient(&mut host, Direction::Polar, Axis::Z, Sign::Plus, 0.0);
+    orient(&mut host, Along::Polar, Axis::Z, Sign::Plus, 0.0);
     let truth = host.bench.truth();
     assert!((truth.influence.force.x - truth.gravity * latitude.cos()).abs() < 1e-6, "{}", truth.influence.force);
 }
@@ -100,7 +101,7 @@ fn rotations_turn_by_their_angle() {
     for (text, about) in [(PERFECT, 0.002), ("", 0.02)] {
         let mut host = Host::powered(text);
         for axis in Axis::ALL {
-            orient(&mut host, Direction::Polar, axis, Sign::Plus, 0.0);
+            orient(&mut host, Along::Polar, axis, Sign::Plus, 0.0);
             let before = host.bench.truth().attitude;
             for angle_deg in [1080.0, -1080.0] {
                 host.frames.clear();
@@ -137,7 +138,7 @@ fn rotations_turn_by_their_angle() {
 fn the_mounting_shows_as_coupling() {
     let text = format!("{}\n", PERFECT.replace("mounting_deg = [0, 0, 0]", "mounting_deg = [0, 0, 0.1]"));
     let mut host = Host::powered(&text);
-    orient(&mut host, Direction::Up, Axis::X, Sign::Plus, 0.0);
+    orient(&mut host, Along::Up, Axis::X, Sign::Plus, 0.0);
     let axis = host.bench.truth().table.axis_module;
     assert!((axis.y.abs() - 1.745e-3).abs() < 1e-6 && axis.x > 0.999, "{axis}");
     host.bench.spin(100.0).unwrap();
@@ -154,7 +155,7 @@ fn the_mounting_shows_as_coupling() {
 #[test]
 fn errors_are_small_and_belong_to_the_orientation() {
     let arcsec = |host: &mut Host, axis| {
-        orient(host, Direction::Up, axis, Sign::Plus, 0.0);
+        orient(host, Along::Up, axis, Sign::Plus, 0.0);
         let truth = host.bench.truth();
         let up = (truth.influence.force / truth.gravity)[axis.index()];
         up.acos().to_degrees() * 3600.0
@@ -178,7 +179,7 @@ fn errors_are_small_and_belong_to_the_orientation() {
 fn a_spin_ramps_up_swings_and_stops() {
     let text = PERFECT.replace("lever_arm_mm = [0, 0, 0]", "lever_arm_mm = [10, 0, 0]");
     let mut host = Host::powered(&text);
-    orient(&mut host, Direction::North, Axis::Z, Sign::Plus, 0.0);
+    orient(&mut host, Along::North, Axis::Z, Sign::Plus, 0.0);
     host.bench.spin(5400.0).unwrap();
     let pass = |host: &mut Host, span_s: f64| {
         let (done, awake) = std::sync::mpsc::channel();
@@ -216,16 +217,16 @@ fn the_table_refuses_what_it_cannot_do() {
     assert!(matches!(bench.spin(f64::INFINITY), Err(TableRefusal::NoNumber { what: "rate", .. })));
     assert!(matches!(bench.spin(-8000.0), Err(TableRefusal::TooFast { .. })));
     bench.rotate(1080.0, 5.0).unwrap();
-    assert_eq!(bench.orient(Direction::Up, Axis::X, Sign::Plus, 0.0), Err(TableRefusal::Moving));
+    assert_eq!(bench.orient(Along::Up, Axis::X, Sign::Plus, 0.0), Err(TableRefusal::Moving));
     assert_eq!(bench.rotate(1080.0, 5.0), Err(TableRefusal::Moving));
     settle(&mut host);
-    host.bench.orient(Direction::Up, Axis::X, Sign::Plus, 0.0).unwrap();
+    host.bench.orient(Along::Up, Axis::X, Sign::Plus, 0.0).unwrap();
     assert_eq!(host.bench.spin(10.0), Err(TableRefusal::Moving));
     host.bench.stop();
     settle(&mut host);
     // Stopped at the start of the way, with a hair moved: nobody knows how it lies.
     assert_eq!(host.bench.rotate(10.0, 5.0), Err(TableRefusal::NotOriented));
-    orient(&mut host, Direction::Up, Axis::X, Sign::Plus, 0.0);
+    orient(&mut host, Along::Up, Axis::X, Sign::Plus, 0.0);
     host.bench.rotate(10.0, 5.0).unwrap();
     assert_eq!(
         TableError::from(TableRefusal::TooFast { rate_dps: 9000.0 }).to_string(),
@@ -242,7 +243,7 @@ fn waiting_for_the_table_never_hangs() {
     let started = Instant::now();
     control.wait_still().unwrap();
     for axis in Axis::ALL {
-        control.orient(Direction::Polar, axis, Sign::Minus, 0.0).unwrap();
+        control.orient(Along::Polar, axis, Sign::Minus, 0.0).unwrap();
         assert!(control.moving().unwrap());
         control.wait_still().unwrap();
         assert!(!control.moving().unwrap());

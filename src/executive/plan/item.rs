@@ -3,11 +3,11 @@
 use super::closure::check_name;
 use super::{ItemPlace, Phase, PlanItem, limits, params};
 use crate::catalogue::{ItemId, ParamKind};
-use crate::printable::quoted;
 use crate::quantity::Dimension;
 use crate::spanned::{Span, Table, Walk};
 use crate::suggest::nearest;
 use crate::uncertainty::Decision;
+use gnc_text::quoted;
 
 /// Tries of an item: one that fails ten times will fail again.
 const MAX_ATTEMPTS: i64 = 10;

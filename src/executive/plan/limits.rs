@@ -6,10 +6,10 @@ use toml::de::DeValue;
 use super::{ItemLimit, Params};
 use crate::catalogue::{ItemId, MeasurementSpec};
 use crate::limit::{Kind, Limit, LimitError};
-use crate::printable::quoted;
 use crate::quantity::Unit;
 use crate::spanned::{Entry, Span, Table, Walk};
 use crate::suggest::nearest;
+use gnc_text::quoted;
 
 /// How exactly a key names a measurement; the more exact one counts.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

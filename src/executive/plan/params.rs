@@ -6,10 +6,10 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 use crate::catalogue::{ItemId, ParamKind, When};
-use crate::printable::quoted;
 use crate::quantity::{Quantity, Unit};
 use crate::spanned::{Table, Walk, integer, quantity, texts};
 use crate::suggest::nearest;
+use gnc_text::quoted;
 
 /// Every parameter of an item.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,7 +6,7 @@ use std::fmt;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use super::{Dimension, spelling};
-use crate::printable::quoted;
+use gnc_text::quoted;
 
 /// A unit that plans and measurements may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

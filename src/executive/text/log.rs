@@ -7,8 +7,8 @@ use chrono::{DateTime, FixedOffset};
 use super::{banners, duration, error_record, failing_rows, item_line, measurement_line, verdict_line};
 use crate::event::{BenchKind, Level};
 use crate::outcome::words;
-use crate::printable::printable;
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
+use gnc_text::printable;
 
 /// The run as a text file; every line ends with a line feed.
 pub fn log_txt(record: &RunRecord) -> String {

@@ -12,17 +12,17 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use chrono::Local;
+use gnc_bench::journal::Journal;
+use gnc_board::stream::Stream;
+use gnc_board::{Advance, Board, BoardError, Desk};
 use gnc_executive::event::{Bench, EVENTS_SCHEMA, EventKind, PlanInfo, Program, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job, Next};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Plan;
+use gnc_link::{Link, Target};
 use gnc_protocol::message::{ModulePower, StreamStart};
 use gnc_protocol::stream::{StreamFrame, StreamId};
-use gnc_station::board::stream::Stream;
-use gnc_station::board::{Advance, Board, BoardError, Desk};
-use gnc_station::link::{Link, Target};
-use gnc_station::runner::journal::Journal;
-use gnc_station::store::{RunFolder, Scribe};
+use gnc_records::store::{RunFolder, Scribe};
 use hw_mocks::{Options, RunningBench, Speed};
 use tokio::sync::watch;
 

@@ -7,12 +7,12 @@ use gnc_metrology::allan::{self, Absence, Analysis, Coefficient, Input, Kind, Ta
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
-use super::plot::{Mark, Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
 use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use crate::figures::fit_json;
+use gnc_analysis::figures::fit_json;
+use gnc_plot::{Mark, Panel, Series};
 
 /// Which deviation.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]

@@ -9,11 +9,11 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::gate::GateColumns;
-use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
 use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+use gnc_plot::{Panel, Series};
 
 #[derive(Debug, Args)]
 pub(super) struct Ellipse {

@@ -8,7 +8,6 @@ mod allan;
 pub mod fuzzing;
 mod gate;
 mod magnetometer;
-pub(crate) mod plot;
 mod record;
 mod repeatability;
 mod report;
@@ -26,11 +25,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args as ClapArgs, Subcommand};
-use gnc_executive::printable::printable;
 use gnc_metrology::Refusal;
+use gnc_text::printable;
 use thiserror::Error;
 
-use plot::Panel;
+use gnc_plot::Panel;
 use report::Report;
 use table::{Reading, TableError};
 
@@ -160,7 +159,7 @@ pub fn run(args: &Args) -> ExitCode {
     let (name, outcome) = args.outcome();
     let outcome = outcome.and_then(|outcome| {
         if let Some(path) = &args.plot {
-            write(path, &plot::svg(&outcome.panels))?;
+            write(path, &gnc_plot::svg(&outcome.panels))?;
         }
         Ok(outcome)
     });
@@ -178,7 +177,7 @@ pub fn run(args: &Args) -> ExitCode {
         }
         Err(error) => {
             let hint = error.try_this().map(|hint| format!("  try: {hint}\n")).unwrap_or_default();
-            complain(&format!("{}\n{hint}", crate::runner::chain(&error)));
+            complain(&format!("{}\n{hint}", gnc_text::with_causes(&error)));
             ExitCode::from(2)
         }
     }

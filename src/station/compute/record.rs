@@ -11,9 +11,8 @@ use thiserror::Error;
 
 use super::ComputeError;
 use super::table::{About, Clock, Columns, Reading, Table, Wanted};
-use crate::capture::{Capture, Pose};
-use crate::export::labels;
-use crate::store::captures::{self, CapturesError};
+use gnc_analysis::capture::{Capture, Pose};
+use gnc_records::store::captures::{self, CapturesError};
 
 /// Three sensors of one kind, whose outputs are `x`, `y`, `z`.
 #[derive(Debug, Clone, Copy)]
@@ -97,7 +96,7 @@ impl Raw {
     /// Every still capture has an axis up, and none comes twice: then their names are labels.
     fn has_positions(&self) -> bool {
         let still = self.captures.iter().filter(|capture| matches!(capture.about.pose, Pose::Still { .. }));
-        let mut names: Vec<String> = still.map(|capture| labels(capture).0).collect();
+        let mut names: Vec<String> = still.map(|capture| capture.about.position_and_run().0).collect();
         let count = names.len();
         names.sort();
         names.dedup();
@@ -133,7 +132,7 @@ impl Raw {
         let of_positions = wanted.numbers.contains(&"ux");
         let mut used: Vec<&Capture> = Vec::new();
         for capture in &self.captures {
-            let (position, run) = labels(capture);
+            let (position, run) = capture.about.position_and_run();
             let label = match wanted.label {
                 Some(("position", allowed)) => Some((position, allowed)),
                 Some((_, allowed)) => Some((run, allowed)),

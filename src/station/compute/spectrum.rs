@@ -7,11 +7,11 @@ use gnc_metrology::{psd, stability};
 use serde_json::{Value, json};
 
 use super::gate::{GateColumns, Gated};
-use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::Report;
 use super::table::{Columns, Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+use gnc_plot::{Panel, Series};
 
 /// One column of a record with a rate.
 #[derive(Debug, Args)]

@@ -7,7 +7,7 @@ use clap::Parser;
 use gnc_metrology::position::{LABELS, up_of};
 use serde_json::Value;
 
-use super::{Args, ComputeError, Outcome, plot};
+use super::{Args, ComputeError, Outcome};
 
 #[derive(Parser)]
 struct Command {
@@ -98,7 +98,7 @@ fn gives(words: &str, record: &str, keys: &str) -> Value {
             value = value.get(0).unwrap_or(value).get(part).unwrap_or_else(|| panic!("{words}: no {key} in {json:#}"));
         }
     }
-    let (table, svg) = (outcome.report.table(), plot::svg(&outcome.panels));
+    let (table, svg) = (outcome.report.table(), gnc_plot::svg(&outcome.panels));
     assert!(table.lines().count() > 3 && !table.contains("NaN"), "{table}");
     assert!(
         svg.starts_with("<svg")

@@ -8,10 +8,10 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::gate::GateColumns;
-use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Reading, Table, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+use gnc_plot::{Panel, Series};
 
 /// Labels of a flip.
 const SIDES: [&str; 2] = ["+", "-"];

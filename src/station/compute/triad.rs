@@ -10,11 +10,11 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::gate::{GateColumns, Gated};
-use super::plot::{Panel, Series};
 use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
 use super::table::{Columns, Named, Reading, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+use gnc_plot::{Panel, Series};
 
 /// Gravity, given or from the place.
 #[derive(Debug, Args)]

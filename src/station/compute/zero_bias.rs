@@ -8,10 +8,10 @@ use gnc_metrology::{series, stats};
 use serde_json::{Value, json};
 
 use super::gate::{GateColumns, stretches};
-use super::plot::{Panel, Series};
 use super::report::Report;
 use super::table::{Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+use gnc_plot::{Panel, Series};
 
 #[derive(Debug, Args)]
 pub(super) struct ZeroBias {

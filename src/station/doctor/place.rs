@@ -8,7 +8,7 @@ use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 
 use super::Finding;
-use crate::store::reader;
+use gnc_records::store::reader;
 
 /// Below this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
 const LITTLE_MB: u64 = 2000;
@@ -45,7 +45,7 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
                 findings.push(Finding::warning(what, format!("gnc-station records list --records {shown}")));
             }
         }
-        Err(error) => findings.push(Finding::bad(crate::runner::chain(&error), error.try_this())),
+        Err(error) => findings.push(Finding::bad(gnc_text::with_causes(&error), error.try_this())),
     }
     findings
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use nix::unistd::{AccessFlags, Gid, Group, access};
 
 use super::{Finding, Sys};
-use crate::link::serial::{self, OpenError};
+use gnc_link::serial::{self, OpenError};
 
 /// FTDI adapters keep a byte for so long to fill a packet; the ICD's waits bear one that waits a little.
 const LATENCY_MS: i64 = 2;
@@ -37,7 +37,7 @@ fn opened(port: &Path, rate_baud: u32) -> Finding {
     match serial::try_open(port, rate_baud) {
         Ok(()) => Finding::good(format!("port {} at {rate_baud} bit/s", port.display())),
         Err(error @ OpenError::Busy { .. }) => Finding::warning(error.to_string(), error.try_this()),
-        Err(error) => Finding::bad(crate::runner::chain(&error), error.try_this()),
+        Err(error) => Finding::bad(gnc_text::with_causes(&error), error.try_this()),
     }
 }
 

@@ -3,7 +3,7 @@
 use gnc_protocol::calibration::{FIELD_PER_GAUSS, FORCE_PER_MPS2, RATE_PER_RPS, ROLL_PER_RAD};
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, MAG_LSB_PER_GAUSS};
 
-use crate::capture::{Capture, Pose};
+use gnc_analysis::capture::Capture;
 
 /// What a table holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,7 +93,7 @@ pub(super) struct Table<'a> {
 
 impl<'a> Table<'a> {
     pub(super) fn of(capture: &'a Capture, kind: Kind) -> Self {
-        let (position, run) = labels(capture);
+        let (position, run) = capture.about.position_and_run();
         Self { capture, kind, position, run }
     }
 
@@ -163,20 +163,5 @@ impl<'a> Table<'a> {
             }
         };
         raw.map(|value| f64::from(value) / 100.0)
-    }
-}
-
-/// `position` (the axis that is up) and `run` (axis and sense of a turn), as `compute` calls them; empty where the
-/// capture is none of the two.
-pub(crate) fn labels(capture: &Capture) -> (String, String) {
-    let name =
-        |axis: usize, positive: bool| format!("{}{}", ["x", "y", "z"][axis % 3], if positive { '+' } else { '-' });
-    match &capture.about.pose {
-        Pose::Still { up, .. } => {
-            let axis = up.iter().position(|part| part.abs() == 1.0);
-            (axis.map(|axis| name(axis, up[axis] > 0.0)).unwrap_or_default(), String::new())
-        }
-        Pose::Rotating { axis, angle_deg, .. } => (String::new(), name(usize::from(*axis), *angle_deg > 0.0)),
-        Pose::Spinning { .. } => (String::new(), String::new()),
     }
 }

@@ -6,15 +6,15 @@ use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, Program};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
+use gnc_text::with_causes;
 
 use super::differences::{of_details, of_measurements};
 use super::source::{Run, RunError};
 use super::{fold, info};
-use crate::capture::Capture;
-use crate::figures::{self, FigureError, Findings, Question};
-use crate::motion::{self, Step};
-use crate::runner::chain;
-use crate::store::captures;
+use gnc_analysis::capture::Capture;
+use gnc_analysis::figures::{self, FigureError, Findings, Question};
+use gnc_analysis::motion::{self, Step};
+use gnc_records::store::captures;
 
 /// A run, judged again.
 pub(super) struct Again {
@@ -243,7 +243,7 @@ impl Judge<'_> {
         was: Option<&AttemptError>,
         refused: &FigureError,
     ) -> AttemptError {
-        let text = chain(refused);
+        let text = with_causes(refused);
         let as_before = was.is_some_and(|was| was.text == text);
         self.differs(!as_before, || format!("{}, attempt {attempt}: {text}", item.name));
         AttemptError { text, hint: refused.try_this().to_owned(), again: false }

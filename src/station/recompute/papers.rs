@@ -9,9 +9,9 @@ use gnc_executive::state::RunState;
 
 use super::differences;
 use super::source::RunError;
-use crate::passport::{self, NoPassport, PASSPORT, PASSPORT_XML, Passport};
-use crate::store::digest::Sums;
-use crate::store::{DIGESTS, StoreError, pretty};
+use gnc_records::passport::{self, NoPassport, PASSPORT, PASSPORT_XML, Passport};
+use gnc_records::store::digest::Sums;
+use gnc_records::store::{DIGESTS, StoreError, pretty};
 
 /// What is not as it was, and a word for the summary.
 pub(super) struct Checked {

@@ -9,8 +9,8 @@ use gnc_executive::plan::{MAX_PLAN_FILES, ParamError, Plan};
 use gnc_executive::state::OutOfOrder;
 
 use super::info;
-use crate::store::captures::CapturesError;
-use crate::store::{JOURNAL, PLAN, StoreError, reader};
+use gnc_records::store::captures::CapturesError;
+use gnc_records::store::{JOURNAL, PLAN, StoreError, reader};
 
 /// Why a run cannot be recomputed.
 #[derive(Debug, thiserror::Error)]

@@ -6,20 +6,20 @@
 use std::sync::mpsc;
 
 use chrono::Local;
+use gnc_bench::control::Control;
+use gnc_bench::fixture::Fixture;
+use gnc_bench::journal::Journal;
+use gnc_bench::runner::{self, Live, Order, looking};
+use gnc_board::{Board, Desk, Readings};
 use gnc_executive::event::{Bench, EVENTS_SCHEMA, Event, EventKind, PlanInfo, Program, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
+use gnc_link::{Link, Target};
 use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
 use gnc_protocol::message::ModulePower;
-use gnc_station::board::{Board, Desk, Readings};
-use gnc_station::control::Control;
-use gnc_station::fixture::Fixture;
-use gnc_station::link::{Link, Target};
-use gnc_station::runner::journal::Journal;
-use gnc_station::runner::{self, Live, Order, looking};
-use gnc_station::store::{RunFolder, Scribe, Watcher};
+use gnc_records::store::{RunFolder, Scribe, Watcher};
 use hw_mocks::{Options, RunningBench, Speed};
 use tokio::sync::watch;
 

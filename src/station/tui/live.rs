@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS};
 
-use crate::board::Readings;
+use gnc_board::Readings;
 
 /// Points of each curve: a minute at ten a second.
 const POINTS: usize = 600;

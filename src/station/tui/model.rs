@@ -15,9 +15,9 @@ use super::field::Field;
 use super::keymap::Place;
 use super::lang::{Lang, Texts};
 use super::records::Records;
-use crate::fixture::Ask;
-use crate::guidance::Guidance;
-use crate::motion::{self, Step};
+use gnc_analysis::motion::{self, Step};
+use gnc_bench::fixture::Ask;
+use gnc_bench::guidance::Guidance;
 
 /// The time, passed in so that every screen can be drawn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -23,8 +23,8 @@ use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
 use super::update::{Command, Msg, update};
 use super::view;
-use crate::board::{Readings, StreamReading};
-use crate::nmea::{Epoch, Fix};
+use gnc_board::{Readings, StreamReading};
+use gnc_nmea::{Epoch, Fix};
 
 /// A screen in memory.
 #[derive(Debug)]

@@ -15,9 +15,9 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::update::{Command, Msg};
 use crate::cli::RunArgs;
-use crate::control::Control;
-use crate::fixture::Question;
-use crate::runner::Live;
+use gnc_bench::control::Control;
+use gnc_bench::fixture::Question;
+use gnc_bench::runner::Live;
 use rounds::{Finished, Handles};
 
 /// Questions that may wait: one of each item that runs.

@@ -13,8 +13,8 @@ use super::decode::Key;
 use super::model::{Model, Now, Progress};
 use super::update::{Command, Msg, update};
 use super::view;
-use crate::board::Readings;
-use crate::runner::Doing;
+use gnc_bench::runner::Doing;
+use gnc_board::Readings;
 
 /// Time between two drawings.
 const FRAME: Duration = Duration::from_millis(33);

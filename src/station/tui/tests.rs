@@ -14,9 +14,9 @@ use super::records::{Day, Mark, RunLine, Runs};
 use super::scene::{Scene, measured};
 use super::update::{Command, Msg};
 use super::view::text_width;
-use crate::capture::Along;
-use crate::fixture::Ask;
-use crate::turntable::Lie;
+use gnc_bench::fixture::Ask;
+use gnc_rig::Along;
+use gnc_rig::Orientation;
 
 const SIZES: [(u16, u16); 2] = [(80, 24), (160, 50)];
 
@@ -192,12 +192,12 @@ fn prompt() {
     };
     check("prompt-switch", |scene| ask(scene, Ask::Switches(Some(3))));
     check("prompt-turn", |scene| ask(scene, Ask::Heading { deg: 120.0 }));
-    let lie = Lie::Axis { axis: 2, positive: false, along: Along::Up, heading_deg: 90.0 };
-    check("prompt-lay", |scene| ask(scene, Ask::Lay(lie)));
-    let turned = Ask::Turn { lie: Some(lie), angle_deg: -1080.0, span_s: 5.0 };
+    let orientation = Orientation::Axis { axis: 2, positive: false, along: Along::Up, heading_deg: 90.0 };
+    check("prompt-lay", |scene| ask(scene, Ask::Lay(orientation)));
+    let turned = Ask::Turn { orientation: Some(orientation), angle_deg: -1080.0, span_s: 5.0 };
     check("prompt-table", |scene| ask(scene, turned.clone()));
-    let north = Lie::Axis { axis: 2, positive: true, along: Along::North, heading_deg: 0.0 };
-    check("prompt-spin", |scene| ask(scene, Ask::Spin { lie: Some(north), rate_dps: 5400.0 }));
+    let north = Orientation::Axis { axis: 2, positive: true, along: Along::North, heading_deg: 0.0 };
+    check("prompt-spin", |scene| ask(scene, Ask::Spin { orientation: Some(north), rate_dps: 5400.0 }));
     check("prompt-stop", |scene| ask(scene, Ask::StopTable));
     check("prompt-words", |scene| ask(scene, Ask::Words("Close the lid of the shield.".into())));
 }

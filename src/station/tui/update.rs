@@ -13,8 +13,8 @@ use super::lang::{Lang, fill};
 use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
 use super::records::{Check, Day, Mark, OpenRun, Runs};
 use super::setup_form::Choices;
-use crate::board::Readings;
-use crate::fixture::Ask;
+use gnc_bench::fixture::Ask;
+use gnc_board::Readings;
 
 /// Something that happened.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::text::duration;
 
 use super::keymap::Action;
-use crate::fixture::Ask;
+use gnc_bench::fixture::Ask;
 
 /// A language of the screen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]
@@ -276,13 +276,13 @@ impl Texts {
             Ask::Switches(None) => self.switch_all_off.to_owned(),
             Ask::Switches(Some(number)) => fill(self.switch_one_on, &[&number.to_string()]),
             Ask::Heading { deg } => fill(self.turn_to, &[&format!("{deg:.0}")]),
-            Ask::Lay(lie) => fill(self.ask_lay, &[&self.lie(lie)]),
+            Ask::Lay(orientation) => fill(self.ask_lay, &[&self.orientation(orientation)]),
             Ask::Turn { angle_deg, span_s, .. } => {
                 fill(self.ask_turn, &[&format!("{angle_deg:+.0}"), &duration(*span_s)])
             }
             Ask::Spin { rate_dps, .. } => fill(self.ask_spin, &[&format!("{rate_dps:+.0}")]),
             Ask::StopTable => self.ask_stop.to_owned(),
-            Ask::Words(words) => gnc_executive::printable::printable(words).into_owned(),
+            Ask::Words(words) => gnc_text::printable(words).into_owned(),
         }
     }
 }

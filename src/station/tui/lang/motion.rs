@@ -3,15 +3,16 @@
 use gnc_executive::text::duration;
 
 use super::{Texts, fill};
-use crate::capture::{Along, Pose};
-use crate::guidance::{Guidance, Stage};
-use crate::turntable::{AXES, Lie};
+use gnc_analysis::capture::Pose;
+use gnc_bench::guidance::{Guidance, Stage};
+use gnc_rig::Along;
+use gnc_rig::{AXES, Orientation};
 
 impl Texts {
     /// "+X up, +Y to 0° clockwise from north".
-    pub(crate) fn lie(&self, lie: &Lie) -> String {
-        match *lie {
-            Lie::Axis { axis, positive, along, heading_deg } => {
+    pub(crate) fn orientation(&self, orientation: &Orientation) -> String {
+        match *orientation {
+            Orientation::Axis { axis, positive, along, heading_deg } => {
                 let (axis, sign) = (usize::from(axis), if positive { '+' } else { '-' });
                 let (this, next) = (format!("{sign}{}", AXES[axis % 3]), format!("+{}", AXES[(axis + 1) % 3]));
                 let template = match along {
@@ -21,7 +22,7 @@ impl Texts {
                 };
                 fill(template, &[&this, &next, &format!("{heading_deg:.0}")])
             }
-            Lie::Up { up: [x, y, z], heading_deg } => {
+            Orientation::Up { up: [x, y, z], heading_deg } => {
                 fill(self.lie_any, &[&format!("{x:+.4} {y:+.4} {z:+.4}"), &format!("{heading_deg:.0}")])
             }
         }

@@ -8,13 +8,13 @@ use gnc_executive::plan::{Phase, Plan, PlanItem};
 use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS};
 
 use super::Scene;
-use crate::guidance::allan::AllanSoFar;
-use crate::guidance::field::FieldSoFar;
-use crate::guidance::{Guidance, Picture, Stage};
-use crate::motion;
 use crate::tui::lang::Lang;
 use crate::tui::model::{Loaded, PlanView, ProgramView, Progress};
 use crate::tui::update::{Msg, update};
+use gnc_analysis::motion;
+use gnc_bench::guidance::allan::AllanSoFar;
+use gnc_bench::guidance::field::FieldSoFar;
+use gnc_bench::guidance::{Guidance, Picture, Stage};
 
 /// Captured board time of the capture in the middle of which a scene stands.
 const CAPTURED_S: f64 = 87.4;

@@ -6,12 +6,12 @@ use chrono::Local;
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
+use gnc_text::with_causes;
 
-use crate::runner::chain;
-use crate::store::{DIGESTS, reader};
 use crate::tui::model::Earlier;
 use crate::tui::records::{Day, MAX_RUNS, Mark, RunLine, Runs};
 use crate::tui::update::Msg;
+use gnc_records::store::{DIGESTS, reader};
 
 /// Runs that are opened to learn how long a plan takes; if none of them is of it, nobody knows.
 const MAX_LOOKED_AT: usize = 100;
@@ -30,13 +30,13 @@ pub(super) fn days(records: &Path) -> Result<Vec<Day>, String> {
     if !records.exists() {
         return Ok(Vec::new());
     }
-    let days = reader::days(records).map_err(|error| chain(&error))?;
+    let days = reader::days(records).map_err(|error| with_causes(&error))?;
     Ok(days.into_iter().rev().map(|(name, serial_numbers)| Day { name, serial_numbers }).collect())
 }
 
 /// Runs of a day, by serial number and time.
 pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
-    let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| chain(&error))?;
+    let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| with_causes(&error))?;
     let mut lines: Vec<RunLine> = found.into_iter().map(line).collect();
     lines.sort_by(|a, b| a.serial_number.cmp(&b.serial_number).then(a.at.cmp(&b.at)));
     Ok(Runs { day, lines, cut })

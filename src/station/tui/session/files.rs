@@ -11,12 +11,12 @@ use super::archive;
 use crate::auto::Refusal;
 use crate::cli::RunArgs;
 use crate::files;
-use crate::fixture::Fixture;
 use crate::setup::{self, BENCH_FILE, Setup};
-use crate::store::digest;
 use crate::tui::model::{BenchView, Loaded, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;
 use crate::tui::update::Msg;
+use gnc_bench::fixture::Fixture;
+use gnc_records::store::digest;
 
 /// What stands before the name of a simulated module.
 pub(crate) const SIM: &str = "sim:";

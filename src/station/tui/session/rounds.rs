@@ -8,19 +8,20 @@ use gnc_executive::event::{Event, Loop};
 use gnc_executive::job::Job;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
+use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
 use crate::auto::{self, Refusal};
 use crate::cli::RunArgs;
-use crate::control::Control;
 use crate::files;
-use crate::fixture::{Fixture, Question};
-use crate::runner::journal::Journal;
-use crate::runner::{self, Live, Order, chain, looking};
 use crate::setup::{self, Setup};
-use crate::store::{RunFolder, Scribe, Watcher, seal_interrupted};
 use crate::tui::model::{AfterFailure, Rounds};
 use crate::tui::update::{Msg, Start};
+use gnc_bench::control::Control;
+use gnc_bench::fixture::{Fixture, Question};
+use gnc_bench::journal::Journal;
+use gnc_bench::runner::{self, Live, Order, looking};
+use gnc_records::store::{RunFolder, Scribe, Watcher, seal_interrupted};
 
 /// How the run is reached from outside.
 pub(super) struct Handles {
@@ -68,7 +69,7 @@ pub(super) async fn watch(args: RunArgs, handles: Handles) -> Finished {
         Err(refusal) => return Finished::Watch { why: Some(in_words(&refusal)) },
     };
     let looked = looking::look(&setup.target, &handles.control, &handles.live.readings).await;
-    Finished::Watch { why: looked.err().map(|error| format!("{}; {}", chain(&error), error.try_this())) }
+    Finished::Watch { why: looked.err().map(|error| format!("{}; {}", with_causes(&error), error.try_this())) }
 }
 
 fn in_words(refusal: &Refusal) -> String {
@@ -125,7 +126,7 @@ async fn all(
         };
         order.header.looped = looped;
         let folder = RunFolder::create(&records, Local::now().fixed_offset(), &start.serial_number, &plan.name)
-            .map_err(|error| Refusal::new(chain(&error), error.try_this()))?
+            .map_err(|error| Refusal::new(with_causes(&error), error.try_this()))?
             .signed_with(key.clone());
         // A screen that is that far behind reads the record later.
         let _ = handles.screen.try_send(Msg::RoundBegins { folder: folder.path().to_owned() });
@@ -135,12 +136,12 @@ async fn all(
             !matches!(told, Err(mpsc::error::TrySendError::Closed(_)))
         });
         let scribe = Scribe::start(folder, &plan, vec![watcher])
-            .map_err(|error| Refusal::new(chain(&error), error.try_this()))?;
+            .map_err(|error| Refusal::new(with_causes(&error), error.try_this()))?;
         let ending = runner::run(&order, Journal::new(scribe), control, &handles.live).await;
         order.found.clear();
         so_far.outcome = Outcome::worst(so_far.outcome.into_iter().chain([ending.outcome]));
         if let Some(error) = &ending.store_error {
-            so_far.store_error = Some(format!("{}; {}", chain(error), error.try_this()));
+            so_far.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
         }
         let time_over = match start.rounds {
             Rounds::Minutes(minutes) => began.elapsed() >= Duration::from_secs(60 * u64::from(minutes)),

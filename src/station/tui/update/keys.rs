@@ -83,7 +83,7 @@ fn finish_scan(model: &mut Model) -> bool {
 
 fn take_number(model: &mut Model, number: String) {
     let texts = model.texts;
-    let shown = gnc_executive::printable::printable(&number).into_owned();
+    let shown = gnc_text::printable(&number).into_owned();
     if model.is_running() {
         model.scan.next = Some(number);
         return model.say(Weight::Info, words(texts.scanned_next, &[&shown]));

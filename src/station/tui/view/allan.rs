@@ -7,8 +7,8 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
 use super::live::names_of_curves;
 use super::style;
-use crate::guidance::allan::Allan;
 use crate::tui::model::{Glyphs, Model};
+use gnc_bench::guidance::allan::Allan;
 
 /// Cells of one label of the averaging time, with a gap.
 const LABEL: u16 = 8;

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::capture::Along;
-use crate::turntable::Lie;
+use gnc_rig::Along;
+use gnc_rig::Orientation;
 
 /// East, north, up.
 pub(super) type Direction = Vector3<f64>;
@@ -25,17 +25,17 @@ pub(super) struct Attitude {
 
 impl Attitude {
     /// The attitude of a module that was laid down so.
-    pub(super) fn of(lie: &Lie) -> Self {
-        let (along, heading_deg) = match *lie {
-            Lie::Axis { along, heading_deg, .. } => (along, heading_deg),
-            Lie::Up { heading_deg, .. } => (Along::Up, heading_deg),
+    pub(super) fn of(orientation: &Orientation) -> Self {
+        let (along, heading_deg) = match *orientation {
+            Orientation::Axis { along, heading_deg, .. } => (along, heading_deg),
+            Orientation::Up { heading_deg, .. } => (Along::Up, heading_deg),
         };
-        let (nearest, there) = match *lie {
-            Lie::Axis { axis, positive, .. } => {
+        let (nearest, there) = match *orientation {
+            Orientation::Axis { axis, positive, .. } => {
                 let axis = usize::from(axis) % 3;
                 (axis, unit(axis) * if positive { 1.0 } else { -1.0 })
             }
-            Lie::Up { up, .. } => {
+            Orientation::Up { up, .. } => {
                 let up = Vector3::from(up).try_normalize(1e-6).unwrap_or_else(Vector3::z);
                 (nearest(&up), up)
             }
@@ -96,13 +96,13 @@ pub(super) fn seen(point: &Direction) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    fn check(lie: Lie, expected: [[f64; 3]; 3]) {
-        let axes = Attitude::of(&lie).axes;
+    fn check(orientation: Orientation, expected: [[f64; 3]; 3]) {
+        let axes = Attitude::of(&orientation).axes;
         for (axis, expected) in axes.iter().zip(expected) {
-            assert!((axis - Vector3::from(expected)).norm() < 1e-9, "{lie:?}: {axes:?}");
+            assert!((axis - Vector3::from(expected)).norm() < 1e-9, "{orientation:?}: {axes:?}");
         }
         // Right-handed, or the picture shows a module that does not exist.
-        assert!((axes[0].cross(&axes[1]) - axes[2]).norm() < 1e-9, "{lie:?}");
+        assert!((axes[0].cross(&axes[1]) - axes[2]).norm() < 1e-9, "{orientation:?}");
     }
 
     /// By hand, with a box on a desk: east is right, north is away, up is up.
@@ -110,24 +110,24 @@ mod tests {
     fn laid_by_hand() {
         let (east, north, up) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
         let minus = |v: [f64; 3]| v.map(|x: f64| -x);
-        let lie = |axis, positive, along, heading_deg| Lie::Axis { axis, positive, along, heading_deg };
-        check(lie(2, true, Along::Up, 0.0), [north, minus(east), up]);
-        check(lie(2, true, Along::Up, 90.0), [east, north, up]);
-        check(lie(2, false, Along::Up, 0.0), [north, east, minus(up)]);
-        check(lie(0, true, Along::Up, 0.0), [up, north, minus(east)]);
-        check(lie(1, false, Along::Up, 180.0), [minus(east), minus(up), minus(north)]);
-        check(lie(2, true, Along::North, 0.0), [up, east, north]);
-        check(lie(2, true, Along::North, 90.0), [minus(east), up, north]);
+        let orientation = |axis, positive, along, heading_deg| Orientation::Axis { axis, positive, along, heading_deg };
+        check(orientation(2, true, Along::Up, 0.0), [north, minus(east), up]);
+        check(orientation(2, true, Along::Up, 90.0), [east, north, up]);
+        check(orientation(2, false, Along::Up, 0.0), [north, east, minus(up)]);
+        check(orientation(0, true, Along::Up, 0.0), [up, north, minus(east)]);
+        check(orientation(1, false, Along::Up, 180.0), [minus(east), minus(up), minus(north)]);
+        check(orientation(2, true, Along::North, 0.0), [up, east, north]);
+        check(orientation(2, true, Along::North, 90.0), [minus(east), up, north]);
         let slope = 0.5_f64.sqrt();
-        check(lie(2, true, Along::Polar, 0.0), [[0.0, -slope, slope], east, [0.0, slope, slope]]);
-        check(Lie::Up { up: [0.0, 0.0, -1.0], heading_deg: 0.0 }, [north, east, minus(up)]);
+        check(orientation(2, true, Along::Polar, 0.0), [[0.0, -slope, slope], east, [0.0, slope, slope]]);
+        check(Orientation::Up { up: [0.0, 0.0, -1.0], heading_deg: 0.0 }, [north, east, minus(up)]);
     }
 
     /// What the plan says points up does, and the simulated bench lays it down the same way.
     #[test]
     fn what_is_up_points_up() {
         let up = Vector3::new(0.1, -0.7, 0.2).normalize();
-        let axes = Attitude::of(&Lie::Up { up: up.into(), heading_deg: 30.0 }).axes;
+        let axes = Attitude::of(&Orientation::Up { up: up.into(), heading_deg: 30.0 }).axes;
         let height: Vec<f64> = axes.iter().map(|axis| axis.z).collect();
         for (axis, height) in height.iter().enumerate() {
             assert!((height - up[axis]).abs() < 1e-12, "{height}");

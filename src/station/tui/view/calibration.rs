@@ -10,9 +10,9 @@ use ratatui::widgets::Paragraph;
 use super::panels::{bar, block};
 use super::rows::first_shown;
 use super::{WIDE, allan, field, live, module, style, text};
-use crate::guidance::{Guidance, Picture, Planned, Stage};
 use crate::tui::lang::fill;
 use crate::tui::model::{Model, ProgramView};
+use gnc_bench::guidance::{Guidance, Picture, Planned, Stage};
 
 /// Width of the guidance beside the captures.
 const GUIDANCE: u16 = 40;
@@ -60,8 +60,8 @@ fn guide(model: &Model, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, 
         Layout::vertical([Constraint::Length(pose.len() as u16), Constraint::Length(picture), Constraint::Fill(1)])
             .areas(inner);
     frame.render_widget(Paragraph::new(pose), pose_area);
-    if let Some(lie) = &guidance.lie {
-        module::draw(model, frame, module_area, lie, guidance.turn());
+    if let Some(orientation) = &guidance.orientation {
+        module::draw(model, frame, module_area, orientation, guidance.turn());
     }
     frame.render_widget(Paragraph::new(progress), progress_area);
 }
@@ -69,8 +69,9 @@ fn guide(model: &Model, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, 
 /// How the module lies, and how it moves in the present capture.
 fn pose_lines(model: &Model, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
     let strong = |line| Line::styled(line, style::strong());
-    let lie = guidance.lie.as_ref().map(|lie| model.texts.lie(lie)).unwrap_or_default();
-    let mut lines: Vec<Line<'static>> = text::wrap(&lie, cells).into_iter().map(strong).collect();
+    let orientation =
+        guidance.orientation.as_ref().map(|orientation| model.texts.orientation(orientation)).unwrap_or_default();
+    let mut lines: Vec<Line<'static>> = text::wrap(&orientation, cells).into_iter().map(strong).collect();
     if let Some(motion) = guidance.present().and_then(|planned| model.texts.motion(&planned.pose)) {
         lines.extend(text::wrap(&motion, cells).into_iter().map(|line| Line::styled(line, style::accent(model.look))));
     }

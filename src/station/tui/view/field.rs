@@ -10,8 +10,8 @@ use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
 use super::panels::block;
 use super::{style, text};
-use crate::guidance::field::{Ellipse, Field, roll_deg};
 use crate::tui::model::{Glyphs, Model};
+use gnc_bench::guidance::field::{Ellipse, Field, roll_deg};
 use gnc_protocol::calibration::ROLL_PER_RAD;
 
 /// Rows of the figures below the plots.

@@ -11,12 +11,12 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 
 use super::panels::block;
 use super::{WIDE, style, text};
-use crate::board::StreamReading;
-use crate::guidance::field::roll_deg;
-use crate::nmea::Fix;
 use crate::tui::lang::fill;
 use crate::tui::live::{Imu, Point};
 use crate::tui::model::{Glyphs, Model};
+use gnc_bench::guidance::field::roll_deg;
+use gnc_board::StreamReading;
+use gnc_nmea::Fix;
 use gnc_protocol::calibration::ROLL_PER_RAD;
 use gnc_protocol::stream::StreamId;
 

@@ -9,16 +9,16 @@ use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Circle, Line as Stroke};
 
 use super::{module, style};
-use crate::fixture::Ask;
 use crate::tui::model::{Glyphs, Model};
+use gnc_bench::fixture::Ask;
 
 /// Rows that the picture of a request needs.
 pub(super) fn rows(ask: &Ask) -> u16 {
     match ask {
         Ask::Switches(_) => 6,
         Ask::Heading { .. } => 9,
-        Ask::Lay(_) | Ask::Turn { lie: Some(_), .. } | Ask::Spin { lie: Some(_), .. } => 10,
-        Ask::Turn { lie: None, .. } | Ask::Spin { lie: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
+        Ask::Lay(_) | Ask::Turn { orientation: Some(_), .. } | Ask::Spin { orientation: Some(_), .. } => 10,
+        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
     }
 }
 
@@ -27,10 +27,14 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, ask: &Ask) 
     match ask {
         Ask::Switches(on) => switches(model, frame, area, *on),
         Ask::Heading { deg } => heading(model, frame, area, *deg),
-        Ask::Lay(lie) => module::draw(model, frame, area, lie, None),
-        Ask::Turn { lie: Some(lie), angle_deg, .. } => module::draw(model, frame, area, lie, Some(angle_deg.signum())),
-        Ask::Spin { lie: Some(lie), rate_dps } => module::draw(model, frame, area, lie, Some(rate_dps.signum())),
-        Ask::Turn { lie: None, .. } | Ask::Spin { lie: None, .. } | Ask::StopTable | Ask::Words(_) => {}
+        Ask::Lay(orientation) => module::draw(model, frame, area, orientation, None),
+        Ask::Turn { orientation: Some(orientation), angle_deg, .. } => {
+            module::draw(model, frame, area, orientation, Some(angle_deg.signum()))
+        }
+        Ask::Spin { orientation: Some(orientation), rate_dps } => {
+            module::draw(model, frame, area, orientation, Some(rate_dps.signum()))
+        }
+        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => {}
     }
 }
 

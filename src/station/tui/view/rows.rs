@@ -14,9 +14,9 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::bar;
 use super::{style, text};
-use crate::guidance::{Guidance, Stage};
 use crate::tui::lang::{Texts, fill};
 use crate::tui::model::{Model, PlanView, Progress, order};
+use gnc_bench::guidance::{Guidance, Stage};
 
 /// Bad items whose values are listed under them; of more the cursor shows the details.
 const EXPLAINED: usize = 20;

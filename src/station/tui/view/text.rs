@@ -1,6 +1,6 @@
 //! Text in cells: Chinese characters take two, and nothing may be wider than its place.
 
-use gnc_executive::printable::printable;
+use gnc_text::printable;
 use ratatui::text::Span;
 
 /// Text from outside as the screen shows it. Only characters on whose width all terminals agree: one that combines

@@ -1,0 +1,65 @@
+//! The simulated turntable and fixture, as the station drives them.
+
+use std::time::Duration;
+
+use gnc_rig::{DriverError, Fixture, Orientation, Turntable};
+
+use crate::turntable::ACCELERATION_DPS2;
+use crate::{Axis, Control, Sign};
+
+/// Number of DIP switches.
+const SWITCHES: u8 = 5;
+/// From one spin over to the opposite one of the same rate takes the ramp this many times.
+const BOTH_SENSES: f64 = 2.0;
+
+impl Turntable for Control {
+    fn orient(&self, orientation: Orientation) -> Result<(), DriverError> {
+        match orientation {
+            Orientation::Axis { axis, positive, along, heading_deg } => {
+                let sign = if positive { Sign::Plus } else { Sign::Minus };
+                Ok(Control::orient(self, along, Axis::ALL[usize::from(axis) % 3], sign, heading_deg)?)
+            }
+            Orientation::Up { up, heading_deg } => Ok(self.orient_up(up, heading_deg)?),
+        }
+    }
+
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), DriverError> {
+        Ok(Control::rotate(self, angle_deg, span_s)?)
+    }
+
+    fn spin(&self, rate_dps: f64) -> Result<(), DriverError> {
+        Ok(Control::spin(self, rate_dps)?)
+    }
+
+    fn stop(&self) -> Result<(), DriverError> {
+        Ok(Control::stop(self)?)
+    }
+
+    fn wait_still(&self) -> Result<(), DriverError> {
+        Ok(Control::wait_still(self)?)
+    }
+
+    fn wait_at_rate(&self, rate_dps: f64) -> Result<(), DriverError> {
+        // The table reaches its rate by a ramp of its own.
+        Ok(self.sleep(Duration::from_secs_f64(rate_dps.abs() * BOTH_SENSES / ACCELERATION_DPS2))?)
+    }
+
+    fn wait(&self, span: Duration) -> Result<(), DriverError> {
+        Ok(self.sleep(span)?)
+    }
+}
+
+impl Fixture for Control {
+    fn name(&self) -> &str {
+        "the simulated bench"
+    }
+
+    fn only_switch(&self, on: Option<u8>) -> Result<(), DriverError> {
+        (1..=SWITCHES).try_for_each(|number| self.set_switch(number, Some(number) == on))?;
+        Ok(())
+    }
+
+    fn turn_to(&self, heading_deg: f64) -> Result<(), DriverError> {
+        Ok(self.set_heading_deg(heading_deg)?)
+    }
+}

@@ -1,0 +1,168 @@
+//! Captures: uninterrupted stretches of raw samples, each with how the module lay or moved meanwhile.
+
+use gnc_metrology::AXES;
+use gnc_metrology::sample_clock::{ClockFault, SampleClock};
+use gnc_protocol::calibration::CompensatedSample;
+use gnc_protocol::stream::ImuSample;
+use serde::{Deserialize, Serialize};
+
+use gnc_protocol::stream::Losses;
+use gnc_rig::Along;
+
+/// Samples of the IMU without a gap, on the board's clock.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Capture {
+    /// What was captured.
+    pub about: About,
+    /// Board time of the first sample, microseconds.
+    pub first_us: u64,
+    /// The raw samples, `1/about.rate_hz` apart.
+    pub samples: Vec<ImuSample>,
+    /// In their place, what the board itself makes of them with the calibration that the module holds.
+    pub compensated: Vec<CompensatedSample>,
+    /// What is missing, by place. A capture with losses is evidence of the loss, and no figure comes from it.
+    pub losses: Losses,
+    /// What the satellite receiver said meanwhile, where that was captured.
+    pub receiver: Receiver,
+    /// What is known of the clock by which the samples were taken.
+    pub timing: Timing,
+}
+
+/// The clock of a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Timing {
+    /// The samples' times, by the board's clock.
+    pub board: SampleClock,
+    /// The board's clock against that of the host.
+    pub host: HostView,
+}
+
+/// What the host's clock says of the board's.
+#[derive(Debug, Clone, PartialEq)]
+pub enum HostView {
+    /// Both ran beside each other for long enough.
+    Compared {
+        /// How much faster the board's clock ran than the host's, parts per million.
+        error_ppm: f64,
+        /// Standard uncertainty of that: latency of the link, and the host's own clock.
+        u_ppm: f64,
+    },
+    /// It says nothing, for this reason.
+    Nothing(String),
+}
+
+impl Default for HostView {
+    fn default() -> Self {
+        Self::Nothing("the record does not compare the board's clock with the host's".into())
+    }
+}
+
+impl Timing {
+    /// No sample yet of a capture of this rate.
+    #[must_use]
+    pub fn new(rate_hz: u16) -> Self {
+        Self { board: SampleClock::new(rate_hz), host: HostView::default() }
+    }
+
+    /// So many samples on the grid of their rate, without a comparison with the host's clock.
+    #[must_use]
+    pub fn even(rate_hz: u16, first_us: u64, samples: usize) -> Self {
+        Self { board: SampleClock::even(rate_hz, first_us, samples), ..Self::new(rate_hz) }
+    }
+}
+
+impl Capture {
+    /// Whether the samples came at the rate that was asked for, by the board's own time.
+    ///
+    /// # Errors
+    /// [`ClockFault`].
+    pub fn check_clock(&self) -> Result<(), ClockFault> {
+        match self.samples.len().max(self.compensated.len()) {
+            // The receiver's bytes have no rate.
+            0 => Ok(()),
+            samples => self.timing.board.check(samples).map(|_| ()),
+        }
+    }
+}
+
+/// What the satellite receiver said, and its pulses.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Receiver {
+    /// Its bytes as they came.
+    pub said: Vec<Said>,
+    /// Board time of each 1PPS edge, nanoseconds, by a timer of 10 ns resolution.
+    pub pulses_ns: Vec<u64>,
+}
+
+/// Some bytes of the receiver.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Said {
+    /// Board time of the first one, microseconds.
+    pub board_time_us: u64,
+    /// The bytes; a sentence may end in the next ones.
+    pub bytes: Vec<u8>,
+}
+
+/// What a capture is of. Written into the raw record before the first sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct About {
+    /// Unique within the attempt, in words of the procedure: `x+`, `run 3`, `calibration 2 z- rotation`.
+    pub label: String,
+    /// Which of several like series it belongs to, from 1: the power cycle, the calibration of a repeatability.
+    pub series: u32,
+    /// What the module did.
+    pub pose: Pose,
+    /// Samples a second.
+    pub rate_hz: u16,
+}
+
+impl About {
+    /// What `compute` calls `position` (the axis that is up, as `x+`) and `run` (axis and sense of a turn). Each is empty
+    /// where the capture is none of that.
+    #[must_use]
+    pub fn position_and_run(&self) -> (String, String) {
+        let name = |axis: usize, positive: bool| format!("{}{}", AXES[axis % 3], if positive { '+' } else { '-' });
+        match &self.pose {
+            Pose::Still { up, .. } => {
+                let axis = up.iter().position(|part| part.abs() == 1.0);
+                (axis.map(|axis| name(axis, up[axis] > 0.0)).unwrap_or_default(), String::new())
+            }
+            Pose::Rotating { axis, angle_deg, .. } => (String::new(), name(usize::from(*axis), *angle_deg > 0.0)),
+            Pose::Spinning { .. } => (String::new(), String::new()),
+        }
+    }
+}
+
+/// How the module lay or moved. Axes are the module's, right-handed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind", deny_unknown_fields)]
+pub enum Pose {
+    /// Lying still.
+    Still {
+        /// Unit vector that points up, in module axes.
+        up: [f64; 3],
+        /// Heading of the reference axis (the one after the axis that is up), degrees clockwise from north.
+        heading_deg: f64,
+    },
+    /// Still, then a turn of the table about one axis of the module, then still again.
+    Rotating {
+        /// 0 for X, 1 for Y, 2 for Z.
+        axis: u8,
+        /// The angle, right-handed about that axis.
+        angle_deg: f64,
+        /// Time of the turn, seconds.
+        span_s: f64,
+        /// Where the axis points.
+        along: Along,
+    },
+    /// Turning steadily about one axis of the module, all the time.
+    Spinning {
+        /// 0 for X, 1 for Y, 2 for Z.
+        axis: u8,
+        /// Rate, right-handed about that axis.
+        rate_dps: f64,
+        /// Where the axis points.
+        along: Along,
+    },
+}

@@ -1,0 +1,175 @@
+//! Figures from captures: pure functions, the same on the bench and years later.
+//!
+//! A procedure captures; what the samples say is worked out here alone, so that `recompute` cannot differ from the run.
+//! Formulas, budgets and what is refused: `docs/figures.md`.
+
+mod accel_bias;
+mod allan;
+mod attitude_field;
+mod axes;
+mod budget;
+pub mod calibration;
+mod captures;
+mod check;
+pub mod clock;
+mod coupling;
+mod download;
+mod ellipse;
+mod ellipsoid;
+mod error;
+mod gnss;
+mod gyro_bias;
+mod gyro_still;
+mod integrity;
+mod json;
+mod mean;
+mod place;
+mod psd;
+mod repeated;
+mod resolution;
+mod rest_noise;
+mod roll;
+mod rotation;
+mod six_position;
+mod spin_blocks;
+mod stability;
+mod still_fit;
+mod thin;
+
+use gnc_executive::bench::Site;
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::measurement::Value;
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+
+use crate::capture::Capture;
+pub use allan::fit_json;
+use budget::Budget;
+pub use calibration::Calibration;
+pub use error::FigureError;
+pub use integrity::{KEY as GATE, NAMES as INTEGRITY, integrity, sound_at_rest};
+
+/// How far the samples' rate is off true time.
+pub const SAMPLE_RATE_ERROR: &str = "sample_rate_error";
+
+/// What an analysis works with.
+#[derive(Debug)]
+pub struct Question<'a> {
+    /// The item's parameters.
+    pub params: &'a Params,
+    /// Where the bench stands.
+    pub site: Option<&'a Site>,
+    /// The captures of this attempt, or of the item that its parameters name.
+    pub captures: &'a [Capture],
+    /// What the items before it found, oldest first, each with its name in the plan.
+    pub earlier: &'a [(String, Findings)],
+}
+
+/// What an analysis found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Findings {
+    /// Measurements in the order of the catalogue: name, value.
+    pub measured: Vec<(String, Value)>,
+    /// Everything else for records, reports and later items: equation, parameters, covariance, residuals, budget.
+    pub details: serde_json::Value,
+}
+
+/// Works out the figures of an item.
+///
+/// # Errors
+/// [`FigureError`]: samples are missing or spoilt, a calibration or the place of the bench is missing, or the method
+/// refuses the record.
+pub fn analyse(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+    clock::check(question.captures)?;
+    // Losses come before all else: what is not there cannot be screened.
+    let integrity = integrity::Integrity::of(item, question);
+    if let Some(refused) = integrity.refused.clone().filter(|_| !lossy(question.captures)) {
+        return Err(refused);
+    }
+    let question = Question { captures: &integrity.captures, ..*question };
+    let mut findings = of_sound_samples(item, &question)?;
+    if item.spec().measurement(SAMPLE_RATE_ERROR).is_some() {
+        // Items without a probability of their own state a standard one.
+        let probability = question.probability().unwrap_or(0.95);
+        let views = question.captures.iter().map(|capture| &capture.timing.host);
+        findings.put(SAMPLE_RATE_ERROR, clock::sample_rate_error(question.earlier, views, probability));
+    }
+    integrity.file(&mut findings);
+    Ok(findings)
+}
+
+fn lossy(captures: &[Capture]) -> bool {
+    captures.iter().any(|capture| capture.losses.any())
+}
+
+fn of_sound_samples(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+    match item {
+        ItemId::SixPosition => six_position::analyse(question),
+        ItemId::GyroStill => gyro_still::analyse(question),
+        ItemId::Rotation => rotation::analyse(question),
+        ItemId::GyroBias => gyro_bias::analyse(question),
+        ItemId::AccelBias => accel_bias::analyse(question),
+        ItemId::BiasStability => stability::stability(question),
+        ItemId::BiasRepeatability => stability::repeatability(question),
+        ItemId::ScaleFactorRepeatability => repeated::analyse(question),
+        ItemId::CrossCoupling => coupling::analyse(question),
+        ItemId::Resolution => resolution::analyse(question),
+        ItemId::Allan => allan::analyse(question),
+        ItemId::Psd => psd::analyse(question),
+        ItemId::MagnetometerEllipse => ellipse::analyse(question),
+        ItemId::MagnetometerEllipsoid => ellipsoid::analyse(question),
+        ItemId::GnssAccuracy => gnss::analyse(question),
+        ItemId::CalibrationDownload => download::analyse(question),
+        ItemId::CalibrationCheck => check::analyse(question),
+        other => Err(FigureError::NoAnalysis { item: other }),
+    }
+}
+
+impl Question<'_> {
+    /// Probability of the expanded uncertainties.
+    fn probability(&self) -> Result<f64, FigureError> {
+        Ok(self.params.quantity("coverage", Unit::Percent)? / 100.0)
+    }
+}
+
+impl Findings {
+    fn new(details: serde_json::Value) -> Self {
+        Self { measured: Vec::new(), details }
+    }
+
+    fn put(&mut self, name: impl Into<String>, value: Value) {
+        self.measured.push((name.into(), value));
+    }
+
+    fn number(&mut self, name: impl Into<String>, number: f64, unit: Unit) {
+        self.put(name, Value::number(number, unit));
+    }
+
+    /// A figure with the uncertainty of its budget, which is kept in the details.
+    fn figure(&mut self, name: impl Into<String>, number: f64, budget: &Budget, probability: f64) {
+        let name = name.into();
+        if let Some(budgets) = self.details.as_object_mut() {
+            let budgets = budgets.entry("budget").or_insert_with(|| serde_json::json!({}));
+            if let Some(budgets) = budgets.as_object_mut() {
+                budgets.insert(name.clone(), budget.json(probability));
+            }
+        }
+        self.put(name, Value::estimate(number, budget.unit(), budget.uncertainty(number, probability)));
+    }
+
+    /// A detail under a key.
+    fn detail(&mut self, key: &str, value: impl Into<serde_json::Value>) {
+        if let Some(details) = self.details.as_object_mut() {
+            details.insert(key.to_owned(), value.into());
+        }
+    }
+
+    /// The value of a measurement by its name.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Option<&Value> {
+        self.measured.iter().find(|(measured, _)| measured == name).map(|(_, value)| value)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,124 @@
+//! Allan deviations of all axes, on compensated data.
+
+use gnc_executive::measurement::Value;
+use gnc_executive::quantity::Unit;
+use gnc_executive::uncertainty::Uncertainty;
+use gnc_metrology::allan::{self, Absence, Coefficient, Fit, Input, Kind, Taus};
+use gnc_metrology::{earth, stats};
+use serde_json::json;
+
+use super::captures::{self, AXES, Triad};
+use super::stability::{Compensation, unit};
+use super::{FigureError, Findings, Question};
+
+pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+    let compensation = Compensation::of(question)?;
+    let capture = question.one("duration")?;
+    captures::sound([capture], compensation.used())?;
+    for triad in compensation.used() {
+        captures::still(capture, *triad)?;
+    }
+    let rate_hz = f64::from(capture.about.rate_hz);
+    let mut findings = Findings::new(json!({
+        "equation": "overlapping Allan deviation; dev^2 = 3 Q^2/tau^2 + N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3 + R^2 tau^2/2",
+        "rate_hz": rate_hz, "record_s": capture.samples.len() as f64 / rate_hz,
+        "interval": "68.3 %, chi-square with equivalent degrees of freedom (Greenhall), by the noises of the fit",
+    }));
+    let mut curves = serde_json::Map::new();
+    for triad in &compensation.triads {
+        let series = compensation.blocks(capture, *triad, 1);
+        let found = [0, 1, 2].map(|axis| {
+            let values: Vec<f64> = series.iter().map(|value| value[axis]).collect();
+            // One thread: the sums, and so the bits of the figures, do not depend on the machine.
+            allan::analyse(&values, Input::Rate, rate_hz, Kind::Oadev, &Taus::Octave, 1)
+        });
+        let found = found.into_iter().collect::<Result<Vec<_>, _>>().map_err(FigureError::refused(triad.name()))?;
+        for (axis, analysis) in AXES.iter().zip(&found) {
+            curves.insert(format!("{}_{axis}", triad.name()), curve(analysis, unit(*triad)));
+        }
+        walks(&mut findings, *triad, &found);
+        floors(&mut findings, *triad, &found);
+    }
+    findings.detail("curves", curves);
+    Ok(findings)
+}
+
+fn curve(analysis: &allan::Analysis, unit: Unit) -> serde_json::Value {
+    let points: Vec<_> = analysis
+        .points
+        .iter()
+        .map(|point| {
+            json!({
+                "tau_s": point.tau_s, "dev": point.dev, "low": point.low, "high": point.high, "edf": point.edf,
+                "n": point.n, "noise": point.noise.map(|noise| noise.to_string()),
+            })
+        })
+        .collect();
+    let c = &analysis.coefficients;
+    let interval = |c: Coefficient| json!({ "value": c.value, "low": c.low, "high": c.high });
+    let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
+    let reasons: serde_json::Map<_, _> =
+        named.iter().filter_map(|(name, c)| Some(((*name).to_owned(), c.err()?.to_string().into()))).collect();
+    let fit = analysis.fit.as_ref().map(fit_json);
+    let mut curve = json!({
+        "unit": unit.symbol(), "points": points, "reasons": reasons, "fit": fit,
+        "N_psd": analysis.plateau.map(|plateau| interval(plateau.n())),
+        "B_upper_bound": c.b_upper_bound,
+        "B_upper_bound_label":
+            "smallest upper end of a 95 % interval / 0.664: an upper bound, whether a flat part is seen or not",
+    });
+    for (name, c) in named {
+        curve[name] = c.map_or(serde_json::Value::Null, interval);
+    }
+    curve
+}
+
+/// How well a fit of noise terms holds, in the form that records and `compute` share.
+pub fn fit_json(fit: &Fit) -> serde_json::Value {
+    let lines: Vec<_> = fit
+        .lines
+        .iter()
+        .map(|line| json!({ "frequency_hz": line.frequency_hz, "amplitude": line.amplitude }))
+        .collect();
+    json!({
+        "holds": fit.holds, "chi_square": fit.chi_square, "dof": fit.dof, "p": fit.p, "terms": fit.terms,
+        "used_from_s": fit.used_from_s, "model_error": fit.model_error,
+        "correlation_s": fit.correlation_s, "lines": lines,
+    })
+}
+
+fn estimate(coefficient: Coefficient, factor: f64, unit: Unit) -> Value {
+    let Coefficient { value, low, high } = coefficient;
+    Value::estimate(value * factor, unit, Uncertainty::interval(low * factor, high * factor, stats::ONE_SIGMA))
+}
+
+fn absent(what: &str, why: Absence) -> Value {
+    Value::NotAvailable(format!("the record shows no {what}: {why}"))
+}
+
+/// N: deg/h sqrt(s) in deg/sqrt(h), mg sqrt(s) in m/s/sqrt(h).
+fn walks(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
+    let (name, unit, factor) = match triad {
+        Triad::Gyro => ("angle_random_walk", Unit::DegreePerRootHour, 1.0 / 60.0),
+        _ => ("velocity_random_walk", Unit::MetrePerSecondPerRootHour, 60.0 * earth::STANDARD_GRAVITY_MPS2 / 1e3),
+    };
+    for (axis, analysis) in AXES.iter().zip(found) {
+        let value =
+            analysis.coefficients.n.map_or_else(|why| absent("slope of -1/2", why), |n| estimate(n, factor, unit));
+        findings.put(format!("{name}_{axis}"), value);
+    }
+}
+
+fn floors(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
+    let (name, unit) = (triad.name(), unit(triad));
+    for (axis, analysis) in AXES.iter().zip(found) {
+        let value = analysis.coefficients.b.map_or_else(|why| absent("flat part", why), |b| estimate(b, 1.0, unit));
+        findings.put(format!("bias_instability_{name}_{axis}"), value);
+    }
+    for (axis, analysis) in AXES.iter().zip(found) {
+        let bound = analysis.coefficients.b_upper_bound;
+        let too_short = || Value::NotAvailable("the record is too short for a bound".into());
+        let value = bound.map_or_else(too_short, |bound| Value::number(bound, unit));
+        findings.put(format!("bias_instability_bound_{name}_{axis}"), value);
+    }
+}

@@ -1,0 +1,10 @@
+//! What the samples of a module say: captures of them, the motions that captures are made of, and the figures.
+//!
+//! It never does any I/O and never judges: samples go in, figures or a typed refusal come out. So a run and its
+//! recomputation years later come to the same.
+
+pub mod capture;
+pub mod figures;
+pub mod host_clock;
+pub mod motion;
+pub mod statistics;

@@ -1,0 +1,193 @@
+//! Motion programs: what an item does with the module, step by step, worked out before anything moves.
+//!
+//! Pure data from an item's parameters, so that the plan check and the log can say beforehand how long it takes and how
+//! fast it turns.
+
+mod check;
+mod programs;
+mod resume;
+pub mod watch;
+
+use std::fmt;
+
+use crate::capture::{About, Pose};
+pub use check::mistakes;
+use gnc_rig::Orientation;
+pub use programs::OFF_S;
+pub use programs::program;
+pub use resume::Action;
+
+/// A step of a program.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// The module is laid down.
+    Lay(Orientation),
+    /// Nothing moves for so long: mounting, temperature and filters settle.
+    Settle {
+        /// Bench time.
+        span_s: f64,
+    },
+    /// Samples while the module lies still or spins as it did before.
+    Capture {
+        /// What they are of.
+        about: About,
+        /// Board time.
+        span_s: f64,
+        /// The sensors that count.
+        uses: Uses,
+    },
+    /// Samples while it lies still, is turned and lies still again.
+    Turn {
+        /// What they are of; its pose says how it is turned.
+        about: About,
+        /// Stillness after the turn.
+        rest_s: f64,
+        /// The sensors that count.
+        uses: Uses,
+    },
+    /// The table spins from here on.
+    Spin {
+        /// Right-handed about the axis along the table's.
+        rate_dps: f64,
+    },
+    /// The table comes to rest.
+    Stop,
+    /// The module is switched off, and on again after so long.
+    PowerCycle {
+        /// Bench time without power.
+        off_s: f64,
+    },
+    /// The satellite receiver is listened to.
+    Receiver {
+        /// What it is of.
+        about: About,
+        /// Longest wait for a fix.
+        timeout_s: f64,
+        /// Time after it.
+        span_s: f64,
+    },
+}
+
+/// The sensors that a capture is made for, whose saturation spoils it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Uses {
+    /// Gyroscopes and accelerometers.
+    Inertial,
+    /// The gyroscopes alone.
+    Gyro,
+    /// The magnetometer alone: the gyroscopes may be out of range.
+    Magnetometer,
+    /// Gyroscopes and accelerometers, as the board compensates them.
+    Compensated,
+}
+
+/// Stillness before a turn: the analysis wants half a second at least.
+pub const REST_BEFORE_S: f64 = 1.0;
+
+/// What an item does.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Program {
+    /// In this order.
+    pub steps: Vec<Step>,
+}
+
+impl Program {
+    /// Bench time of all captures and pauses; laying the module down comes on top of it.
+    #[must_use]
+    pub fn span_s(&self) -> f64 {
+        self.steps.iter().map(Step::span_s).sum()
+    }
+
+    /// Times that somebody lays the module down.
+    #[must_use]
+    pub fn lays(&self) -> usize {
+        self.steps.iter().filter(|step| matches!(step, Step::Lay(_))).count()
+    }
+
+    /// Samples of the IMU that it captures at least.
+    #[must_use]
+    pub fn samples(&self) -> u64 {
+        let of = |about: &About, span_s: f64| (span_s * f64::from(about.rate_hz)).round() as u64;
+        let samples = self.steps.iter().map(|step| match step {
+            Step::Capture { about, span_s, .. } => of(about, *span_s),
+            Step::Turn { about, .. } => of(about, step.span_s()),
+            _ => 0,
+        });
+        samples.sum()
+    }
+}
+
+impl Step {
+    /// What it captures, if it does.
+    #[must_use]
+    pub fn about(&self) -> Option<&About> {
+        match self {
+            Self::Capture { about, .. } | Self::Turn { about, .. } | Self::Receiver { about, .. } => Some(about),
+            _ => None,
+        }
+    }
+
+    /// Bench time that it takes for certain.
+    #[must_use]
+    pub fn span_s(&self) -> f64 {
+        match self {
+            Self::Settle { span_s } | Self::Capture { span_s, .. } | Self::Receiver { span_s, .. } => *span_s,
+            Self::Turn { about, rest_s, .. } => match about.pose {
+                Pose::Rotating { span_s, .. } => REST_BEFORE_S + span_s + rest_s,
+                _ => REST_BEFORE_S + rest_s,
+            },
+            Self::PowerCycle { off_s } => *off_s,
+            Self::Lay(_) | Self::Spin { .. } | Self::Stop => 0.0,
+        }
+    }
+}
+
+impl fmt::Display for Program {
+    /// "takes 31 min 12 s of bench time: 6 captures with 360000 samples, the module is laid down 6 times"
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_capture =
+            |step: &&Step| matches!(step, Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. });
+        let captures = self.steps.iter().filter(is_capture).count();
+        let captures = Count(captures, "capture");
+        write!(f, "takes {} of bench time: {captures}", Span(self.span_s()))?;
+        if self.samples() > 0 {
+            write!(f, " with {} samples", self.samples())?;
+        }
+        match self.lays() {
+            0 => {}
+            1 => write!(f, ", the module is laid down once")?,
+            times => write!(f, ", the module is laid down {times} times")?,
+        }
+        let cycles = self.steps.iter().filter(|step| matches!(step, Step::PowerCycle { .. })).count();
+        if cycles > 0 { write!(f, ", {}", Count(cycles, "power cycle")) } else { Ok(()) }
+    }
+}
+
+/// "1 capture", "6 captures".
+#[derive(Debug, Clone, Copy)]
+pub struct Count(pub usize, pub &'static str);
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(count, what) = self;
+        write!(f, "{count} {what}{}", if *count == 1 { "" } else { "s" })
+    }
+}
+
+/// A time for people: "1 h 02 min", "5 min 30 s", "12.5 s".
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span(pub f64);
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let whole = self.0.max(0.0).round() as u64;
+        match whole {
+            3600.. => write!(f, "{} h {:02} min", whole / 3600, whole % 3600 / 60),
+            60.. => write!(f, "{} min {:02} s", whole / 60, whole % 60),
+            _ => write!(f, "{:.1} s", self.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,330 @@
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::{Params, Plan};
+use gnc_protocol::stream::{ImuSample, SATURATION};
+
+use super::watch::{Spoilt, TurnWatch, Watch, turned_deg};
+use super::*;
+use gnc_rig::Along;
+
+fn params(id: &str, params: &str) -> Params {
+    plan(id, params).items()[3].params.clone()
+}
+
+/// The plan with such an item behind what it needs.
+fn plan(id: &str, params: &str) -> Plan {
+    let item = |id: &str, more: &str| format!("[[item]]\nid = \"{id}\"\nphase = \"setup\"\n{more}\n");
+    // What the others work with comes first.
+    let before = ["six-position", "gyro-still", "rotation"].map(|id| item(id, "")).concat();
+    let it = item(id, &format!("name = \"it\"\nparams = {{ {params} }}"));
+    let text = format!("name = \"p\"\nversion = \"1\"\n{before}{it}");
+    let plan = Plan::read("p.toml", text.into_bytes(), &mut |_| Err("no include".into()));
+    plan.unwrap_or_else(|mistakes| panic!("{mistakes}"))
+}
+
+fn of(id: ItemId, with: &str) -> Program {
+    program(id, &params(id.as_str(), with)).unwrap().unwrap()
+}
+
+fn captures(program: &Program) -> Vec<About> {
+    let about = program.steps.iter().filter_map(|step| match step {
+        Step::Capture { about, .. } | Step::Turn { about, .. } | Step::Receiver { about, .. } => Some(about.clone()),
+        _ => None,
+    });
+    about.collect()
+}
+
+fn labels(program: &Program) -> Vec<String> {
+    captures(program).into_iter().map(|about| about.label).collect()
+}
+
+#[test]
+fn every_position_comes_once_and_is_told_beforehand() {
+    let six = of(ItemId::SixPosition, "");
+    assert_eq!(labels(&six), ["x+", "x-", "y+", "y-", "z+", "z-"]);
+    // Six times 300 s at 200 Hz, and 10 s of settling.
+    assert_eq!(
+        six.to_string(),
+        "takes 31 min 00 s of bench time: 6 captures with 360000 samples, the module is laid down 6 times"
+    );
+    assert_eq!(
+        of(ItemId::BiasStability, "duration = \"600 s\"").to_string(),
+        "takes 10 min 10 s of bench time: 1 capture with 120000 samples, the module is laid down once"
+    );
+    for (count, headings) in [("12", 2), ("24", 4)] {
+        let many = captures(&of(ItemId::SixPosition, &format!("positions = \"{count}\"")));
+        let mut poses: Vec<String> = many.iter().map(|about| format!("{:?}", about.pose)).collect();
+        poses.sort();
+        poses.dedup();
+        assert_eq!((many.len(), poses.len()), (6 * headings, 6 * headings), "each attitude once");
+    }
+}
+
+#[test]
+fn a_turn_is_the_one_of_the_parameters() {
+    let turns = captures(&of(ItemId::Rotation, "angle = \"720 deg\", span = \"4 s\", geometry = \"polar\""));
+    let expected: Vec<Pose> = [(0, 720.0), (0, -720.0), (1, 720.0), (1, -720.0), (2, 720.0), (2, -720.0)]
+        .map(|(axis, angle_deg)| Pose::Rotating { axis, angle_deg, span_s: 4.0, along: Along::Polar })
+        .into();
+    assert_eq!(turns.iter().map(|about| about.pose.clone()).collect::<Vec<_>>(), expected);
+    assert_eq!(turns[5].label, "z- rotation");
+}
+
+/// The module turns about the third axis: that one stays where it is, and the other two change sides.
+#[test]
+fn accelerometers_are_turned_about_the_third_axis() {
+    // Axes in the local frame (north, west, up) for an axis that is up or down and the heading of the next one.
+    let axes = |pose: &Pose| -> [[f64; 3]; 3] {
+        let Pose::Still { up, heading_deg } = pose else { panic!("{pose:?}") };
+        let top = up.iter().position(|part| *part != 0.0).unwrap();
+        let z = [0.0, 0.0, up[top]];
+        // Clockwise from north: 90 degrees are east, which is minus west.
+        let (sin, cos) = heading_deg.to_radians().sin_cos();
+        let next = [cos.round(), -sin.round(), 0.0];
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let mut found = [[0.0; 3]; 3];
+        (found[top], found[(top + 1) % 3], found[(top + 2) % 3]) = (z, next, cross(z, next));
+        found
+    };
+    let pairs = captures(&of(ItemId::AccelBias, ""));
+    assert_eq!(
+        pairs.iter().map(|about| about.label.as_str()).collect::<Vec<_>>(),
+        ["x z+", "x z-", "y z+", "y z-", "z x+", "z x-"]
+    );
+    for (pair, (measured, about)) in pairs.chunks(2).zip([(0, 1), (1, 0), (2, 1)]) {
+        let (before, after) = (axes(&pair[0].pose), axes(&pair[1].pose));
+        assert_eq!(before[about], after[about], "{}: the axis of the turn stays", pair[0].label);
+        assert_eq!(
+            before[measured].map(|part| -part + 0.0),
+            after[measured].map(|part| part + 0.0),
+            "{}",
+            pair[0].label
+        );
+        assert_eq!(before[measured][2], 0.0, "the measured axis is level");
+    }
+}
+
+#[test]
+fn repeated_items_cycle_the_power_before_each_series() {
+    let runs = of(ItemId::BiasRepeatability, "runs = 3, gap = \"600 s\"");
+    assert_eq!(labels(&runs), ["run 1", "run 2", "run 3"]);
+    let mut powered = 0;
+    for step in &runs.steps {
+        match step {
+            Step::PowerCycle { off_s } => {
+                powered += 1;
+                assert_eq!(*off_s, 600.0);
+            }
+            Step::Capture { about, .. } => assert_eq!(about.series, powered),
+            _ => {}
+        }
+    }
+    let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2");
+    let names = labels(&whole);
+    assert_eq!(names.len(), 24);
+    assert_eq!((names[0].as_str(), names[23].as_str()), ("calibration 1 x+", "calibration 2 z- rotation"));
+    let accel = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
+    assert_eq!(labels(&accel).len(), 12);
+}
+
+#[test]
+fn a_step_of_a_milli_g_is_a_tilt_of_that_sine() {
+    let steps = captures(&of(ItemId::Resolution, "sensors = [\"accel\"], accel_step = \"1 mg\", accel_cycles = 2"));
+    let ups = steps.iter().map(|about| match about.pose {
+        Pose::Still { up, .. } => up,
+        _ => panic!("{about:?}"),
+    });
+    let ups: Vec<[f64; 3]> = ups.collect();
+    assert_eq!(ups.len(), 27);
+    for (index, up) in ups.iter().enumerate() {
+        assert!((up.iter().map(|part| part * part).sum::<f64>() - 1.0).abs() < 1e-12, "{up:?} is no unit vector");
+        // Level before and after each step.
+        assert_eq!(up[index / 9], [0.0, 0.001, 0.0, -0.001][index % 9 % 4], "{up:?}");
+    }
+}
+
+#[test]
+fn the_magnetometer_spins_in_both_senses_at_two_speeds() {
+    let program = of(ItemId::MagnetometerEllipse, "");
+    let rates: Vec<f64> = program
+        .steps
+        .iter()
+        .filter_map(|step| if let Step::Spin { rate_dps } = step { Some(*rate_dps) } else { None })
+        .collect();
+    assert_eq!(rates, [5400.0, -5400.0, 1800.0, -1800.0]);
+    assert_eq!(program.steps.last(), Some(&Step::Stop), "nothing spins afterwards");
+}
+
+fn still(count: usize) -> Vec<ImuSample> {
+    vec![ImuSample { gyro: [100, -50, 83], accel: [0, 0, 160_000], ..ImuSample::default() }; count]
+}
+
+#[test]
+fn a_module_that_is_moved_is_noticed_within_a_second() {
+    let mut watch = Watch::new(Uses::Inertial, true, 200);
+    assert_eq!(watch.look(&still(2000)), Ok(()));
+    let mut moved = still(400);
+    // Two degrees a second about Y.
+    moved[150..].iter_mut().for_each(|sample| sample.gyro[1] += 40_000);
+    let (index, spoilt) = watch.look(&moved).unwrap_err();
+    assert_eq!(index, 199, "at the end of the first block with the motion");
+    assert_eq!(spoilt, Spoilt::Moved { channel: "gyro_y".into(), by: "+0.500 deg/s".into() });
+}
+
+#[test]
+fn only_what_is_used_may_not_saturate() {
+    // Six in a row are saturation; five may be reads that failed.
+    let look = |uses, sample: &ImuSample, rows: usize| Watch::new(uses, false, 1000).look(&vec![sample.clone(); rows]);
+    let mut sample = still(1).remove(0);
+    sample.gyro[2] = -SATURATION - 1;
+    assert_eq!(look(Uses::Magnetometer, &sample, 9), Ok(()));
+    assert_eq!(look(Uses::Gyro, &sample, 5), Ok(()));
+    assert_eq!(look(Uses::Gyro, &sample, 9), Err((5, Spoilt::Saturated { channel: "gyro_z".into() })));
+    sample.gyro[2] = 0;
+    sample.mag[0] = SATURATION;
+    assert_eq!(look(Uses::Inertial, &sample, 9), Ok(()));
+    assert_eq!(look(Uses::Magnetometer, &sample, 9), Err((5, Spoilt::Saturated { channel: "mag_x".into() })));
+}
+
+/// One read in 50 gives 0 where 1 g lies: a finding of the data gate, and no motion.
+#[test]
+fn failed_reads_are_no_motion() {
+    let mut samples = still(2000);
+    for (row, sample) in samples.iter_mut().enumerate() {
+        sample.accel[2] = if row > 400 && row % 50 == 7 { 0 } else { 160_000 };
+    }
+    assert_eq!(Watch::new(Uses::Inertial, true, 200).look(&samples), Ok(()));
+}
+
+/// Stillness in which so many reads of a hundred fail, here and there: by the finaliser of SplitMix64.
+fn with_failed_reads(count: usize, percent: u64, fails: fn(&mut ImuSample)) -> Vec<ImuSample> {
+    let drawn = |row: u64| {
+        let mut z = (row + 7).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % 100
+    };
+    let mut samples = still(count);
+    samples.iter_mut().zip(0..).filter(|(_, row)| drawn(*row) < percent).for_each(|(sample, _)| fails(sample));
+    samples
+}
+
+/// As often as the data gate leaves them out, and somewhat more often: it is the gate that speaks of them.
+#[test]
+fn scattered_spikes_and_failed_reads_are_no_motion() {
+    let faults: [fn(&mut ImuSample); 6] = [
+        |sample| sample.accel[0] += 320_000,
+        |sample| sample.accel[0] -= 15_000,
+        |sample| sample.accel[2] = 0,
+        |sample| sample.accel[2] = SATURATION,
+        |sample| sample.gyro[1] = -SATURATION - 1,
+        |sample| (sample.gyro, sample.accel) = ([-1; 3], [-1; 3]),
+    ];
+    for (number, fails) in faults.into_iter().enumerate() {
+        for percent in [1, 5, 7] {
+            let samples = with_failed_reads(60_000, percent, fails);
+            assert_eq!(Watch::new(Uses::Inertial, true, 200).look(&samples), Ok(()), "{number}, {percent} %");
+        }
+    }
+}
+
+/// What really moves is noticed in the block in which it begins, whether reads fail or not.
+#[test]
+fn motion_among_failed_reads_is_noticed_at_once() {
+    let check = |percent, moves: fn(&mut [ImuSample]), channel: &str| {
+        let mut samples = with_failed_reads(2000, percent, |sample| sample.accel[0] = SATURATION);
+        moves(&mut samples[1000..]);
+        let (index, spoilt) = Watch::new(Uses::Inertial, true, 200).look(&samples).unwrap_err();
+        let Spoilt::Moved { channel: told, .. } = spoilt else { panic!("{spoilt}") };
+        assert_eq!((index, told.as_str()), (1199, channel));
+    };
+    for percent in [0, 5] {
+        // A tilt of 0.7 degrees, which stays.
+        check(percent, |after| after.iter_mut().for_each(|sample| sample.accel[1] += 1_955), "accel_y");
+        // A turn of 90 deg/s for 50 ms: 4.5 degrees.
+        check(percent, |after| after[50..60].iter_mut().for_each(|sample| sample.gyro[2] += 90 * 20_000), "gyro_z");
+        // A knock of half a g for 40 ms.
+        check(percent, |after| after[90..98].iter_mut().for_each(|sample| sample.accel[1] -= 80_000), "accel_y");
+    }
+}
+
+#[test]
+fn the_angle_of_a_turn_is_seen_without_the_bias() {
+    // A second of rest, 360 deg/s for a second, a second of rest, at 1 kHz with a bias of 2 deg/s.
+    let mut samples = vec![ImuSample { gyro: [0, 0, 40_000], ..ImuSample::default() }; 3000];
+    samples[1000..2000].iter_mut().for_each(|sample| sample.gyro[2] += 360 * 20_000);
+    let seen_deg = turned_deg(&samples, 2, 1000, 1000);
+    assert!((seen_deg - 360.0).abs() < 1e-9, "{seen_deg}");
+}
+
+/// The turn of the last test, seen in frames of 12 samples: its end is found in the first tenth of a second after it.
+#[test]
+fn the_end_of_a_turn_is_seen_in_the_samples() {
+    let mut samples = vec![ImuSample { gyro: [0, 0, 40_000], ..ImuSample::default() }; 3000];
+    samples[1000..2000].iter_mut().for_each(|sample| sample.gyro[2] += 360 * 20_000);
+    let mut watch = TurnWatch::new(2, 1000, &samples[..600]);
+    let seen = (600..3000).step_by(12).find_map(|length| Some((length, watch.look(&samples[..length])?)));
+    assert_eq!(seen, Some((2100, 2000)));
+    assert_eq!(TurnWatch::new(2, 1000, &samples[..600]).look(&samples[..1500]), None, "it goes on");
+}
+
+/// By hand: 1080 / (5 - 0.5) = 240 and 1080 / (3 - 0.2) = 386 are within 400 deg/s, 1080 / (3 - 0.5) = 432 is not.
+#[test]
+fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
+    let check = |params: &str| -> Vec<String> {
+        mistakes(&plan("rotation", params).items()[3]).into_iter().map(|(what, _)| what).collect()
+    };
+    assert!(check("").is_empty());
+    assert!(check("span = \"3 s\", ramp = \"0.2 s\"").is_empty());
+    assert_eq!(
+        check("span = \"3 s\""),
+        [
+            "1080 deg in 3 s with ramps of 0.5 s go up to 1080 / (3 - 0.5) = 432 deg/s, and the gyroscopes' range is 400 deg/s"
+        ]
+    );
+    assert_eq!(check("span = \"1 s\", ramp = \"1 s\""), ["two ramps of 1 s do not fit into a turn of 1 s"]);
+    let late =
+        "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"six-position\"\nphase = \"setup\"\ntimeout = \"600 s\"\n";
+    let late =
+        Plan::read("p.toml", late.into(), &mut |_| Err("no include".into())).unwrap().check(mistakes).unwrap_err();
+    let text = late.to_string();
+    assert!(
+        text.contains(
+            "p.toml:4:6: six-position takes 31 min 00 s of bench time at least, and its timeout is 10 min 00 s"
+        ),
+        "{text}"
+    );
+}
+
+/// By hand: what a program still does when some of its captures are there.
+#[test]
+fn a_program_goes_on_where_it_broke_off() {
+    let left = |program: &Program, labels: &[&str]| -> Vec<String> {
+        let actions = program.after(|about| labels.contains(&about.label.as_str()));
+        let word = |action: &Action| match action {
+            Action::Take(step) => format!("take {}", step.about().unwrap().label),
+            Action::Do(step) => match step {
+                Step::Lay(orientation) => {
+                    format!("lay {}", orientation.to_string().split_whitespace().nth(4).unwrap_or_default())
+                }
+                Step::PowerCycle { .. } => "cycle".into(),
+                step => step.about().map(|about| about.label.clone()).unwrap_or_default(),
+            },
+        };
+        actions.iter().map(word).filter(|word| !word.is_empty()).collect()
+    };
+    let six = of(ItemId::SixPosition, "");
+    assert_eq!(left(&six, &[]).len(), 12, "nothing is there");
+    let rest = left(&six, &["x+", "x-", "y+", "y-", "z+"]);
+    assert_eq!(rest, ["take x+", "take x-", "take y+", "take y-", "take z+", "lay -Z", "z-"]);
+    assert_eq!(left(&six, &["x+", "x-", "y+", "y-", "z+", "z-"]).last().unwrap(), "take z-");
+    let turns = of(ItemId::Rotation, "");
+    let rest = left(&turns, &["x+ rotation", "x- rotation", "y+ rotation"]);
+    assert_eq!(rest[2..], ["lay +Y", "take y+ rotation", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
+    let runs = of(ItemId::BiasRepeatability, "runs = 3");
+    assert_eq!(left(&runs, &["run 1"]), ["take run 1", "lay +Z", "cycle", "run 2", "cycle", "run 3"]);
+    let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
+    let rest = left(&whole, &["calibration 1 x+", "calibration 1 x-"]);
+    assert_eq!(rest[..3], ["cycle", "lay +X", "calibration 1 x+"], "a power-on belongs to one series");
+}

@@ -1,0 +1,138 @@
+//! What people and signals ask of a run while it goes on: to stop, to pause, to give up one item.
+//!
+//! A [`Control`] is a handle that may be copied: whoever holds one asks, and the runner listens.
+
+use tokio::signal::unix::{SignalKind, signal};
+
+use gnc_board::latest::Latest;
+
+/// How often somebody asked for a stop, and who was the last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Asked {
+    /// 0: nobody; 1: in order; 2 and more: at once.
+    pub times: u32,
+    /// "ctrl-C", "SIGTERM", "SIGHUP", "the operator".
+    pub by: &'static str,
+}
+
+/// Asks things of a run, and lets the runner hear of them.
+#[derive(Debug, Clone)]
+pub struct Control {
+    wanted: Latest<Wanted>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Wanted {
+    stop: Asked,
+    paused: bool,
+    /// Names of items that nobody waits for any more.
+    given_up: Vec<String>,
+}
+
+impl Default for Control {
+    /// Nothing is asked.
+    fn default() -> Self {
+        Self { wanted: Latest::new(Wanted::default()) }
+    }
+}
+
+impl Control {
+    /// Takes over ctrl-C, SIGTERM and SIGHUP for the rest of the program: each asks for a stop.
+    ///
+    /// # Errors
+    /// The system does not let it.
+    pub fn from_signals() -> std::io::Result<Self> {
+        let control = Self::default();
+        let mut interrupt = signal(SignalKind::interrupt())?;
+        let mut terminate = signal(SignalKind::terminate())?;
+        let mut hangup = signal(SignalKind::hangup())?;
+        let asks = control.clone();
+        tokio::spawn(async move {
+            loop {
+                let by = tokio::select! {
+                    _ = interrupt.recv() => "ctrl-C",
+                    _ = terminate.recv() => "SIGTERM",
+                    _ = hangup.recv() => "SIGHUP",
+                };
+                asks.stop(by);
+            }
+        });
+        Ok(control)
+    }
+
+    /// Asks for a stop: the first time in order, then at once.
+    pub fn stop(&self, by: &'static str) {
+        self.wanted.change(|wanted| wanted.stop = Asked { times: wanted.stop.times + 1, by });
+    }
+
+    /// Whether somebody asked for a stop.
+    #[must_use]
+    pub fn asked(&self) -> Asked {
+        self.wanted.look(|wanted| wanted.stop)
+    }
+
+    /// Waits until somebody has asked so many times.
+    pub async fn asked_times(&self, times: u32) -> Asked {
+        self.wanted.until(|wanted| wanted.stop.times >= times).await.stop
+    }
+
+    /// Lets nothing new begin, or lets it again. What runs is not touched.
+    pub fn pause(&self, paused: bool) {
+        self.wanted.change(|wanted| wanted.paused = paused);
+    }
+
+    /// Whether nothing new may begin. A stop ends a pause.
+    #[must_use]
+    pub fn is_paused(&self) -> bool {
+        self.wanted.look(|wanted| wanted.paused && wanted.stop.times == 0)
+    }
+
+    /// Waits until something may begin again, or somebody wants the run to end.
+    pub async fn resumed(&self) {
+        self.wanted.until(|wanted| !wanted.paused || wanted.stop.times > 0).await;
+    }
+
+    /// Gives up the attempt of this item that runs; the run goes on.
+    pub fn give_up(&self, item: &str) {
+        self.wanted.change(|wanted| {
+            if !wanted.given_up.iter().any(|name| name == item) {
+                wanted.given_up.push(item.to_owned());
+            }
+        });
+    }
+
+    /// A new attempt of this item begins: what was asked before is not meant for it.
+    pub(crate) fn begin(&self, item: &str) {
+        self.wanted.change(|wanted| wanted.given_up.retain(|name| name != item));
+    }
+
+    /// Waits until somebody gives this item up.
+    pub(crate) async fn given_up(&self, item: &str) {
+        self.wanted.until(|wanted| wanted.given_up.iter().any(|name| name == item)).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_ends_a_pause() {
+        let control = Control::default();
+        control.pause(true);
+        assert!(control.is_paused());
+        control.stop("SIGTERM");
+        assert!(!control.is_paused());
+        assert_eq!(control.asked(), Asked { times: 1, by: "SIGTERM" });
+    }
+
+    #[tokio::test]
+    async fn what_was_asked_before_is_not_meant_for_the_next_attempt() {
+        let control = Control::default();
+        control.give_up("imu");
+        control.given_up("imu").await;
+        control.begin("imu");
+        let waits = tokio::time::timeout(std::time::Duration::ZERO, control.given_up("imu")).await;
+        assert!(waits.is_err(), "the new attempt is given up too");
+    }
+}

@@ -1,0 +1,262 @@
+//! Whoever turns the module and flips the DIP switches: a person at a terminal or at the screen, or a device.
+
+use std::fmt;
+use std::io::BufRead as _;
+use std::sync::Arc;
+
+use tokio::sync::mpsc::{self, error::TrySendError};
+use tokio::sync::{Mutex, oneshot};
+
+use crate::recorder::Recorder;
+use gnc_records::store::StoreError;
+use gnc_rig::Orientation;
+use gnc_rig::{DriverError, Rig};
+
+/// Lines typed ahead that are kept; more is somebody leaning on the keyboard.
+const TYPED_AHEAD: usize = 16;
+
+/// Why the module was not turned, or a switch not flipped.
+#[derive(Debug, thiserror::Error)]
+pub enum FixtureError {
+    /// The plan needs somebody and nobody is there.
+    #[error("nobody is there to {what}")]
+    Nobody {
+        /// What was to be done.
+        what: String,
+    },
+    /// The operator said no.
+    #[error("the operator could not {what}")]
+    Refused {
+        /// What was to be done.
+        what: String,
+    },
+    /// Whoever showed the question is gone.
+    #[error("the terminal was closed while waiting for somebody to {what}")]
+    TerminalClosed {
+        /// What was to be done.
+        what: String,
+    },
+    /// The fixture did not do it.
+    #[error("{name} could not {what}")]
+    Fixture {
+        /// The fixture.
+        name: String,
+        /// What was to be done.
+        what: String,
+        /// Why, in its own words.
+        source: DriverError,
+    },
+    /// The turntable did not do it.
+    #[error("the turntable could not {what}")]
+    Table {
+        /// What was to be done.
+        what: &'static str,
+        /// Why, in its own words.
+        source: DriverError,
+    },
+    /// What was asked or answered could not be filed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl FixtureError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Nobody { .. } | Self::TerminalClosed { .. } => "run the plan on a terminal with an operator",
+            Self::Refused { .. } => "mend the fixture and run the item again",
+            Self::Fixture { .. } => "look at the fixture and its cables; start the bench again",
+            Self::Table { .. } => "see what it was told in the plan, and look at its cables; start the bench again",
+            Self::Store(error) => error.try_this(),
+        }
+    }
+}
+
+/// What somebody is asked to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ask {
+    /// Set this DIP switch (1 to 5) to ON and all others to OFF, or all to OFF.
+    Switches(Option<u8>),
+    /// Turn the level module to a heading, clockwise seen from above, from the mark on the table.
+    Heading {
+        /// Degrees.
+        deg: f64,
+    },
+    /// Lay the module on the table.
+    Lay(Orientation),
+    /// Turn the table, on which the module lies so.
+    Turn {
+        /// How the module was laid down.
+        orientation: Option<Orientation>,
+        /// Right-handed about the module's axis along the table's.
+        angle_deg: f64,
+        /// Time of the turn, ramps included, seconds.
+        span_s: f64,
+    },
+    /// Spin the table, on which the module lies so.
+    Spin {
+        /// How the module was laid down.
+        orientation: Option<Orientation>,
+        /// Right-handed about the module's axis along the table's.
+        rate_dps: f64,
+    },
+    /// Bring the table to rest.
+    StopTable,
+    /// What a plan wants in its own words.
+    Words(String),
+}
+
+impl fmt::Display for Ask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Switches(Some(number)) => write!(f, "set DIP switch {number} to ON and the other four to OFF"),
+            Self::Switches(None) => f.write_str("set all five DIP switches to OFF"),
+            Self::Heading { deg } => write!(f, "turn the module, kept level, to {deg:.0} degrees on the table"),
+            Self::Lay(orientation) => write!(f, "{orientation}; press Enter when it lies still"),
+            Self::Turn { angle_deg, span_s, .. } => write!(
+                f,
+                "turn the table by {angle_deg:+.0} degrees in {span_s} s, ramps included; press Enter when it stands still \
+                 again"
+            ),
+            Self::Spin { rate_dps, .. } => {
+                write!(f, "spin the table at {rate_dps:+.0} deg/s; press Enter when it has reached that rate")
+            }
+            Self::StopTable => f.write_str("stop the table; press Enter when it stands still"),
+            Self::Words(words) => f.write_str(words),
+        }
+    }
+}
+
+/// A question to somebody at a screen.
+#[derive(Debug)]
+pub struct Question {
+    /// The item that needs it.
+    pub item: String,
+    /// What to do.
+    pub ask: Ask,
+    /// Takes the answer: `false` is not possible. It is closed when nobody waits for one any more.
+    pub answer: oneshot::Sender<bool>,
+}
+
+/// The fixture of a bench.
+#[derive(Debug)]
+pub enum Fixture {
+    /// Nobody.
+    Absent,
+    /// A person who presses Enter.
+    Operator(Operator),
+    /// A person at the operator's screen.
+    Screen(mpsc::Sender<Question>),
+    /// A turntable with a fixture on it does it by itself.
+    Driven(Arc<dyn Rig>),
+}
+
+impl Fixture {
+    /// Whether anybody is there.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        !matches!(self, Self::Absent)
+    }
+
+    /// Sets one DIP switch (1 to 5) on and all others off, or all off.
+    ///
+    /// # Errors
+    /// [`FixtureError`], or the record that could not be written.
+    pub async fn only_switch(&self, on: Option<u8>, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+        self.ask(&Ask::Switches(on), recorder, |rig| rig.only_switch(on)).await
+    }
+
+    /// Turns the level module to a heading, clockwise seen from above, from the mark on the table.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub async fn turn_to(&self, heading_deg: f64, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+        self.ask(&Ask::Heading { deg: heading_deg }, recorder, |rig| rig.turn_to(heading_deg)).await
+    }
+
+    /// Asks for something that a plan wants in its own words.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub async fn prompt(&self, what: &str, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+        self.request(&Ask::Words(what.to_owned()), recorder).await
+    }
+
+    /// Asks for something that nobody does for a person.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub async fn request(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+        self.ask(ask, recorder, |_| Ok(())).await
+    }
+
+    async fn ask(
+        &self,
+        ask: &Ask,
+        recorder: &Recorder<'_>,
+        drive: impl FnOnce(&dyn Rig) -> Result<(), DriverError>,
+    ) -> Result<(), FixtureError> {
+        let what = ask.to_string();
+        recorder.prompted(&what).await?;
+        let answer = match self {
+            Self::Absent => return Err(FixtureError::Nobody { what }),
+            Self::Operator(operator) => operator.wait(&what).await?,
+            Self::Screen(screen) => at_the_screen(screen, recorder.item(), ask).await?,
+            Self::Driven(rig) => {
+                let failed = |source| FixtureError::Fixture { name: rig.name().to_owned(), what, source };
+                drive(rig.as_ref()).map_err(failed)?;
+                format!("done by {}", rig.name())
+            }
+        };
+        Ok(recorder.answered(&answer).await?)
+    }
+}
+
+async fn at_the_screen(screen: &mpsc::Sender<Question>, item: &str, ask: &Ask) -> Result<String, FixtureError> {
+    let (answer, answered) = oneshot::channel();
+    let closed = || FixtureError::TerminalClosed { what: ask.to_string() };
+    screen.send(Question { item: item.to_owned(), ask: ask.clone(), answer }).await.map_err(|_| closed())?;
+    match answered.await {
+        Ok(true) => Ok(String::new()),
+        Ok(false) => Err(FixtureError::Refused { what: ask.to_string() }),
+        Err(_) => Err(closed()),
+    }
+}
+
+/// A person at the terminal who answers with Enter, or with `n` for no.
+#[derive(Debug)]
+pub struct Operator {
+    lines: Mutex<mpsc::Receiver<String>>,
+}
+
+impl Operator {
+    /// Reads answers from standard input, on a thread that lives as long as the program.
+    ///
+    /// # Errors
+    /// The thread could not be started.
+    pub fn at_the_terminal() -> std::io::Result<Self> {
+        let (sender, lines) = mpsc::channel(TYPED_AHEAD);
+        std::thread::Builder::new().name("operator".into()).spawn(move || {
+            for line in std::io::stdin().lock().lines() {
+                let Ok(line) = line else { break };
+                // What nobody waits for is thrown away: held back, it would answer a later question.
+                if let Err(TrySendError::Closed(_)) = sender.try_send(line) {
+                    break;
+                }
+            }
+        })?;
+        Ok(Self { lines: Mutex::new(lines) })
+    }
+
+    async fn wait(&self, what: &str) -> Result<String, FixtureError> {
+        let mut lines = self.lines.lock().await;
+        // What was typed before the question is no answer to it.
+        while lines.try_recv().is_ok() {}
+        match lines.recv().await {
+            None => Err(FixtureError::TerminalClosed { what: what.to_owned() }),
+            Some(line) if line.trim().eq_ignore_ascii_case("n") => Err(FixtureError::Refused { what: what.to_owned() }),
+            Some(line) => Ok(line.trim().to_owned()),
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! What people see of an item that captures: how the module lies and turns, which capture of how many, and how long it
+//! still takes, and pictures that grow with the samples. Never for a verdict, and some of it is skipped.
+//!
+//! All of it is worked out where the samples come by, in bounded time and room, and only where somebody watches.
+
+pub mod allan;
+pub mod field;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use gnc_protocol::stream::ImuSample;
+use tokio::sync::watch;
+
+use allan::{Allan, AllanSoFar};
+use field::{Field, FieldSoFar};
+use gnc_analysis::capture::Pose;
+use gnc_analysis::motion::{Program, Step, Uses};
+use gnc_board::Desk;
+use gnc_rig::Orientation;
+
+/// How often it is handed on while samples come: a screen draws 30 times a second.
+const EVERY: Duration = Duration::from_millis(50);
+/// How often its pictures are: an eye follows five steps a second, and an ellipse is fitted for each.
+const PICTURE_EVERY: Duration = Duration::from_millis(200);
+/// A still capture at least this long shows its Allan deviations; shorter ones end before a flat part is seen.
+const ALLAN_FROM_S: f64 = 600.0;
+
+/// A program of captures under way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guidance {
+    /// All captures of the program, in its order.
+    pub captures: Arc<[Planned]>,
+    /// How many of them are finished; the next one is at work, or comes.
+    pub finished: usize,
+    /// How the module lies, once it was laid down.
+    pub orientation: Option<Orientation>,
+    /// What goes on.
+    pub stage: Stage,
+    /// Board time that the capture at work has taken.
+    pub captured_s: f64,
+    /// Bench time of the steps that are over.
+    pub done_s: f64,
+    /// Bench time of all steps.
+    pub whole_s: f64,
+    /// What the samples of the capture at work show so far, where they show something.
+    pub picture: Option<Picture>,
+}
+
+/// What the samples of a capture show so far.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Picture {
+    /// The field across the axis of a spin.
+    Field(Arc<Field>),
+    /// Allan deviations of a long rest.
+    Allan(Arc<Allan>),
+}
+
+/// A capture as it was planned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planned {
+    /// Its name within the attempt.
+    pub label: String,
+    /// How the module lies or moves.
+    pub pose: Pose,
+    /// Board time that it takes.
+    pub span_s: f64,
+}
+
+/// What goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stage {
+    /// The module is laid down.
+    Laying,
+    /// Nothing moves for so long.
+    Settling {
+        /// Bench time.
+        span_s: f64,
+    },
+    /// Samples are taken.
+    Capturing,
+    /// The table gets up to its rate.
+    SpinningUp {
+        /// Right-handed about the axis along the table's.
+        rate_dps: f64,
+    },
+    /// The table comes to rest.
+    Stopping,
+    /// The module is without power for so long.
+    PoweredOff {
+        /// Bench time.
+        span_s: f64,
+    },
+    /// All is captured, and the figures are worked out.
+    WorkingOut,
+}
+
+impl Guidance {
+    /// Nothing of the program is done yet.
+    #[must_use]
+    pub fn new(program: &Program) -> Self {
+        let planned = |step: &Step| {
+            let about = step.about()?;
+            Some(Planned { label: about.label.clone(), pose: about.pose.clone(), span_s: step.span_s() })
+        };
+        Self {
+            captures: program.steps.iter().filter_map(planned).collect(),
+            finished: 0,
+            orientation: None,
+            stage: Stage::Laying,
+            captured_s: 0.0,
+            done_s: 0.0,
+            whole_s: program.span_s(),
+            picture: None,
+        }
+    }
+
+    /// A step is carried out from now on.
+    pub fn begin(&mut self, step: &Step) {
+        self.stage = match step {
+            Step::Lay(orientation) => {
+                self.orientation = Some(*orientation);
+                Stage::Laying
+            }
+            Step::Settle { span_s } => Stage::Settling { span_s: *span_s },
+            Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. } => Stage::Capturing,
+            Step::Spin { rate_dps } => Stage::SpinningUp { rate_dps: *rate_dps },
+            Step::Stop => Stage::Stopping,
+            Step::PowerCycle { off_s } => Stage::PoweredOff { span_s: *off_s },
+        };
+    }
+
+    /// A step is over, or what it captures is there already.
+    pub fn end(&mut self, step: &Step) {
+        self.finished += usize::from(step.about().is_some());
+        self.captured_s = 0.0;
+        self.done_s += step.span_s();
+    }
+
+    /// The capture at work, or the one that comes.
+    #[must_use]
+    pub fn present(&self) -> Option<&Planned> {
+        self.captures.get(self.finished)
+    }
+
+    /// Board time still to go in the capture at work.
+    #[must_use]
+    pub fn capture_left_s(&self) -> f64 {
+        self.present().map_or(0.0, |planned| (planned.span_s - self.captured_s).max(0.0))
+    }
+
+    /// Bench time still to go in the program.
+    #[must_use]
+    pub fn left_s(&self) -> f64 {
+        (self.whole_s - self.done_s - self.captured_s).max(0.0)
+    }
+
+    /// Sense of the turn that is under way about the table's axis: positive right-handed about the module's axis there.
+    #[must_use]
+    pub fn turn(&self) -> Option<f64> {
+        let sense = match (self.stage, self.present().map(|planned| &planned.pose)) {
+            (Stage::SpinningUp { rate_dps }, _) => rate_dps,
+            (Stage::WorkingOut | Stage::Laying | Stage::PoweredOff { .. } | Stage::Stopping, _) => return None,
+            (_, Some(Pose::Spinning { rate_dps, .. })) => *rate_dps,
+            (Stage::Capturing, Some(Pose::Rotating { angle_deg, .. })) => *angle_deg,
+            _ => return None,
+        };
+        Some(sense.signum())
+    }
+}
+
+/// Collects what the samples of a capture show.
+#[derive(Debug)]
+enum Collected {
+    Field(FieldSoFar),
+    Allan(AllanSoFar),
+}
+
+impl Collected {
+    /// What the samples of a step are collected in; `None` where they show nothing that grows.
+    fn of(step: &Step) -> Option<Self> {
+        match step {
+            Step::Capture { about, span_s, uses } => match (&about.pose, uses) {
+                (Pose::Spinning { axis, .. }, Uses::Magnetometer) => Some(Self::Field(FieldSoFar::new(*axis))),
+                (Pose::Still { .. }, Uses::Inertial) if *span_s >= ALLAN_FROM_S => {
+                    Some(Self::Allan(AllanSoFar::new(about.rate_hz)))
+                }
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    fn take(&mut self, samples: &[ImuSample]) {
+        match self {
+            Self::Field(field) => field.take(samples),
+            Self::Allan(allan) => allan.take(samples),
+        }
+    }
+
+    fn look(&self) -> Picture {
+        match self {
+            Self::Field(field) => Picture::Field(Arc::new(field.look())),
+            Self::Allan(allan) => Picture::Allan(Arc::new(allan.look())),
+        }
+    }
+}
+
+/// Hands guidance on to whoever watches an item.
+#[derive(Debug)]
+pub struct Guide {
+    out: watch::Sender<Option<Arc<Guidance>>>,
+    watched: bool,
+}
+
+impl Guide {
+    /// One for an attempt, and where it can be watched. Pictures are made only if somebody looks at them.
+    #[must_use]
+    pub fn new(watched: bool) -> (Self, watch::Receiver<Option<Arc<Guidance>>>) {
+        let (out, seen) = watch::channel(None);
+        (Self { out, watched }, seen)
+    }
+}
+
+/// The way through a program, told step by step by whoever carries it out.
+#[derive(Debug)]
+pub(crate) struct Course<'a> {
+    desk: &'a Desk<'a>,
+    guide: &'a Guide,
+    now: Guidance,
+    collected: Option<Collected>,
+    handed_on: Option<Instant>,
+    drawn: Option<Instant>,
+}
+
+impl<'a> Course<'a> {
+    /// Nothing of the program is done yet.
+    pub(crate) fn new(program: &Program, desk: &'a Desk<'a>, guide: &'a Guide) -> Self {
+        Self { desk, guide, now: Guidance::new(program), collected: None, handed_on: None, drawn: None }
+    }
+
+    /// A step is carried out from now on.
+    pub(crate) fn begins(&mut self, step: &Step) {
+        self.now.begin(step);
+        self.collected = Collected::of(step).filter(|_| self.guide.watched);
+        if self.collected.is_some() {
+            // Until then the picture of the capture before stays in sight.
+            self.now.picture = None;
+        }
+        self.hand_on(true);
+    }
+
+    /// Samples of the capture at work.
+    pub(crate) fn took(&mut self, samples: &[ImuSample]) {
+        let Some(collected) = &mut self.collected else { return };
+        collected.take(samples);
+        let now = Instant::now();
+        if self.drawn.is_none_or(|before| now - before >= PICTURE_EVERY) {
+            self.drawn = Some(now);
+            self.now.picture = Some(collected.look());
+        }
+    }
+
+    /// The capture at work has so much board time.
+    pub(crate) fn captured(&mut self, span_s: f64) {
+        self.now.captured_s = span_s;
+        self.hand_on(false);
+    }
+
+    /// A step is over, or what it captures is there already.
+    pub(crate) fn ended(&mut self, step: &Step) {
+        if let Some(collected) = self.collected.take() {
+            self.now.picture = Some(collected.look());
+        }
+        self.now.end(step);
+        self.hand_on(false);
+    }
+
+    /// All steps are over.
+    pub(crate) fn works_out(&mut self) {
+        self.now.stage = Stage::WorkingOut;
+        self.hand_on(true);
+    }
+
+    fn hand_on(&mut self, at_once: bool) {
+        let Guidance { done_s, captured_s, whole_s, .. } = self.now;
+        self.desk.advanced(done_s + captured_s, whole_s);
+        let now = Instant::now();
+        if at_once || self.handed_on.is_none_or(|before| now - before >= EVERY) {
+            self.handed_on = Some(now);
+            self.guide.out.send_replace(Some(Arc::new(self.now.clone())));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gnc_analysis::capture::About;
+    use gnc_analysis::motion::Uses;
+    use gnc_rig::Along;
+
+    fn about(label: &str, pose: Pose) -> About {
+        About { label: label.into(), series: 1, pose, rate_hz: 100 }
+    }
+
+    fn program() -> Program {
+        let up = [0.0, 0.0, 1.0];
+        let orientation = Orientation::Axis { axis: 2, positive: true, along: Along::Up, heading_deg: 0.0 };
+        let still = about("z+", Pose::Still { up, heading_deg: 0.0 });
+        let turn = Pose::Rotating { axis: 2, angle_deg: -90.0, span_s: 3.0, along: Along::Up };
+        Program {
+            steps: vec![
+                Step::Lay(orientation),
+                Step::Settle { span_s: 10.0 },
+                Step::Capture { about: still, span_s: 60.0, uses: Uses::Inertial },
+                Step::Turn { about: about("z-", turn), rest_s: 1.0, uses: Uses::Gyro },
+            ],
+        }
+    }
+
+    /// By hand: 10 s of settling, 60 s of capture, a turn of 3 s with 1 s of stillness on both sides.
+    #[test]
+    fn what_is_done_and_what_is_still_to_go() {
+        let program = program();
+        let mut now = Guidance::new(&program);
+        assert_eq!((now.finished, now.left_s(), now.captures.len()), (0, 75.0, 2));
+        for step in &program.steps[..2] {
+            now.begin(step);
+            now.end(step);
+        }
+        now.begin(&program.steps[2]);
+        now.captured_s = 20.0;
+        assert_eq!((now.stage, now.capture_left_s(), now.left_s()), (Stage::Capturing, 40.0, 45.0));
+        assert_eq!(now.turn(), None, "it lies still");
+        now.end(&program.steps[2]);
+        now.begin(&program.steps[3]);
+        assert_eq!((now.finished, now.left_s(), now.turn()), (1, 5.0, Some(-1.0)));
+        // A turn that takes longer than it should leaves nothing to go, and never less.
+        now.captured_s = 9.0;
+        assert_eq!((now.capture_left_s(), now.left_s()), (0.0, 0.0));
+        now.end(&program.steps[3]);
+        assert_eq!((now.finished, now.present(), now.turn()), (2, None, None));
+    }
+}

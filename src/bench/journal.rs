@@ -1,0 +1,98 @@
+//! The one place from which events of a run come: numbered, timed, folded, and on their way to the record before
+//! anybody else hears of them.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use chrono::{DateTime, FixedOffset, Local, TimeDelta};
+use gnc_executive::event::{Event, EventKind};
+use gnc_executive::state::RunState;
+use tokio::time::Instant;
+
+use gnc_records::store::{RawFile, Scribe, StoreError};
+
+/// Emits the events of one run.
+#[derive(Debug)]
+pub struct Journal {
+    scribe: Scribe,
+    state: Arc<Mutex<RunState>>,
+    began: Instant,
+    /// The date of the beginning, where dates go by the run's own clock and not by the computer's.
+    dated: Option<DateTime<FixedOffset>>,
+}
+
+impl Journal {
+    /// A journal whose first event is due.
+    #[must_use]
+    pub fn new(scribe: Scribe) -> Self {
+        let state = scribe.state();
+        Self { scribe, state, began: Instant::now(), dated: None }
+    }
+
+    /// A journal that begins at this date and counts on from there by the run's clock, whatever the computer's calendar
+    /// says: for runs that must repeat.
+    #[must_use]
+    pub fn dated(scribe: Scribe, began: DateTime<FixedOffset>) -> Self {
+        Self { dated: Some(began), ..Self::new(scribe) }
+    }
+
+    /// The date after so long.
+    fn date(&self, elapsed_us: u64) -> DateTime<FixedOffset> {
+        match self.dated {
+            Some(began) => began + TimeDelta::microseconds(elapsed_us.cast_signed()),
+            None => Local::now().fixed_offset(),
+        }
+    }
+
+    /// Emits an event. Those after which a record must be believable (an item's or the run's end) come back only
+    /// when they are on disk.
+    ///
+    /// # Errors
+    /// [`StoreError`] when this or an earlier event could not be written.
+    pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
+        let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
+        // First a place, then the number: whoever is dropped while waiting takes no number with him, and events
+        // reach the record in the order of their numbers.
+        let place = self.scribe.place().await?;
+        let written = {
+            let mut state = self.lock();
+            let elapsed_us = u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX);
+            let event = Event { seq: state.next_seq(), at: self.date(elapsed_us), elapsed_us, kind };
+            state.apply(&event).map_err(StoreError::OutOfOrder)?;
+            place.write(event, must_be_on_disk)
+        };
+        written.synced().await
+    }
+
+    /// Opens a file for the raw samples of an attempt.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+        self.scribe.raw(item, attempt, repeat).await
+    }
+
+    /// Waits until every raw file is whole.
+    pub async fn raw_files_ended(&self) {
+        self.scribe.raw_files_ended().await;
+    }
+
+    /// Where the run's record is.
+    #[must_use]
+    pub fn folder(&self) -> &std::path::Path {
+        self.scribe.folder()
+    }
+
+    /// Looks at the run as it stands.
+    pub fn look<T>(&self, look: impl FnOnce(&RunState) -> T) -> T {
+        look(&self.lock())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, RunState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Ends the record.
+    pub async fn close(self) -> Result<(), StoreError> {
+        self.scribe.close().await
+    }
+}

@@ -1,0 +1,100 @@
+//! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
+
+mod ad;
+mod calibration;
+mod can;
+mod capturing;
+mod cpu;
+mod download;
+mod error;
+mod flash;
+mod gnss;
+mod identity;
+mod imu;
+mod io;
+mod memory;
+mod sampling;
+mod sci;
+mod spi;
+mod timers;
+
+use gnc_analysis::figures::Findings;
+use gnc_analysis::host_clock::HostClock;
+use gnc_board::Desk;
+use gnc_executive::bench::Site;
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::Params;
+use gnc_link::can::CanTarget;
+use gnc_records::resume::Resumed;
+
+use crate::fixture::Fixture;
+use crate::guidance::Guide;
+use crate::recorder::Recorder;
+
+pub use error::ProcedureError;
+
+/// What a procedure works with.
+#[derive(Debug)]
+pub struct Bench<'a> {
+    /// The slave board.
+    pub board: &'a Desk<'a>,
+    /// Whoever turns the module and flips switches.
+    pub fixture: &'a Fixture,
+    /// Where the bench stands, if its file says so.
+    pub site: Option<&'a Site>,
+    /// The bench's CAN bus, where the conversation does not go over it anyway.
+    pub can: Option<&'a CanTarget>,
+    /// What the items that ended before this attempt found, in the order of the plan, each with its name.
+    pub earlier: Vec<(String, Findings)>,
+    /// The run whose captures are taken over; a second attempt captures anew.
+    pub resumed: Option<&'a Resumed>,
+    /// Tells people how far captures are.
+    pub guide: &'a Guide,
+    /// Whether the host's clock runs as the board's world does.
+    pub host_clock: HostClock,
+}
+
+/// Runs the procedure of an item.
+///
+/// # Errors
+/// [`ProcedureError`] when it came to no end; what was measured up to then is filed.
+pub async fn run(
+    item: ItemId,
+    bench: &Bench<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
+    match item {
+        ItemId::Identity => identity::run(bench, recorder).await,
+        ItemId::Cpu => cpu::run(bench, params, recorder).await,
+        ItemId::Timers => timers::run(bench, params, recorder).await,
+        ItemId::InternalRam => memory::run(bench, gnc_protocol::message::Ram::Internal, params, recorder).await,
+        ItemId::Sdram => memory::run(bench, gnc_protocol::message::Ram::Sdram, params, recorder).await,
+        ItemId::SpiFlash => flash::run(bench, gnc_protocol::message::Flash::Spi, params, recorder).await,
+        ItemId::InternalFlash => flash::run(bench, gnc_protocol::message::Flash::Internal, params, recorder).await,
+        ItemId::Imu => imu::run(bench, params, recorder).await,
+        ItemId::Gnss => gnss::run(bench, params, recorder).await,
+        ItemId::Ad => ad::run(bench, params, recorder).await,
+        ItemId::Io => io::run(bench, recorder).await,
+        ItemId::Spi => spi::run(bench, params, recorder).await,
+        ItemId::Sci => sci::run(bench, params, recorder).await,
+        ItemId::Can => can::run(bench, recorder).await,
+        ItemId::CalibrationDownload => download::run(bench, params, recorder).await,
+        ItemId::SixPosition
+        | ItemId::GyroStill
+        | ItemId::Rotation
+        | ItemId::GyroBias
+        | ItemId::AccelBias
+        | ItemId::BiasStability
+        | ItemId::BiasRepeatability
+        | ItemId::ScaleFactorRepeatability
+        | ItemId::CrossCoupling
+        | ItemId::Resolution
+        | ItemId::Allan
+        | ItemId::Psd
+        | ItemId::MagnetometerEllipse
+        | ItemId::MagnetometerEllipsoid
+        | ItemId::GnssAccuracy
+        | ItemId::CalibrationCheck => calibration::run(item, bench, params, recorder).await,
+    }
+}

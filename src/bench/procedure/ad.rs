@@ -1,0 +1,82 @@
+//! AD channels 4-8 through their DIP switches, and the magnetometer on channels 1-3.
+
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::message::AdRead;
+
+use super::{Bench, ProcedureError, Recorder};
+
+/// Channels behind DIP switches 1 to 5.
+const SWITCHED: std::ops::RangeInclusive<u8> = 4..=8;
+/// Output of the analogue magnetometer in no field, and for each gauss.
+const MAG_ZERO_V: f64 = gnc_protocol::analogue::MAG_ZERO_V;
+const MAG_V_PER_GAUSS: f64 = gnc_protocol::analogue::MAG_V_PER_GAUSS;
+
+pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    let samples = u16::try_from(params.integer("samples")?).unwrap_or(u16::MAX);
+    switches(bench, samples, recorder).await?;
+    magnetometer(bench, samples, params.integer("headings")?, recorder).await
+}
+
+/// One switch on at a time; its reading follows and no other moves.
+async fn switches(bench: &Bench<'_>, samples: u16, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    bench.fixture.only_switch(None, recorder).await?;
+    let off = read(bench, samples).await?;
+    let mut crosstalk_v: f64 = 0.0;
+    for channel in SWITCHED {
+        bench.fixture.only_switch(Some(channel - 3), recorder).await?;
+        let on = read(bench, samples).await?;
+        let index = usize::from(channel - 1);
+        recorder.number(&format!("ad{channel}_on"), on[index], Unit::Volt).await?;
+        recorder.number(&format!("ad{channel}_off"), off[index], Unit::Volt).await?;
+        for other in SWITCHED.filter(|other| *other != channel).map(|other| usize::from(other - 1)) {
+            crosstalk_v = crosstalk_v.max((on[other] - off[other]).abs());
+        }
+    }
+    bench.fixture.only_switch(None, recorder).await?;
+    Ok(recorder.number("crosstalk", crosstalk_v * 1e3, Unit::Millivolt).await?)
+}
+
+/// The horizontal field turns once round the module, so that X and Y sweep twice its strength; Z stays.
+async fn magnetometer(
+    bench: &Bench<'_>,
+    samples: u16,
+    headings: i64,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
+    let mut fields_gauss = Vec::new();
+    for step in 0..headings {
+        bench.fixture.turn_to(360.0 * step as f64 / headings as f64, recorder).await?;
+        let volts = read(bench, samples).await?;
+        fields_gauss.push([0, 1, 2].map(|axis| (volts[axis] - MAG_ZERO_V) / MAG_V_PER_GAUSS));
+    }
+    bench.fixture.turn_to(0.0, recorder).await?;
+    let span = |axis: usize| {
+        let values = fields_gauss.iter().map(|field| field[axis]);
+        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
+    };
+    recorder.number("mag_x_span", span(0), Unit::Gauss).await?;
+    recorder.number("mag_y_span", span(1), Unit::Gauss).await?;
+    let z: Vec<f64> = fields_gauss.iter().map(|field| field[2]).collect();
+    Ok(recorder.number("mag_z", gnc_analysis::statistics::mean(&z), Unit::Gauss).await?)
+}
+
+/// All eight channels, in volts.
+async fn read(bench: &Bench<'_>, samples: u16) -> Result<[f64; 8], ProcedureError> {
+    let reply = bench.board.call(&AdRead { channels: 0xff, samples }).await?;
+    let mut volts = [f64::NAN; 8];
+    for channel in &reply.channels {
+        let index = usize::from(channel.channel).wrapping_sub(1);
+        let Some(volt) = volts.get_mut(index) else {
+            return Err(ProcedureError::Nonsense {
+                what: "AdRead",
+                why: format!("there is no channel {}", channel.channel),
+            });
+        };
+        *volt = f64::from(channel.mean_uv) * 1e-6;
+    }
+    if let Some(missing) = volts.iter().position(|volt| volt.is_nan()) {
+        return Err(ProcedureError::Nonsense { what: "AdRead", why: format!("channel {} is missing", missing + 1) });
+    }
+    Ok(volts)
+}

@@ -1,0 +1,64 @@
+//! Items of calibration and performance: they capture, and what the samples say is worked out from the captures alone.
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::Params;
+
+use super::{Bench, ProcedureError, Recorder, capturing};
+use gnc_analysis::capture::Capture;
+use gnc_analysis::figures::{self, Findings, Question};
+use gnc_analysis::motion;
+
+pub(super) async fn run(
+    item: ItemId,
+    bench: &Bench<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
+    let captures = captures(item, bench, params, recorder).await?;
+    let findings = analyse(item, bench, params, captures, recorder).await?;
+    Ok(recorder.found(findings).await?)
+}
+
+/// Works out the figures on a thread of its own: the conversation with the board, whose watchdog waits for two seconds
+/// and no longer, goes on meanwhile. Where they are refused, the shares of bad samples are filed first: a module whose chip
+/// gives them fails by its limit, and the refusal stands beside it.
+pub(super) async fn analyse(
+    item: ItemId,
+    bench: &Bench<'_>,
+    params: &Params,
+    captures: Vec<Capture>,
+    recorder: &Recorder<'_>,
+) -> Result<Findings, ProcedureError> {
+    let (params, site, earlier) = (params.clone(), bench.site.cloned(), bench.earlier.clone());
+    let worked_out = tokio::task::spawn_blocking(move || {
+        let question = Question { params: &params, site: site.as_ref(), captures: &captures, earlier: &earlier };
+        figures::analyse(item, &question).map_err(|refused| (figures::integrity(item, &question), refused))
+    });
+    match worked_out.await {
+        Ok(Ok(found)) => Ok(found),
+        Ok(Err((integrity, refused))) => {
+            recorder.values(&integrity).await?;
+            Err(refused.into())
+        }
+        Err(_) => Err(ProcedureError::Analysis { why: "the analysis came to grief".into() }),
+    }
+}
+
+/// Its own, or those of the item that its parameters name.
+async fn captures(
+    item: ItemId,
+    bench: &Bench<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<Vec<Capture>, ProcedureError> {
+    match motion::program(item, params)? {
+        Some(program) => {
+            recorder.note(&program.to_string()).await?;
+            capturing::run(&program, bench, recorder).await
+        }
+        None => match params.source("of")? {
+            Some(other) => Ok(recorder.captures_of(other).await?),
+            None => Err(ProcedureError::CannotRun { item, why: "it is not on this bench yet" }),
+        },
+    }
+}

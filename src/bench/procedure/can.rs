@@ -1,0 +1,85 @@
+//! The module sends test frames back: standard and extended ids, 0 to 8 bytes, in order, none lost, none altered.
+
+mod exchange;
+mod frames;
+mod ledger;
+#[cfg(test)]
+mod tests;
+mod verdict;
+
+use std::hash::{BuildHasher as _, RandomState};
+use std::io;
+
+use gnc_protocol::message::{CanCounters, CanState};
+
+use super::{Bench, ProcedureError, Recorder};
+use exchange::observe;
+use frames::Mark;
+use gnc_link::NoFrame;
+use gnc_link::can::{CanLink, Tap};
+
+pub(super) async fn run(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    if let Some(tap) = bench.board.tap() {
+        return measure(bench, tap, recorder).await;
+    }
+    let target = bench.can.ok_or(ProcedureError::CannotRun { item: super::ItemId::Can, why: "it has no CAN link" })?;
+    let mut link = CanLink::open(target)?;
+    let Some(tap) = link.tap() else { return Ok(()) };
+    let measured = tokio::select! {
+        biased;
+        measured = measure(bench, &tap, recorder) => measured,
+        error = drive(&mut link) => Err(error.into()),
+    };
+    link.close().await;
+    measured
+}
+
+/// Moves frames for the tap; it drops what else is on the bus.
+async fn drive(link: &mut CanLink) -> io::Error {
+    loop {
+        match link.next(true).await {
+            Err(error) => return error,
+            Ok(Err(NoFrame::Away)) => return went_away(&link.name()),
+            Ok(_) => {}
+        }
+    }
+}
+
+/// Frames that no node acknowledges count as errors of the module's controller: nothing of such an exchange is judged.
+fn went_away(name: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::NotConnected, format!("{name} went away in the middle of the test"))
+}
+
+async fn measure(bench: &Bench<'_>, tap: &Tap, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    let (lost_before, absences) = (tap.lost_by_host(), tap.absences());
+    // Another one each time, so that what comes late is of no other exchange.
+    let mark = Mark(RandomState::new().hash_one(()) as u32);
+    let observed =
+        observe(tap, mark, async || Ok::<_, ProcedureError>(bench.board.call(&CanCounters {}).await?)).await?;
+    let by_host = tap.lost_by_host().zip(lost_before).map_or(0, |(after, before)| after.saturating_sub(before));
+    if tap.absences() != absences {
+        return Err(went_away("the CAN bus").into());
+    }
+
+    let (seen, after) = (&observed.seen, &observed.after);
+    recorder.count("frames_sent", seen.sent).await?;
+    recorder.count("frames_altered", seen.altered + observed.alone.altered).await?;
+    recorder.count("frames_out_of_order", seen.out_of_order + seen.twice).await?;
+    recorder.count("tx_error_counter", after.tx_errors.into()).await?;
+    recorder.count("rx_error_counter", after.rx_errors.into()).await?;
+    recorder.text("bus_off", if after.state == CanState::BusOff as u8 { "yes" } else { "no" }).await?;
+    match tap.errors() {
+        Some(errors) => recorder.count("adapter_errors", errors.frames.into()).await?,
+        None => recorder.not_available("adapter_errors", "not available: slcan does not tell of error frames").await?,
+    }
+    if !observed.is_module_at_fault(by_host)
+        && let Some(doubt) = observed.doubt(by_host)
+    {
+        return Err(doubt);
+    }
+    if seen.lost > 0 && observed.is_busy() {
+        let why = "not available: the bus was full of other frames, and test frames may still be on their way";
+        return Ok(recorder.not_available("frames_lost", why).await?);
+    }
+    Ok(recorder.count("frames_lost", seen.lost).await?)
+}

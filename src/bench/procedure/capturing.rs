@@ -1,0 +1,350 @@
+//! Carries out a motion program: lays the module down, turns it, and files what the sensors say meanwhile.
+
+mod compensated;
+mod losses;
+mod receiver;
+
+use std::time::Duration;
+
+use gnc_metrology::sample_clock::{ClockFault, SampleClock};
+use gnc_protocol::calibration::CompensatedSample;
+use gnc_protocol::message::{ModulePower, StreamStart};
+use gnc_protocol::stream::{ImuSample, StreamFrame, StreamId};
+use gnc_protocol::wire::{Reader, Wire};
+
+use super::sampling::{ClockWatch, samples_per_frame};
+use super::{Bench, ProcedureError, Recorder};
+use crate::guidance::Course;
+use crate::turntable::{self, Turntable};
+use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
+use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
+use gnc_analysis::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
+use gnc_board::stream::{Closed, Stream};
+use gnc_protocol::stream::Losses;
+use gnc_records::raw::{Piece, pieces};
+use gnc_records::store::RawFile;
+
+/// A turn that takes longer than so many times its span, and so many seconds, is not the one that was asked for.
+const LONGEST_TURN: f64 = 2.0;
+const SLACK_S: f64 = 60.0;
+/// Room that is kept ready for the samples of a turn, whose end nobody knows beforehand.
+const TURN_ROOM: usize = 1 << 14;
+
+/// Carries out a program and gives what was captured. The samples are on disk when it comes back.
+///
+/// # Errors
+/// [`ProcedureError`]; what was captured up to then is on disk.
+pub(super) async fn run(
+    program: &Program,
+    bench: &Bench<'_>,
+    recorder: &Recorder<'_>,
+) -> Result<Vec<Capture>, ProcedureError> {
+    let table = turntable::of(bench.fixture, recorder);
+    let table = table.as_ref();
+    let taken = taken(bench, recorder).await?;
+    let course = Course::new(program, bench.board, bench.guide);
+    let mut captor =
+        Captor { bench, recorder, table, moving: false, raw: recorder.raw().await?, captures: Vec::new(), course };
+    let followed = captor.follow(program, &taken).await;
+    if followed.is_err() && captor.moving {
+        // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.
+        let _ = table.stop().await;
+    }
+    let over = followed?;
+    if over > 0 {
+        recorder.note(&format!("taken over from the run that broke off: {}", Count(over, "capture"))).await?;
+    }
+    captor.course.works_out();
+    captor.raw.finish().await?;
+    Ok(captor.captures)
+}
+
+/// What an earlier run captured of this item, read beside the conversation with the board.
+async fn taken(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<Vec<Capture>, ProcedureError> {
+    let Some(resumed) = bench.resumed else { return Ok(Vec::new()) };
+    let (resumed, item) = (resumed.clone(), recorder.item().to_owned());
+    match tokio::task::spawn_blocking(move || resumed.captures(&item)).await {
+        Ok(captures) => Ok(captures?),
+        Err(_) => Err(ProcedureError::Analysis { why: "reading the earlier captures came to grief".into() }),
+    }
+}
+
+struct Captor<'a> {
+    bench: &'a Bench<'a>,
+    recorder: &'a Recorder<'a>,
+    table: &'a (dyn Turntable + 'a),
+    /// Whether the table spins or turns.
+    moving: bool,
+    raw: RawFile,
+    captures: Vec<Capture>,
+    course: Course<'a>,
+}
+
+impl Captor<'_> {
+    /// Carries out what the run that broke off has not; gives how many captures it had.
+    async fn follow(&mut self, program: &Program, taken: &[Capture]) -> Result<usize, ProcedureError> {
+        let mut over = 0;
+        for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
+            match action {
+                Action::Do(step) => self.carry_out(step).await?,
+                Action::Take(step) => {
+                    let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
+                    self.take_over(found).await?;
+                    over += 1;
+                }
+            }
+            self.course.ended(action.step());
+        }
+        Ok(over)
+    }
+
+    async fn carry_out(&mut self, step: &Step) -> Result<(), ProcedureError> {
+        self.course.begins(step);
+        match step {
+            Step::Lay(orientation) => Ok(self.table.lay(*orientation).await?),
+            Step::Settle { span_s } => Ok(self.table.pause(Duration::from_secs_f64(*span_s)).await?),
+            Step::Spin { rate_dps } => {
+                self.moving = true;
+                Ok(self.table.spin(*rate_dps).await?)
+            }
+            Step::Stop => {
+                self.table.stop().await?;
+                self.moving = false;
+                Ok(())
+            }
+            Step::Capture { about, span_s, uses } => {
+                let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
+                self.capture(about, *uses, Until::Count(wanted)).await
+            }
+            Step::Turn { about, rest_s, uses } => {
+                let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
+                let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
+                self.capture(about, *uses, Until::Turned { before, after }).await
+            }
+            Step::PowerCycle { off_s } => power_cycle(self.bench, self.recorder, self.table, *off_s).await,
+            Step::Receiver { about, timeout_s, span_s } => receiver::capture(self, about, *timeout_s, *span_s).await,
+        }
+    }
+
+    /// Files what was captured before.
+    async fn take_over(&mut self, capture: Option<&Capture>) -> Result<(), ProcedureError> {
+        let Some(capture) = capture else { return Ok(()) };
+        for piece in pieces(capture) {
+            self.raw.write(piece).await?;
+        }
+        let mut capture = capture.clone();
+        // The new file has them on their grid, where the old one had them to within a microsecond.
+        let samples = capture.samples.len().max(capture.compensated.len());
+        capture.timing.board = SampleClock::even(capture.about.rate_hz, capture.first_us, samples);
+        self.captures.push(capture);
+        Ok(())
+    }
+
+    async fn capture(&mut self, about: &About, uses: Uses, until: Until) -> Result<(), ProcedureError> {
+        let board = self.bench.board;
+        let id = if uses == Uses::Compensated { StreamId::Compensated } else { StreamId::Imu };
+        let mut stream = board.listen(id).await?;
+        let count = if let Until::Count(count) = until { count } else { 0 };
+        let samples_per_frame = samples_per_frame(count);
+        let start = StreamStart { stream: id as u8, rate_hz: about.rate_hz, count, samples_per_frame };
+        board.call(&start).await?;
+        let still = matches!(about.pose, Pose::Still { .. });
+        let room = if count > 0 { count as usize } else { TURN_ROOM };
+        let mut taker = Taker {
+            about,
+            watch: Watch::new(uses, still, about.rate_hz),
+            samples: Vec::with_capacity(room),
+            compensated: (id == StreamId::Compensated).then(Vec::new),
+            first_us: None,
+            clock: ClockWatch::new(about.rate_hz, self.bench),
+        };
+        let taken = self.take(&mut taker, &mut stream, until).await;
+        let end_us = stream.board_time_us();
+        let losses = stream.losses();
+        let closed = match &taken {
+            // The session may be gone; then there is nobody to ask.
+            Err(ProcedureError::Board(_)) => Ok(Closed { produced: 0, losses }),
+            _ => board.stop_stream(stream).await,
+        };
+        let span_s = taker.samples.len() as f64 / f64::from(about.rate_hz.max(1));
+        board.spent(Duration::from_secs_f64(span_s));
+        let Taker { samples, compensated, first_us, clock, .. } = taker;
+        let (taken, timing) = match (taken, clock.end()) {
+            (Ok(()), Ok(timing)) => (Ok(()), timing),
+            // A rate that cannot be known is no evidence; it is told by its own words.
+            (Ok(()), Err(fault)) => (Err(clock_fault(about, fault)), Timing::new(about.rate_hz)),
+            (Err(trouble), _) => (Err(trouble), Timing::new(about.rate_hz)),
+        };
+        // What came after the last sample is no part of the capture.
+        let losses = if losses.any() { losses } else { Losses { received: samples.len() as u32, ..losses } };
+        if first_us.is_none() {
+            self.raw.write(Piece::Begin { about: about.clone(), board_time_us: end_us }).await?;
+        }
+        if taken.is_ok() || losses.any() {
+            let host = timing.host.clone();
+            self.raw.write(Piece::End { losses, host, board_time_us: end_us }).await?;
+        }
+        taken?;
+        closed?;
+        let (about, first_us) = (about.clone(), first_us.unwrap_or(end_us));
+        let (samples, compensated) = match compensated {
+            Some(compensated) => (Vec::new(), compensated),
+            None => (samples, Vec::new()),
+        };
+        let receiver = Receiver::default();
+        self.captures.push(Capture { about, first_us, samples, compensated, losses, receiver, timing });
+        Ok(())
+    }
+
+    /// Takes samples until there are enough, or something is wrong with them.
+    async fn take(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, until: Until) -> Result<(), ProcedureError> {
+        let rate_hz = taker.about.rate_hz;
+        let table = self.table;
+        let (before, after) = match until {
+            Until::Count(count) => {
+                while taker.samples.len() < count as usize {
+                    self.frame(taker, stream, count).await?;
+                }
+                return Ok(());
+            }
+            Until::Turned { before, after } => (before, after),
+        };
+        let Pose::Rotating { axis, angle_deg, span_s, .. } = taker.about.pose else { return Ok(()) };
+        while taker.samples.len() < before {
+            self.frame(taker, stream, 0).await?;
+        }
+        let mut rest = TurnWatch::new(axis, rate_hz, &taker.samples);
+        // The samples come later than the motion, so that they say when it is over; but not before the table does.
+        let longest = ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
+        let turn = table.rotate(angle_deg, span_s);
+        tokio::pin!(turn);
+        self.moving = true;
+        let mut done_at = None;
+        while !(done_at.is_some()
+            && rest.look(&taker.samples).is_some_and(|still| taker.samples.len() >= still + after))
+        {
+            {
+                // A frame that is being filed is never given up for the word that the turn is over. The table comes
+                // first, so that frames that lie ready never keep it from being told.
+                let had = taker.samples.len();
+                let frame = self.frame(taker, stream, 0);
+                tokio::pin!(frame);
+                tokio::select! {
+                    biased;
+                    turned = &mut turn, if done_at.is_none() => {
+                        turned?;
+                        done_at = Some(had);
+                        frame.await?;
+                    }
+                    taken = &mut frame => taken?,
+                }
+            }
+            if done_at.is_some_and(|had| taker.samples.len() > had + longest + after) {
+                // What was seen instead is told by its angle.
+                break;
+            }
+        }
+        self.moving = false;
+        turned(taker.about, &taker.samples, before)
+    }
+
+    /// Takes the next frame: files it, looks at it.
+    async fn frame(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, wanted: u32) -> Result<(), ProcedureError> {
+        let about = taker.about;
+        let Some(frame) = stream.next().await? else {
+            return Err(losses::silent(about, taker.samples.len(), wanted, stream.losses()));
+        };
+        let board_time_us = frame.head.board_time_us;
+        if taker.first_us.is_none() {
+            taker.first_us = Some(board_time_us);
+            self.raw.write(Piece::Begin { about: about.clone(), board_time_us }).await?;
+        }
+        let room = if wanted > 0 { (wanted as usize).saturating_sub(taker.samples.len()) } else { usize::MAX };
+        // What comes behind a gap is evidence of it.
+        let (first, rate_hz) = (frame.head.first, about.rate_hz);
+        let (samples, piece) = if let Some(all) = &mut taker.compensated {
+            let samples: Vec<CompensatedSample> = samples_of(&frame, room)?;
+            all.extend_from_slice(&samples);
+            let nominal = samples.iter().map(compensated::nominal).collect();
+            (nominal, Piece::Compensated { first, board_time_us, rate_hz, samples })
+        } else {
+            let samples: Vec<ImuSample> = samples_of(&frame, room)?;
+            (samples.clone(), Piece::Imu { first, board_time_us, rate_hz, samples })
+        };
+        self.raw.write(piece).await?;
+        if stream.losses().any() {
+            return Err(losses::gap(about, taker.samples.len(), stream.losses()));
+        }
+        taker.clock.frame(&frame.head, samples.len()).map_err(|fault| clock_fault(about, fault))?;
+        let looked = taker.watch.look(&samples);
+        let had = taker.samples.len();
+        self.course.took(&samples);
+        taker.samples.extend(samples);
+        self.course.captured(taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
+        looked.map_err(|(index, spoilt)| {
+            let at_s = (had + index) as f64 / f64::from(rate_hz.max(1));
+            ProcedureError::Spoilt { label: about.label.clone(), at_s, spoilt }
+        })
+    }
+}
+
+/// Whether the module turned as it should, by the gyroscope of the axis.
+fn turned(about: &About, samples: &[ImuSample], before: usize) -> Result<(), ProcedureError> {
+    let Pose::Rotating { axis, angle_deg, .. } = about.pose else { return Ok(()) };
+    let seen_deg = turned_deg(samples, axis, about.rate_hz, before);
+    if (seen_deg - angle_deg).abs() <= TURN_PART * angle_deg.abs() {
+        return Ok(());
+    }
+    Err(ProcedureError::NotTurned { label: about.label.clone(), wanted_deg: angle_deg, seen_deg })
+}
+
+/// The board's clock spoils a capture.
+fn clock_fault(about: &About, fault: ClockFault) -> ProcedureError {
+    ProcedureError::Clock { what: format!("capture `{}`", about.label), fault }
+}
+
+/// Takes the module's power away for so long.
+pub(super) async fn power_cycle(
+    bench: &Bench<'_>,
+    recorder: &Recorder<'_>,
+    table: &dyn Turntable,
+    off_s: f64,
+) -> Result<(), ProcedureError> {
+    bench.board.call(&ModulePower { on: 0 }).await?;
+    recorder.powered(false, None).await?;
+    let waited = table.pause(Duration::from_secs_f64(off_s)).await;
+    // On again whatever comes: other items expect it.
+    let supply = bench.board.call(&ModulePower { on: 1 }).await?;
+    recorder.powered(true, Some((supply.supply_uv, supply.supply_ua))).await?;
+    Ok(waited?)
+}
+
+/// When a capture has enough.
+#[derive(Debug, Clone, Copy)]
+enum Until {
+    /// So many samples.
+    Count(u32),
+    /// So many samples of stillness, a turn, and so many again.
+    Turned { before: usize, after: usize },
+}
+
+/// What was taken of the capture that goes on.
+struct Taker<'a> {
+    about: &'a About,
+    watch: Watch,
+    /// Raw samples; or the compensated ones as a perfect sensor would tell them, for those who watch.
+    samples: Vec<ImuSample>,
+    /// The compensated samples, where those are captured.
+    compensated: Option<Vec<CompensatedSample>>,
+    first_us: Option<u64>,
+    clock: ClockWatch,
+}
+
+/// The samples of a frame, as many as there is room for.
+fn samples_of<S: Wire>(frame: &StreamFrame, room: usize) -> Result<Vec<S>, ProcedureError> {
+    let mut reader = Reader::new(&frame.samples);
+    (0..usize::from(frame.head.count).min(room))
+        .map(|_| S::get(&mut reader))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| ProcedureError::Nonsense { what: "the IMU stream", why: error.to_string() })
+}

@@ -1,0 +1,247 @@
+//! Why a procedure came to no end.
+
+use gnc_analysis::figures::FigureError;
+use gnc_analysis::motion::watch::Spoilt;
+use gnc_board::BoardError;
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::plan::ParamError;
+use gnc_link::can::CanOpenError;
+use gnc_metrology::sample_clock::ClockFault;
+use gnc_protocol::stream::Losses;
+use gnc_records::resume::ResumeError;
+use gnc_records::store::StoreError;
+
+use crate::fixture::FixtureError;
+use crate::recorder::ReadBackError;
+
+/// Why a procedure came to no end.
+#[derive(Debug, thiserror::Error)]
+pub enum ProcedureError {
+    /// The board or the way to it.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// Whoever turns the module.
+    #[error(transparent)]
+    Fixture(FixtureError),
+    /// What was measured could not be filed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The plan was not checked against the catalogue: a mistake in this program.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// Samples are missing, so that nothing can be said of the module.
+    #[error(
+        "samples are missing: {} of {wanted} received, {} lost on the board, {} on the line",
+        losses.received, losses.on_board, losses.on_line
+    )]
+    SamplesLost {
+        /// Samples asked for.
+        wanted: u32,
+        /// What came and what did not.
+        losses: Losses,
+    },
+    /// A capture has a gap, so that no figure may come from it.
+    #[error(
+        "capture `{label}` has a gap after sample {after} ({at_s:.3} s): {} received, {} lost on the board, {} on the line",
+        losses.received, losses.on_board, losses.on_line
+    )]
+    CaptureLost {
+        /// The capture.
+        label: String,
+        /// Samples before the gap.
+        after: u32,
+        /// Time in the capture.
+        at_s: f64,
+        /// What came and what did not.
+        losses: Losses,
+    },
+    /// The samples are not on the grid of the board's own clock, so that no rate is known.
+    #[error("{what}: {fault}")]
+    Clock {
+        /// What was captured.
+        what: String,
+        /// What is wrong with its times.
+        fault: ClockFault,
+    },
+    /// A capture is of no use.
+    #[error("capture `{label}` is spoilt at {at_s:.2} s")]
+    Spoilt {
+        /// The capture.
+        label: String,
+        /// Time in the capture.
+        at_s: f64,
+        /// What is wrong.
+        #[source]
+        spoilt: Spoilt,
+    },
+    /// The turn was not the one that was asked for.
+    #[error("capture `{label}`: the module turned by {seen_deg:.0} deg instead of {wanted_deg:.0} deg")]
+    NotTurned {
+        /// The capture.
+        label: String,
+        /// What was asked for.
+        wanted_deg: f64,
+        /// What the gyroscope of the axis saw, at nominal scale.
+        seen_deg: f64,
+    },
+    /// No figure comes from the captures.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// What an earlier run captured cannot be taken over.
+    #[error(transparent)]
+    Resume(#[from] ResumeError),
+    /// Nothing could be worked out from the captures: a mistake in this program.
+    #[error("nothing could be worked out: {why}")]
+    Analysis {
+        /// What happened.
+        why: String,
+    },
+    /// What another item captured cannot be read back.
+    #[error(transparent)]
+    Captures(#[from] ReadBackError),
+    /// The CAN bus could not be joined.
+    #[error(transparent)]
+    CanOpen(#[from] CanOpenError),
+    /// The CAN bus went away.
+    #[error("the CAN bus is gone")]
+    CanGone(#[from] std::io::Error),
+    /// Test frames did not come back as they went out, and the module's controller knows of no error.
+    #[error(
+        "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
+         and counts no error{}{}{}", lost_here(*by_host), beside(*others, *busy_percent, *span_s), of_before(*stale)
+    )]
+    FramesLost {
+        /// Test frames sent.
+        sent: u64,
+        /// Of those, not back.
+        lost: u64,
+        /// Back twice, or before one that was sent earlier.
+        astray: u64,
+        /// Received by the module as it says.
+        received: u32,
+        /// Frames that this computer lost meanwhile, as far as it knows.
+        by_host: u64,
+        /// Other frames on the bus meanwhile, from any sender.
+        others: u64,
+        /// What they take of the bus.
+        busy_percent: f64,
+        /// How long it was tried.
+        span_s: f64,
+        /// Frames of an earlier exchange, or of another node, that came under test ids before any could be sent.
+        stale: u64,
+    },
+    /// Somebody else uses the ids of the test frames, so that nothing can be said of what is missing or too much.
+    #[error(
+        "another node uses the ids of CAN test frames: beside the {sent} frames of this station, of which {lost} did not come \
+         back unaltered, {foreign} of another sender passed, and {strange} that are no answer to this station's"
+    )]
+    TestIdsShared {
+        /// Test frames sent.
+        sent: u64,
+        /// Of those, not back as they were.
+        lost: u64,
+        /// Frames under the module's ids that answer none of them.
+        strange: u64,
+        /// Test frames that this station did not send.
+        foreign: u64,
+    },
+    /// The answer does not fit the question, under a good checksum.
+    #[error("the board's answer to {what} does not fit the question: {why}")]
+    Nonsense {
+        /// The request.
+        what: &'static str,
+        /// In which way.
+        why: String,
+    },
+    /// This station has no procedure for the item.
+    #[error("this station cannot run {item}: {why}")]
+    CannotRun {
+        /// The item.
+        item: ItemId,
+        /// Why.
+        why: &'static str,
+    },
+    /// The item took longer in board time than the plan allows.
+    #[error("not done after {limit_s} s of board time")]
+    TookTooLong {
+        /// The plan's limit.
+        limit_s: f64,
+    },
+}
+
+impl From<FixtureError> for ProcedureError {
+    /// A record that cannot be written is no fault of the fixture, and ends the run.
+    fn from(error: FixtureError) -> Self {
+        match error {
+            FixtureError::Store(error) => Self::Store(error),
+            error => Self::Fixture(error),
+        }
+    }
+}
+
+impl ProcedureError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Board(error) => error.try_this(),
+            Self::Fixture(error) => error.try_this(),
+            Self::Store(error) => error.try_this(),
+            Self::Param(_) => "report this: the plan was accepted and should not have been",
+            Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::CaptureLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::Clock { fault, .. } => fault.hint(),
+            Self::Spoilt { spoilt: Spoilt::Moved { .. }, .. } => {
+                "keep hands and draughts off the table; run the item again"
+            }
+            Self::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => {
+                "keep magnets away; if there is none, the sensor does not reach its published range"
+            }
+            Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
+            Self::Figure(error) => error.try_this(),
+            Self::Resume(error) => error.try_this(),
+            Self::Analysis { .. } => "keep the raw samples and recorder this",
+            Self::Captures(error) => error.try_this(),
+            Self::CanOpen(error) => error.try_this(),
+            Self::CanGone(_) => {
+                "check the CAN adapter, its cable and that its interface is up (`ip -details link show NAME`), then start again"
+            }
+            Self::FramesLost { by_host: 1.., .. } => {
+                "this computer is too slow for its CAN controller: end other programs; `ip -statistics link` counts what it lost"
+            }
+            Self::FramesLost { busy_percent: BUSY_PERCENT.., .. } => {
+                "the bus is full of other frames, which all go before test frames: take the other nodes off the bus or quieten them, then run the item again"
+            }
+            Self::FramesLost { stale: 1.., .. } => {
+                "frames of before are still on their way: wait until the bus is quiet, then run the item again"
+            }
+            Self::TestIdsShared { .. } => {
+                "take other stations and modules off this CAN bus, or wait until they are done; then run the item again"
+            }
+            Self::FramesLost { .. } => {
+                "check the CAN cable, its termination (60 ohm between the lines) and the adapter"
+            }
+            Self::Nonsense { .. } => "compare the board's firmware with the interface document",
+            Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
+            Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
+        }
+    }
+}
+
+/// Share of the bus from which on other frames are the first thing to look at.
+const BUSY_PERCENT: f64 = 30.0;
+
+fn beside(others: u64, busy_percent: f64, span_s: f64) -> String {
+    if others == 0 {
+        return String::new();
+    }
+    format!("; {others} other frames passed in {span_s:.1} s, {busy_percent:.0} % of what the bus carries")
+}
+
+fn of_before(stale: u64) -> String {
+    if stale == 0 { String::new() } else { format!("; {stale} frames came that were sent before, or by others") }
+}
+
+fn lost_here(by_host: u64) -> String {
+    if by_host == 0 { String::new() } else { format!("; this computer's controller or driver lost {by_host} frames") }
+}

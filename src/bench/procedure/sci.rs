@@ -1,0 +1,38 @@
+//! The module's SCI echoes blocks: every byte, several lengths, nothing lost, error counters zero.
+
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::message::SciEcho;
+use gnc_protocol::pattern::Xorshift32;
+use gnc_protocol::wire::List;
+
+use super::{Bench, ProcedureError, Recorder};
+
+/// One byte, around the depth of a 16-byte FIFO, odd, and the longest block.
+const LENGTHS: [usize; 6] = [1, 15, 16, 17, 101, 256];
+
+pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    let rate_baud = params.quantity("rate", Unit::BitPerSecond)? as u32;
+    let every_byte: List<u8, 256> = (0..=u8::MAX).collect();
+    let mixed = LENGTHS.map(|length| Xorshift32::new(length as u32).map(|word| word as u8).take(length).collect());
+    let (mut lost, mut wrong, mut bytes) = (0, 0, 0);
+    let (mut framing, mut overruns, mut parity) = (0u64, 0u64, 0u64);
+    for data in std::iter::once(every_byte).chain(mixed) {
+        let reply = bench.board.call(&SciEcho { rate_baud, data: data.clone() }).await?;
+        bytes += data.len() as u64;
+        lost += u64::from(reply.data.is_empty());
+        if !reply.data.is_empty() {
+            let altered = data.iter().zip(&reply.data).filter(|(sent, back)| sent != back).count();
+            wrong += (altered + data.len().abs_diff(reply.data.len())) as u64;
+        }
+        framing += u64::from(reply.framing_errors);
+        overruns += u64::from(reply.overruns);
+        parity += u64::from(reply.parity_errors);
+    }
+    recorder.count("blocks_lost", lost).await?;
+    recorder.count("bytes_wrong", wrong).await?;
+    recorder.count("framing_errors", framing).await?;
+    recorder.count("overrun_errors", overruns).await?;
+    recorder.count("parity_errors", parity).await?;
+    Ok(recorder.count("bytes_tested", bytes).await?)
+}

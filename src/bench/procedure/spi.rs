@@ -1,0 +1,34 @@
+//! SPI wired to the IO lines: what one side sends the other must see, both ways.
+
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::message::{SpiDirection, SpiTransfer};
+use gnc_protocol::wire::List;
+
+use super::{Bench, ProcedureError, Recorder};
+
+pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    let clock_hz = params.quantity("clock", Unit::Hertz)? as u32;
+    // Level and alternating lines, each bit alone, and every value of a byte.
+    let lone_bits = (0..8).flat_map(|bit| [1 << bit, !(1 << bit)]);
+    let first: List<u8, 256> = [0x00, 0xff, 0x55, 0xaa].into_iter().chain(lone_bits).collect();
+    let second: List<u8, 256> = (0..=u8::MAX).collect();
+    let mut bits = 0;
+    for (direction, name) in [(SpiDirection::FromModule, "out_bit_errors"), (SpiDirection::ToModule, "in_bit_errors")] {
+        let mut errors = 0;
+        for data in [&first, &second] {
+            let request = SpiTransfer { direction: direction as u8, clock_hz, data: data.clone() };
+            let seen = bench.board.call(&request).await?.data;
+            errors += bit_errors(data, &seen);
+            bits += data.len() as u64 * 8;
+        }
+        recorder.count(name, errors).await?;
+    }
+    Ok(recorder.count("bits_tested", bits).await?)
+}
+
+/// Bits that differ; a byte that is missing or too much counts as eight.
+fn bit_errors(sent: &[u8], seen: &[u8]) -> u64 {
+    let altered: u32 = sent.iter().zip(seen).map(|(sent, seen)| (sent ^ seen).count_ones()).sum();
+    u64::from(altered) + 8 * sent.len().abs_diff(seen.len()) as u64
+}

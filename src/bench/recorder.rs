@@ -1,0 +1,207 @@
+//! Files what a procedure measures: the plan judges each value, and the journal takes it at once.
+
+use std::cell::RefCell;
+
+use gnc_executive::event::{EventKind, Level, Power};
+use gnc_executive::measurement::{Measurement, Value};
+use gnc_executive::plan::PlanItem;
+use gnc_executive::quantity::Unit;
+
+use crate::journal::Journal;
+use gnc_analysis::capture::Capture;
+use gnc_analysis::figures::Findings;
+use gnc_records::store::captures::CapturesError;
+use gnc_records::store::{RawFile, StoreError, captures};
+
+/// Why the captures of another item cannot be read back.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadBackError {
+    /// The file is damaged or gone.
+    #[error(transparent)]
+    Captures(#[from] CapturesError),
+    /// Reading broke down: a mistake in this program.
+    #[error("reading the captures back broke down")]
+    Broken(#[source] tokio::task::JoinError),
+}
+
+impl ReadBackError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Captures(error) => error.source.try_this(),
+            Self::Broken(_) => "keep the raw samples and report this",
+        }
+    }
+}
+
+/// The recorder of one attempt.
+#[derive(Debug)]
+pub struct Recorder<'a> {
+    journal: &'a Journal,
+    item: &'a PlanItem,
+    attempt: u32,
+    repeat: RefCell<u32>,
+    serial_number: &'a str,
+    measured: RefCell<Vec<Measurement>>,
+    findings: RefCell<Option<Findings>>,
+}
+
+impl<'a> Recorder<'a> {
+    pub(crate) fn new(journal: &'a Journal, item: &'a PlanItem, attempt: u32, serial_number: &'a str) -> Self {
+        let (measured, findings) = (RefCell::new(Vec::new()), RefCell::new(None));
+        Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured, findings }
+    }
+
+    /// Name of the item.
+    #[must_use]
+    pub fn item(&self) -> &str {
+        &self.item.name
+    }
+
+    pub(crate) fn begin_repeat(&self, repeat: u32) {
+        *self.repeat.borrow_mut() = repeat;
+    }
+
+    /// What was measured, and what the last round's analysis found.
+    pub(crate) fn into_measured(self) -> (Vec<Measurement>, Option<Findings>) {
+        (self.measured.into_inner(), self.findings.into_inner())
+    }
+
+    /// A number in a unit.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn number(&self, name: &str, value: f64, unit: Unit) -> Result<(), StoreError> {
+        self.file(name, &Value::number(value, unit)).await
+    }
+
+    /// A count.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn count(&self, name: &str, count: u64) -> Result<(), StoreError> {
+        self.file(name, &Value::count(count)).await
+    }
+
+    /// A text.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn text(&self, name: &str, text: &str) -> Result<(), StoreError> {
+        self.file(name, &Value::text(text)).await
+    }
+
+    /// What this bench cannot tell, and why.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn not_available(&self, name: &str, why: &str) -> Result<(), StoreError> {
+        self.file(name, &Value::NotAvailable(why.to_owned())).await
+    }
+
+    /// A value as it is.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn value(&self, name: &str, value: &Value) -> Result<(), StoreError> {
+        self.file(name, value).await
+    }
+
+    /// A sentence for the log.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn note(&self, text: &str) -> Result<(), StoreError> {
+        let item = Some(self.item.name.clone());
+        self.journal.emit(EventKind::Note { level: Level::Info, text: text.to_owned(), item }).await
+    }
+
+    /// Opens the file for the raw samples of this round.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn raw(&self) -> Result<RawFile, StoreError> {
+        let repeat = *self.repeat.borrow();
+        self.journal.raw(&self.item.name, self.attempt, repeat).await
+    }
+
+    /// What another item of this run captured, in its last attempt.
+    ///
+    /// # Errors
+    /// Its raw samples cannot be read.
+    pub async fn captures_of(&self, item: &str) -> Result<Vec<Capture>, ReadBackError> {
+        let (position, attempt) = self.journal.look(|state| {
+            let position = state.position(item).unwrap_or_default();
+            (position, state.rows().get(position).map_or(1, |row| row.attempts.len()))
+        });
+        let path = captures::path(self.journal.folder(), position, item, u32::try_from(attempt).unwrap_or(1), 1);
+        // Beside the conversation with the board, which must not wait for a disk.
+        let read = tokio::task::spawn_blocking(move || captures::read(&path)).await;
+        let record = read.map_err(ReadBackError::Broken)??;
+        Ok(record.captures)
+    }
+
+    /// The module's supply was switched; microvolts and microamperes as the board measures them.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn powered(&self, on: bool, measured: Option<(u32, u32)>) -> Result<(), StoreError> {
+        let power = Power {
+            on,
+            supply: "slave board".into(),
+            voltage_v: measured.map(|(uv, _)| f64::from(uv) * 1e-6),
+            current_a: measured.map(|(_, ua)| f64::from(ua) * 1e-6),
+            calibration: None,
+        };
+        self.journal.emit(EventKind::Power(power)).await
+    }
+
+    /// Files values of several measurements.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn values(&self, values: &[(String, Value)]) -> Result<(), StoreError> {
+        for (name, value) in values {
+            self.file(name, value).await?;
+        }
+        Ok(())
+    }
+
+    /// Files what an analysis found: its measurements, then everything else.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn found(&self, findings: Findings) -> Result<(), StoreError> {
+        self.values(&findings.measured).await?;
+        let (item, attempt, details) = (self.item.name.clone(), self.attempt, findings.details.clone());
+        *self.findings.borrow_mut() = Some(findings);
+        self.journal.emit(EventKind::Found { item, attempt, details }).await
+    }
+
+    /// Somebody is asked to do something.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn prompted(&self, what: &str) -> Result<(), StoreError> {
+        let item = Some(self.item.name.clone());
+        self.journal.emit(EventKind::Prompted { item, text: what.to_owned() }).await
+    }
+
+    /// Somebody did it.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub async fn answered(&self, answer: &str) -> Result<(), StoreError> {
+        let item = Some(self.item.name.clone());
+        self.journal.emit(EventKind::Answered { item, answer: answer.to_owned() }).await
+    }
+
+    async fn file(&self, name: &str, value: &Value) -> Result<(), StoreError> {
+        let repeat = *self.repeat.borrow();
+        let measurement = self.item.judge(name, value, repeat, self.serial_number);
+        self.measured.borrow_mut().push(measurement.clone());
+        let (item, attempt) = (self.item.name.clone(), self.attempt);
+        self.journal.emit(EventKind::Measured { item, attempt, measurement }).await
+    }
+}

@@ -1,0 +1,446 @@
+//! The only doer: it follows a plan on a bench, several items at once where they share nothing, and emits what
+//! happens.
+
+mod attempt;
+mod connection;
+mod error_records;
+
+pub mod looking;
+mod recovery;
+
+mod verdict;
+
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::future::{FutureExt as _, LocalBoxFuture};
+use futures_util::stream::{FuturesUnordered, StreamExt as _};
+use gnc_executive::event::{AttemptError, EventKind, Level, RunHeader, StopHow};
+use gnc_executive::job::{Job, Next};
+use gnc_executive::measurement::Measurement;
+use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::state::RunState;
+use gnc_protocol::message::ErrorRecord;
+use gnc_text::with_causes;
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use crate::control::{Asked, Control};
+use crate::fixture::Fixture;
+use crate::guidance::Guidance;
+use crate::journal::Journal;
+use crate::procedure::ProcedureError;
+use crate::turntable;
+use connection::connect;
+use gnc_analysis::figures::Findings;
+use gnc_board::{Advance, Board, Desk, Readings};
+use gnc_link::Target;
+use gnc_link::can::CanTarget;
+use gnc_records::resume::Resumed;
+use gnc_records::store::StoreError;
+use recovery::{session_lives, spoilt};
+use verdict::judge;
+
+pub use gnc_executive::bench::Site;
+
+/// Items that run at once. Of the four requests that a board takes at once one is left for a second request of one
+/// item, or for reading error records.
+const AT_ONCE: usize = 3;
+
+/// A run that was ordered.
+#[derive(Debug)]
+pub struct Order {
+    /// The plan on this bench.
+    pub job: Job,
+    /// Who tests what, where, with what.
+    pub header: RunHeader,
+    /// The way to the slave board.
+    pub target: Target,
+    /// The bench's CAN bus, if it has one.
+    pub can: Option<CanTarget>,
+    /// Whoever turns the module.
+    pub fixture: Fixture,
+    /// Where the bench stands.
+    pub site: Option<Site>,
+    /// The run that is taken up again.
+    pub resumed: Option<Resumed>,
+    /// One item after the other, also where they could run at once.
+    pub one_by_one: bool,
+    /// The number of the first session with the board, from which the next ones count on, so that a run repeats; by
+    /// chance if not given.
+    pub nonce: Option<u32>,
+    /// What was found in the records folder before the run began, for its log.
+    pub found: Vec<String>,
+}
+
+/// What people watch while a run goes on; some of it may be skipped.
+#[derive(Debug, Clone, Default)]
+pub struct Live {
+    /// The items that run.
+    pub doing: watch::Sender<Vec<Doing>>,
+    /// The newest raw values.
+    pub readings: watch::Sender<Readings>,
+}
+
+/// An item that runs.
+#[derive(Debug, Clone)]
+pub struct Doing {
+    /// Its name in the plan.
+    pub item: String,
+    /// Attempt, from 1.
+    pub attempt: u32,
+    /// When it began.
+    pub began: Instant,
+    /// How far it is.
+    pub advance: watch::Receiver<Advance>,
+    /// The way through its captures, if it captures.
+    pub guidance: watch::Receiver<Option<Arc<Guidance>>>,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub struct Ending {
+    /// Its outcome; errored if the record could not be written, whatever the items said.
+    pub outcome: Outcome,
+    /// Why the record could not be written.
+    pub store_error: Option<StoreError>,
+    /// Whether any item was begun: a bench without a board is no better in the next round.
+    pub begun: bool,
+}
+
+/// Carries out an order.
+pub async fn run(order: &Order, journal: Journal, control: &Control, live: &Live) -> Ending {
+    let run = Run {
+        order,
+        journal: &journal,
+        control,
+        live,
+        sessions: Cell::new(0),
+        records_read: Cell::new(0),
+        unfiled: RefCell::new(Vec::new()),
+        link_lost: Cell::new(false),
+        one_by_one: Cell::new(order.one_by_one),
+        unexplained_restart: Cell::new(false),
+        busy: RefCell::new(HashMap::new()),
+        findings: RefCell::new(BTreeMap::new()),
+        paused_since: Cell::new(None),
+    };
+    let ended = run.whole().await;
+    live.doing.send_replace(Vec::new());
+    let begun = journal.look(|state| state.rows().iter().any(|row| !row.attempts.is_empty()));
+    let closed = journal.close().await;
+    // Of two errors the one of the thread that writes is the cause.
+    match closed.and(ended) {
+        Ok(outcome) => Ending { outcome, store_error: None, begun },
+        Err(error) => Ending { outcome: Outcome::Errored, store_error: Some(error), begun },
+    }
+}
+
+struct Run<'a> {
+    order: &'a Order,
+    journal: &'a Journal,
+    control: &'a Control,
+    live: &'a Live,
+    /// Begun with the board so far.
+    sessions: Cell<u32>,
+    /// Error records of the board's session that were read already.
+    records_read: Cell<u16>,
+    /// Those of items that still run.
+    unfiled: RefCell<Vec<ErrorRecord>>,
+    link_lost: Cell<bool>,
+    /// Set by the order, or once nobody knows whose request restarts the board.
+    one_by_one: Cell<bool>,
+    /// The board restarted while several requests ran, and no item was found to be the cause.
+    unexplained_restart: Cell<bool>,
+    /// Board time of each item by its position, for the critical path.
+    busy: RefCell<HashMap<usize, Duration>>,
+    /// What the last attempt of an item found, by its position.
+    findings: RefCell<BTreeMap<usize, Findings>>,
+    /// Since when nothing runs because of a pause.
+    paused_since: Cell<Option<Instant>>,
+}
+
+/// How an attempt came to its end.
+enum End {
+    Done(Result<(), ProcedureError>),
+    Stopped(Asked),
+    /// Somebody gave this item up, and wants the run to go on.
+    GivenUp,
+}
+
+/// An attempt that came to its end.
+struct Landed {
+    position: usize,
+    attempt: u32,
+    end: End,
+    measured: Vec<Measurement>,
+    requests: Vec<u16>,
+    busy: Duration,
+}
+
+type Flight<'a> = FuturesUnordered<LocalBoxFuture<'a, Landed>>;
+
+impl Run<'_> {
+    async fn whole(&self) -> Result<Outcome, StoreError> {
+        let header = Box::new(self.order.header.clone());
+        self.journal.emit(EventKind::RunStarted { header, items: self.order.job.planned() }).await?;
+        for found in &self.order.found {
+            self.note(Level::Warning, found.clone(), None).await?;
+        }
+        let body = tokio::select! {
+            biased;
+            asked = self.control.asked_times(2) => Err(asked),
+            body = self.body() => Ok(body),
+        };
+        match body {
+            Ok(body) => body?,
+            Err(asked) => self.end_at_once(asked).await?,
+        }
+        let mut outcome = self.journal.look(RunState::outcome_so_far);
+        if self.unexplained_restart.get() {
+            // Something in this module or this bench restarts the board now and then: nobody can call that a pass.
+            let text = "the board restarted and no item was found to be the cause, so nothing can be said of the module; \
+                        run the plan again with --one-by-one";
+            self.note(Level::Error, text.into(), None).await?;
+            outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
+        }
+        // The digests vouch for whole files.
+        self.journal.raw_files_ended().await;
+        self.journal.emit(EventKind::RunEnded { outcome }).await?;
+        Ok(outcome)
+    }
+
+    /// Everything but the first and the last event. Teardown is always reached, also when the record fails.
+    async fn body(&self) -> Result<(), StoreError> {
+        let Some(board) = self.find_board().await? else { return Ok(()) };
+        let worked = match self.begin(&board).await {
+            Ok(true) => self.items(&board).await,
+            Ok(false) => Ok(()),
+            Err(error) => Err(error),
+        };
+        let safe = self.make_safe(board).await;
+        worked.and(safe)
+    }
+
+    /// `None`: there is none, or nobody wants it any more.
+    async fn find_board(&self) -> Result<Option<Board>, StoreError> {
+        let connected = tokio::select! {
+            biased;
+            asked = self.control.asked_times(1) => Err(asked),
+            connected = connect(&self.order.target, self.nonce(), &self.live.readings) => Ok(connected),
+        };
+        match connected {
+            Ok(Ok(board)) => return Ok(Some(board)),
+            Ok(Err(error)) => {
+                self.note(Level::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await?;
+            }
+            Err(asked) => self.stop_in_order(asked).await?,
+        }
+        Ok(None)
+    }
+
+    /// Says who the board is and switches the module on. `false`: it could not, or nobody wants it any more.
+    async fn begin(&self, board: &Board) -> Result<bool, StoreError> {
+        self.found(board).await?;
+        self.power_on(board, None).await
+    }
+
+    /// Starts what may start, files what came to its end, until nothing is left.
+    async fn items(&self, board: &Board) -> Result<(), StoreError> {
+        let mut flight = Flight::new();
+        loop {
+            let held = self.launch(board, &mut flight).await?;
+            let landed = tokio::select! {
+                biased;
+                Some(landed) = flight.next() => landed,
+                Some(absent) = board.absence(), if !flight.is_empty() => {
+                    self.was_away(&absent).await?;
+                    continue;
+                }
+                () = self.control.resumed(), if held => continue,
+                else => break,
+            };
+            self.land(board, landed, &mut flight).await?;
+            if self.link_lost.get() {
+                self.end_open_items().await?;
+                let text = "the link is lost, so the rest of the plan is not run";
+                return self.note(Level::Error, text.into(), None).await;
+            }
+        }
+        self.critical_path().await
+    }
+
+    /// Starts what may start. `true`: a pause holds the next item back.
+    async fn launch<'b>(&'b self, board: &'b Board, flight: &mut Flight<'b>) -> Result<bool, StoreError> {
+        loop {
+            let asked = self.control.asked();
+            if asked.times > 0 {
+                self.stop_in_order(asked).await?;
+            }
+            let alone = self.one_by_one.get();
+            let job = &self.order.job;
+            let next = self.journal.look(|state| if alone { job.next(state) } else { job.next_overlapping(state) });
+            match next {
+                Next::Run { .. } if flight.len() >= AT_ONCE => return Ok(false),
+                Next::Run { .. } if self.control.is_paused() => {
+                    self.paused(flight.is_empty()).await?;
+                    return Ok(true);
+                }
+                Next::Run { item: position, attempt } => {
+                    let Some(item) = job.item(position) else { return Ok(false) };
+                    self.go_on().await?;
+                    self.control.begin(&item.name);
+                    self.journal.emit(EventKind::ItemStarted { item: item.name.clone(), attempt }).await?;
+                    // What has ended by now counts, and nothing that ends before the attempt is first polled: so it is when
+                    // the run is worked out again.
+                    let earlier = self.earlier();
+                    flight.push(self.attempt(board, position, item, attempt, earlier).boxed_local());
+                }
+                Next::End { item, outcome } => self.end_item(item, outcome, None).await?,
+                Next::Skip { item, cause } => self.end_item(item, Outcome::Skipped, Some(cause)).await?,
+                Next::Wait | Next::Done { .. } => return Ok(false),
+            }
+        }
+    }
+
+    /// Says once that nothing runs because of a pause.
+    async fn paused(&self, nothing_runs: bool) -> Result<(), StoreError> {
+        if !nothing_runs || self.paused_since.get().is_some() {
+            return Ok(());
+        }
+        self.paused_since.set(Some(Instant::now()));
+        self.note(Level::Info, "paused: nothing new begins until somebody lets the run go on".into(), None).await
+    }
+
+    /// Says how long a pause was.
+    async fn go_on(&self) -> Result<(), StoreError> {
+        let Some(since) = self.paused_since.take() else { return Ok(()) };
+        self.note(Level::Info, format!("went on after a pause of {:.1} s", since.elapsed().as_secs_f64()), None).await
+    }
+
+    async fn end_item(&self, position: usize, outcome: Outcome, cause: Option<Cause>) -> Result<(), StoreError> {
+        let Some(item) = self.order.job.item(position) else { return Ok(()) };
+        self.journal.emit(EventKind::ItemEnded { item: item.name.clone(), outcome, cause }).await
+    }
+
+    /// Files an attempt that came to its end, and deals with its trouble.
+    async fn land<'b>(&'b self, board: &'b Board, landed: Landed, flight: &mut Flight<'b>) -> Result<(), StoreError> {
+        match landed.end {
+            End::Done(Err(ProcedureError::Store(error))) => Err(error),
+            End::Stopped(asked) => {
+                self.stop_in_order(asked).await?;
+                let text = format!("stopped by {}", asked.by);
+                let error = AttemptError { text, hint: String::new(), again: false };
+                self.end_attempt(&landed, Outcome::Aborted, Some(error)).await
+            }
+            End::GivenUp => {
+                self.file_error_records(board, &landed).await?;
+                let error = AttemptError { text: "given up by the operator".into(), hint: String::new(), again: false };
+                self.end_attempt(&landed, Outcome::Aborted, Some(error)).await
+            }
+            End::Done(Err(ref trouble)) if !session_lives(trouble) => self.lost_session(board, landed, flight).await,
+            End::Done(Err(ProcedureError::Board(ref error))) if error.is_crowded() && !flight.is_empty() => {
+                // The line carries each of them, but not both.
+                self.one_by_one.set(true);
+                let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
+                let text = "it did not fit on the line beside what else ran: from here on one item after the other";
+                self.note(Level::Info, text.into(), name).await?;
+                let error = spoilt(Some(&error.to_string()));
+                self.end_attempt(&landed, Outcome::Errored, Some(error)).await
+            }
+            End::Done(ref done) => {
+                self.file_error_records(board, &landed).await?;
+                let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
+                let (outcome, error) = judge(item, &landed.measured, done.as_ref().err());
+                self.end_attempt(&landed, outcome, error).await
+            }
+        }
+    }
+
+    async fn end_attempt(
+        &self,
+        landed: &Landed,
+        outcome: Outcome,
+        error: Option<AttemptError>,
+    ) -> Result<(), StoreError> {
+        let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
+        self.busy.borrow_mut().insert(landed.position, landed.busy);
+        let (item, attempt) = (item.name.clone(), landed.attempt);
+        self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome, error }).await
+    }
+
+    /// What the table would take at least, by the board's own durations, beside what it took.
+    async fn critical_path(&self) -> Result<(), StoreError> {
+        if self.one_by_one.get() {
+            return Ok(());
+        }
+        let path = {
+            let busy = self.busy.borrow();
+            self.order.job.critical_path(&|position| busy.get(&position).map(Duration::as_secs_f64))
+        };
+        let Some(path) = path else { return Ok(()) };
+        let took_s = self.journal.look(|state| {
+            let began = state.rows().iter().filter_map(|row| row.started).map(|stamp| stamp.elapsed_us).min();
+            let ended = state.rows().iter().filter_map(|row| row.ended).map(|stamp| stamp.elapsed_us).max();
+            began.zip(ended).map_or(0.0, |(began, ended)| ended.saturating_sub(began) as f64 * 1e-6)
+        });
+        let items =
+            path.items.iter().filter_map(|position| self.order.job.item(*position)).map(|item| item.name.as_str());
+        let text = format!(
+            "critical path {:.2} s of board time ({}), the items took {took_s:.2} s",
+            path.span_s,
+            items.collect::<Vec<_>>().join(" > "),
+        );
+        self.note(Level::Info, text, None).await
+    }
+
+    /// For what the runner itself asks of the board.
+    fn own_desk<'b>(&self, board: &'b Board) -> Desk<'b> {
+        Desk::new(board, watch::channel(Advance::default()).0)
+    }
+
+    async fn stop_in_order(&self, asked: Asked) -> Result<(), StoreError> {
+        if self.journal.look(|state| state.stop().is_some()) {
+            return Ok(());
+        }
+        self.journal.emit(EventKind::StopRequested { how: StopHow::InOrder, by: asked.by.into() }).await
+    }
+
+    async fn end_at_once(&self, asked: Asked) -> Result<(), StoreError> {
+        turntable::stop_at_once(&self.order.fixture);
+        self.journal.emit(EventKind::StopRequested { how: StopHow::AtOnce, by: asked.by.into() }).await?;
+        self.end_open_items().await
+    }
+
+    /// Every item that was begun comes to an end in the record.
+    async fn end_open_items(&self) -> Result<(), StoreError> {
+        let open: Vec<(String, u32, Option<Outcome>)> = self.journal.look(|state| {
+            let begun = state.rows().iter().filter(|row| !row.is_over() && !row.attempts.is_empty());
+            begun
+                .map(|row| {
+                    let last = row.attempts.last().and_then(|attempt| attempt.outcome);
+                    (row.planned.name.clone(), row.attempts.len() as u32, last)
+                })
+                .collect()
+        });
+        for (item, attempt, last) in open {
+            let outcome = match last {
+                Some(outcome) => outcome,
+                None => {
+                    let error = AttemptError { text: "stopped at once".into(), hint: String::new(), again: false };
+                    let (item, outcome) = (item.clone(), Outcome::Aborted);
+                    self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome, error: Some(error) }).await?;
+                    Outcome::Aborted
+                }
+            };
+            self.journal.emit(EventKind::ItemEnded { item, outcome, cause: None }).await?;
+        }
+        Ok(())
+    }
+
+    async fn note(&self, level: Level, text: String, item: Option<&str>) -> Result<(), StoreError> {
+        self.journal.emit(EventKind::Note { level, text, item: item.map(str::to_owned) }).await
+    }
+}

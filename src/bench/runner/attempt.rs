@@ -1,0 +1,150 @@
+//! One attempt of an item, from its first request to whatever ended it.
+
+use gnc_executive::catalogue::Resource;
+use gnc_executive::plan::{Phase, PlanItem};
+use gnc_protocol::message::ModulePower;
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use super::recovery::session_lives;
+use super::{Doing, End, Landed, Run};
+use crate::guidance::Guide;
+use crate::procedure::{self, Bench, ProcedureError};
+use crate::recorder::Recorder;
+use crate::turntable;
+use gnc_analysis::figures::Findings;
+use gnc_analysis::host_clock::HostClock;
+use gnc_board::latest::Follower;
+use gnc_board::{Advance, Board, Desk, Pulse};
+
+impl Run<'_> {
+    pub(super) async fn attempt(
+        &self,
+        board: &Board,
+        position: usize,
+        item: &PlanItem,
+        attempt: u32,
+        earlier: Vec<(String, Findings)>,
+    ) -> Landed {
+        let (sender, advance) = watch::channel(Advance::default());
+        let (guide, guidance) = Guide::new(self.live.readings.receiver_count() > 0);
+        let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance, guidance };
+        self.live.doing.send_modify(|live| live.push(doing));
+        let desk = Desk::new(board, sender);
+        let recorder = Recorder::new(self.journal, item, attempt, &self.order.header.serial_number);
+        // After a stop only teardown items run, and those may be ended by a second one alone.
+        let may_stop = item.phase != Phase::Teardown;
+        let end = tokio::select! {
+            biased;
+            asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
+            () = self.control.given_up(&item.name) => End::GivenUp,
+            done = self.procedure((&desk, &guide), board, item, attempt, &recorder, earlier) => End::Done(done),
+        };
+        let uses = |resource| item.id.spec().resources.contains(&resource);
+        if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
+            // Before anything else: somebody may have his hands there.
+            turntable::stop_at_once(&self.order.fixture);
+        }
+        let left_behind = match &end {
+            End::Done(Err(trouble)) => session_lives(trouble),
+            End::GivenUp => true,
+            End::Done(Ok(())) | End::Stopped(_) => false,
+        };
+        if left_behind {
+            tokio::select! {
+                biased;
+                _ = self.control.asked_times(1) => {}
+                () = desk.clear() => {}
+            }
+            if uses(Resource::Power) {
+                // It may have been left without; whoever comes next finds out if it stays so.
+                let _ = desk.call(&ModulePower { on: 1 }).await;
+            }
+        }
+        self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
+        let (requests, busy) = (desk.requests(), desk.busy());
+        let (measured, findings) = recorder.into_measured();
+        if let Some(findings) = findings {
+            self.findings.borrow_mut().insert(position, findings);
+        }
+        Landed { position, attempt, end, measured, requests, busy }
+    }
+
+    async fn procedure(
+        &self,
+        (desk, guide): (&Desk<'_>, &Guide),
+        board: &Board,
+        item: &PlanItem,
+        attempt: u32,
+        recorder: &Recorder<'_>,
+        earlier: Vec<(String, Findings)>,
+    ) -> Result<(), ProcedureError> {
+        let bench = Bench {
+            board: desk,
+            fixture: &self.order.fixture,
+            site: self.order.site.as_ref(),
+            can: self.order.can.as_ref(),
+            earlier,
+            resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
+            guide,
+            host_clock: host_clock(&self.order.header.bench),
+        };
+        if let (Some(prompt), 1) = (&item.prompt, attempt) {
+            bench.fixture.prompt(prompt, recorder).await?;
+        }
+        let all_repeats = async {
+            for repeat in 1..=item.repeats {
+                recorder.begin_repeat(repeat);
+                procedure::run(item.id, &bench, &item.params, recorder).await?;
+            }
+            Ok(())
+        };
+        tokio::select! {
+            biased;
+            done = all_repeats => done,
+            () = board_time(board.pulse(), item.timeout_s) => Err(ProcedureError::TookTooLong { limit_s: item.timeout_s }),
+        }
+    }
+
+    /// What the items that have ended found, in the order of the plan.
+    pub(super) fn earlier(&self) -> Vec<(String, Findings)> {
+        let findings = self.findings.borrow();
+        let ended = self.journal.look(|state| {
+            let rows = state.rows();
+            let over = |position: &usize| rows.get(*position).is_some_and(gnc_executive::state::Row::is_over);
+            findings.keys().copied().filter(over).collect::<Vec<usize>>()
+        });
+        let named = ended.into_iter().filter_map(|position| {
+            Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
+        });
+        named.collect()
+    }
+}
+
+/// A simulated bench runs as the host's clock does only at true speed.
+fn host_clock(bench: &gnc_executive::event::Bench) -> HostClock {
+    match bench.speed.as_deref() {
+        None => Ok(()),
+        Some(speed) if speed.parse() == Ok(1.0) => Ok(()),
+        Some(speed) => Err(format!("simulated at speed {speed}: the host's clock says nothing of the board's")),
+    }
+}
+
+/// Ends when the board's clock has gone on by so much since its next heartbeat. The last one says nothing of now: at full
+/// speed the simulated board has gone on by many minutes since.
+async fn board_time(mut pulse: Follower<Pulse>, limit_s: f64) {
+    let mut began_us = None;
+    loop {
+        let Some(now) = pulse.changed().await else {
+            // The conversation has ended; the procedure hears of it by itself.
+            return std::future::pending().await;
+        };
+        if now.beats == 0 {
+            continue;
+        }
+        let began_us = *began_us.get_or_insert(now.board_time_us);
+        if now.board_time_us.saturating_sub(began_us) as f64 * 1e-6 > limit_s {
+            return;
+        }
+    }
+}

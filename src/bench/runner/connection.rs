@@ -1,0 +1,176 @@
+//! The board's session: found, its module switched on, and made safe at the end.
+
+use std::time::Duration;
+
+use chrono::Utc;
+use gnc_executive::event::{Board as BoardEvent, EventKind, Level, Power};
+use gnc_protocol::PROTOCOL_VERSION;
+use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
+use gnc_protocol::message::{MakeSafe, ModulePower, capability};
+use gnc_text::with_causes;
+use tokio::sync::watch;
+use tokio::time::timeout;
+
+use super::Run;
+use gnc_board::{Board, BoardError, Desk, Readings};
+use gnc_link::{Link, LinkError, Target};
+use gnc_records::resume::ResumeError;
+use gnc_records::store::StoreError;
+
+/// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
+pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
+
+/// Why there is no board to work with.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    #[error(transparent)]
+    Open(#[from] LinkError),
+    #[error(transparent)]
+    Board(#[from] BoardError),
+}
+
+impl ConnectError {
+    pub(super) fn try_this(&self) -> &'static str {
+        match self {
+            Self::Open(error) => error.try_this(),
+            Self::Board(error) => error.try_this(),
+        }
+    }
+}
+
+pub(super) async fn connect(
+    target: &Target,
+    nonce: u32,
+    readings: &watch::Sender<Readings>,
+) -> Result<Board, ConnectError> {
+    let link = Link::open(target)?;
+    Ok(Board::connect(link, nonce, readings.clone()).await?)
+}
+
+/// Another number each time, so that a board never takes a new session for the old one.
+pub(super) fn by_chance() -> u32 {
+    let now = Utc::now();
+    now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
+}
+
+/// The calibration that the module keeps. A board that knows of none, or cannot say, is no worse for it.
+async fn calibration(desk: &Desk<'_>) -> Option<String> {
+    let reply = desk.call(&CalibrationRead {}).await.ok()?;
+    let state = CalibrationState::from_number(reply.state)?;
+    Some(match state {
+        CalibrationState::None => "none".to_owned(),
+        CalibrationState::Valid => format!("{:08x}", reply.checksum),
+        CalibrationState::Damaged => "damaged".to_owned(),
+    })
+}
+
+impl Run<'_> {
+    /// The number of the next session.
+    pub(super) fn nonce(&self) -> u32 {
+        let begun = self.sessions.replace(self.sessions.get().wrapping_add(1));
+        self.order.nonce.map_or_else(by_chance, |first| first.wrapping_add(begun))
+    }
+
+    pub(super) async fn found(&self, board: &Board) -> Result<(), StoreError> {
+        let hello = board.hello();
+        let link = self.order.target.to_string();
+        self.journal
+            .emit(EventKind::BoardFound(BoardEvent {
+                board_serial: hello.serial.as_str().to_owned(),
+                firmware: hello.firmware.as_str().to_owned(),
+                protocol: u16::from(PROTOCOL_VERSION),
+                boot_id: format!("{:08x}", hello.boot_id),
+                link,
+            }))
+            .await?;
+        if hello.capabilities & capability::REPEATED_READINGS == 0 {
+            return Ok(());
+        }
+        let text = "the board says that its sensors have an oscillator of their own: readings come twice or are left out, and \
+                    figures of noise hold that (interface document, section 10)";
+        self.note(Level::Warning, text.into(), None).await
+    }
+
+    pub(super) async fn power_on(&self, board: &Board, item: Option<&str>) -> Result<bool, StoreError> {
+        let desk = self.own_desk(board);
+        let switched = tokio::select! {
+            biased;
+            asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
+            switched = desk.call(&ModulePower { on: 1 }) => Ok(switched),
+        };
+        match switched {
+            Err(asked) => {
+                self.stop_in_order(asked).await?;
+                Ok(false)
+            }
+            Ok(Ok(supply)) => {
+                let power = Power {
+                    on: true,
+                    supply: "slave board".into(),
+                    voltage_v: Some(f64::from(supply.supply_uv) * 1e-6),
+                    current_a: Some(f64::from(supply.supply_ua) * 1e-6),
+                    calibration: calibration(&desk).await,
+                };
+                let fits = self.takes_up(&power);
+                self.journal.emit(EventKind::Power(power)).await?;
+                let Err(unlike) = fits else { return Ok(true) };
+                self.note(Level::Error, format!("{}; {}", with_causes(&unlike), unlike.try_this()), item).await?;
+                Ok(false)
+            }
+            Ok(Err(error)) => {
+                let text = format!("the module cannot be switched on: {}; {}", with_causes(&error), error.try_this());
+                self.note(Level::Error, text, item).await?;
+                Ok(false)
+            }
+        }
+    }
+
+    /// Whether board and module are those of the run that is taken up again.
+    fn takes_up(&self, power: &Power) -> Result<(), ResumeError> {
+        let Some(resumed) = &self.order.resumed else { return Ok(()) };
+        let firmware = self.journal.look(|state| state.board().map(|board| board.firmware.clone()));
+        resumed.fits(firmware.as_deref(), power.calibration.as_deref())
+    }
+
+    /// Module off, streams stopped, lines released.
+    pub(super) async fn make_safe(&self, board: Board) -> Result<(), StoreError> {
+        let safe = if self.link_lost.get() {
+            Ok(Err(BoardError::Gone { reason: "the link was lost".into() }))
+        } else {
+            timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
+        };
+        self.tell_absences(&board).await?;
+        let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
+        match safe {
+            Ok(Ok(())) => {
+                let power = Power {
+                    on: false,
+                    supply: "slave board".into(),
+                    voltage_v: None,
+                    current_a: None,
+                    calibration: None,
+                };
+                self.journal.emit(EventKind::Power(power)).await?;
+            }
+            Ok(Err(_)) | Err(_) => {
+                let text = "the board did not confirm that it is safe; its watchdog makes it so within 2 s";
+                self.note(Level::Warning, text.into(), None).await?;
+            }
+        }
+        let received = report.received;
+        let damaged = received.bad_checksum + received.malformed;
+        if damaged + received.missing + report.resent + report.stale + report.echoed > 0 {
+            let (missing, echo) = match report.echoed {
+                0 => (received.missing.to_string(), String::new()),
+                echoed => ("an unknown number".to_owned(), format!("; {echoed} of our own came back: the line echoes")),
+            };
+            let text = format!(
+                "the line was not clean: {} frames received, {damaged} damaged, {missing} missing, {} late or twice; {} \
+                 requests sent again{echo}",
+                received.frames, report.stale, report.resent
+            );
+            self.note(Level::Warning, text, None).await?;
+        }
+        Ok(())
+    }
+}

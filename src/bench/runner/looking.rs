@@ -1,0 +1,113 @@
+//! Watching raw values without a run: no plan, no verdict, no record.
+
+use std::time::Duration;
+
+use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
+use gnc_protocol::message::{AdRead, GnssRestart, GnssStart, MakeSafe, ModulePower, StreamStart};
+use gnc_protocol::stream::StreamId;
+use tokio::sync::watch;
+use tokio::time::{interval, timeout};
+
+use super::connection::{ConnectError, SAFE_WITHIN, by_chance, connect};
+use crate::control::Control;
+use gnc_board::{Advance, Board, BoardError, Desk, Readings};
+use gnc_link::Target;
+
+/// Samples a second of the IMU: what an eye can follow, and a slow line carries.
+const IMU_RATE_HZ: u16 = 50;
+/// Between two readings of the AD channels.
+const AD_EVERY: Duration = Duration::from_millis(500);
+/// Samples of each AD channel.
+const AD_SAMPLES: u16 = 16;
+
+/// Why there is nothing to watch.
+#[derive(Debug, thiserror::Error)]
+pub enum LookError {
+    /// No board was found.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// It did not do what it was asked.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+}
+
+impl LookError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Connect(error) => error.try_this(),
+            Self::Board(error) => error.try_this(),
+        }
+    }
+}
+
+/// Switches the module on and shows its raw values until somebody asks for a stop; then the module is off again.
+///
+/// # Errors
+/// [`LookError`]: the board is not there, or went away.
+pub async fn look(target: &Target, control: &Control, readings: &watch::Sender<Readings>) -> Result<(), LookError> {
+    let board = tokio::select! {
+        biased;
+        _ = control.asked_times(1) => return Ok(()),
+        board = connect(target, by_chance(), readings) => board?,
+    };
+    let desk = Desk::new(&board, watch::channel(Advance::default()).0);
+    let looked = tokio::select! {
+        biased;
+        _ = control.asked_times(1) => Ok(()),
+        ended = show(&desk) => ended,
+    };
+    make_safe(&desk).await;
+    drop(desk);
+    let _ = timeout(SAFE_WITHIN, Board::close(board)).await;
+    Ok(looked?)
+}
+
+/// Never ends by itself, unless the board does.
+async fn show(desk: &Desk<'_>) -> Result<(), BoardError> {
+    desk.call(&ModulePower { on: 1 }).await?;
+    let mut imu = desk.listen(StreamId::Imu).await?;
+    let mut gnss = desk.listen(StreamId::Gnss).await?;
+    let mut pulses = desk.listen(StreamId::Pps).await?;
+    let mut compensated = desk.listen(StreamId::Compensated).await?;
+    desk.call(&GnssRestart { start: GnssStart::Hot as u8 }).await?;
+    // One sample a frame, so that the screen is not behind.
+    let streams = [(StreamId::Imu, IMU_RATE_HZ, 1), (StreamId::Gnss, 0, 0), (StreamId::Pps, 0, 0)];
+    for (stream, rate_hz, samples_per_frame) in streams {
+        desk.call(&StreamStart { stream: stream as u8, rate_hz, count: 0, samples_per_frame }).await?;
+    }
+    compensate(desk).await?;
+    let mut ad_due = interval(AD_EVERY);
+    loop {
+        // What comes is shown on its way here.
+        tokio::select! {
+            frame = imu.next() => drop(frame?),
+            frame = gnss.next() => drop(frame?),
+            frame = pulses.next() => drop(frame?),
+            frame = compensated.next() => drop(frame?),
+            _ = ad_due.tick() => drop(desk.call(&AdRead { channels: 0xff, samples: AD_SAMPLES }).await?),
+        }
+    }
+}
+
+/// Asks for compensated samples too. A module that was never calibrated has none, and a slow line no room for them: then
+/// they are not shown.
+async fn compensate(desk: &Desk<'_>) -> Result<(), BoardError> {
+    let started = async {
+        if desk.call(&CalibrationRead {}).await?.state == CalibrationState::Valid as u8 {
+            let stream = StreamId::Compensated as u8;
+            desk.call(&StreamStart { stream, rate_hz: IMU_RATE_HZ, count: 0, samples_per_frame: 1 }).await?;
+        }
+        Ok(())
+    };
+    match started.await {
+        Err(BoardError::Refused { .. } | BoardError::RefusedUnknown { .. }) => Ok(()),
+        started => started,
+    }
+}
+
+/// A board that does not answer has its watchdog.
+async fn make_safe(desk: &Desk<'_>) {
+    let _ = timeout(SAFE_WITHIN, desk.call(&MakeSafe {})).await;
+}

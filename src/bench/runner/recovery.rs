@@ -1,0 +1,182 @@
+//! After a session was lost: whose fault it was, what runs again, and a new session.
+
+use futures_util::future::FutureExt as _;
+use futures_util::stream::StreamExt as _;
+use gnc_executive::event::{AttemptError, EventKind, Level};
+use gnc_executive::outcome::Outcome;
+use gnc_text::with_causes;
+
+use super::verdict::judge;
+use super::{End, Flight, Landed, Run};
+use crate::procedure::ProcedureError;
+use gnc_board::{Absent, Board, BoardError};
+use gnc_link::RETURNS_WITHIN;
+use gnc_records::store::StoreError;
+
+impl Run<'_> {
+    /// The session is gone, and with it the work of all items in flight. Whose fault was it? The item whose request
+    /// was in flight when the board restarted; the others run again. If that is not one alone, all run again, one
+    /// by one, so that the culprit shows.
+    pub(super) async fn lost_session<'b>(
+        &'b self,
+        board: &'b Board,
+        first: Landed,
+        flight: &mut Flight<'b>,
+    ) -> Result<(), StoreError> {
+        let mut ended = vec![first];
+        while let Some(Some(landed)) = flight.next().now_or_never() {
+            ended.push(landed);
+        }
+        flight.clear();
+        self.live.doing.send_replace(Vec::new());
+        let restarted = |landed: &Landed, only_asked: bool| matches!(&landed.end, End::Done(Err(ProcedureError::Board(BoardError::Restarted { asked, .. }))) if *asked || !only_asked);
+        let any_restart = ended.iter().any(|landed| restarted(landed, false));
+        let suspects: Vec<usize> = match ended.iter().filter(|landed| restarted(landed, true)).count() {
+            0 => ended.iter().filter(|landed| restarted(landed, false)).map(|landed| landed.position).collect(),
+            _ => ended.iter().filter(|landed| restarted(landed, true)).map(|landed| landed.position).collect(),
+        };
+        let culprit = match (any_restart, suspects.as_slice()) {
+            (true, [one]) => Some(*one),
+            (true, _) => None,
+            // Without a restart the first to notice speaks for the line.
+            (false, _) => ended.first().map(|landed| landed.position),
+        };
+        let absence = ended.iter().find_map(absence);
+        if any_restart {
+            self.unexplained_restart.set(culprit.is_none());
+            self.one_by_one.set(self.one_by_one.get() || culprit.is_none());
+        }
+        let text = ended.first().map(|landed| match &landed.end {
+            End::Done(Err(trouble)) => with_causes(trouble),
+            _ => String::new(),
+        });
+        for landed in &ended {
+            let Some(item) = self.order.job.item(landed.position) else { continue };
+            let trouble = match &landed.end {
+                End::Done(done) => done.as_ref().err(),
+                End::Stopped(asked) => {
+                    self.stop_in_order(*asked).await?;
+                    self.end_attempt(landed, Outcome::Aborted, None).await?;
+                    continue;
+                }
+                End::GivenUp => {
+                    self.end_attempt(landed, Outcome::Aborted, None).await?;
+                    continue;
+                }
+            };
+            // What came to its own end in the same moment has its own verdict.
+            let own = trouble.is_none_or(session_lives) || Some(landed.position) == culprit;
+            if own {
+                let (outcome, error) = judge(item, &landed.measured, trouble);
+                self.end_attempt(landed, outcome, error).await?;
+            } else {
+                self.end_attempt(landed, Outcome::Errored, Some(spoilt(text.as_deref()))).await?;
+            }
+        }
+        self.end_spoilt_items(text.as_deref()).await?;
+        let name = culprit.and_then(|position| self.order.job.item(position)).map(|item| item.name.clone());
+        if let Some(error @ BoardError::Away { .. }) = absence {
+            let wait_s = RETURNS_WITHIN.as_secs();
+            let text = format!("{error}; {}: the run waits {wait_s} s for it", error.try_this());
+            self.note(Level::Warning, text, None).await?;
+        }
+        self.recover(board, name.filter(|_| any_restart), absence.is_some()).await
+    }
+
+    /// Says that the port or interface was away.
+    pub(super) async fn was_away(&self, absent: &Absent) -> Result<(), StoreError> {
+        let text = format!("{} went away; back after {:.1} s", absent.name, absent.lasted.as_secs_f64());
+        self.note(Level::Warning, text, None).await
+    }
+
+    /// Says so of all absences that nobody was told of yet.
+    pub(super) async fn tell_absences(&self, board: &Board) -> Result<(), StoreError> {
+        while let Some(Some(absent)) = board.absence().now_or_never() {
+            self.was_away(&absent).await?;
+        }
+        Ok(())
+    }
+
+    /// Attempts that were in flight and had not noticed yet.
+    async fn end_spoilt_items(&self, text: Option<&str>) -> Result<(), StoreError> {
+        let running: Vec<(String, u32)> = self.journal.look(|state| {
+            let rows = state.rows().iter().filter(|row| row.running().is_some());
+            rows.map(|row| (row.planned.name.clone(), row.attempts.len() as u32)).collect()
+        });
+        for (item, attempt) in running {
+            let error = Some(spoilt(text));
+            self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome: Outcome::Errored, error }).await?;
+        }
+        Ok(())
+    }
+
+    /// After a lost session nobody knows what the board still does: a new one makes it safe and starts clean.
+    /// A board that restarted while its port was away did so with it, and needs no other culprit.
+    async fn recover(&self, board: &Board, culprit: Option<String>, absence: bool) -> Result<(), StoreError> {
+        let before = board.hello().boot_id;
+        let reopened = tokio::select! {
+            biased;
+            asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
+            reopened = board.reopen(self.nonce()) => Ok(reopened),
+        };
+        self.tell_absences(board).await?;
+        self.records_read.set(0);
+        self.unfiled.borrow_mut().clear();
+        match reopened {
+            Err(asked) => self.stop_in_order(asked).await,
+            Ok(Err(error)) => {
+                self.link_lost.set(true);
+                self.note(Level::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await
+            }
+            Ok(Ok(boot_id)) => {
+                if boot_id != before {
+                    if culprit.is_none() && !absence {
+                        // Also where the line hid it: whose request it was will not be known, unless it happens again.
+                        self.unexplained_restart.set(true);
+                        self.one_by_one.set(true);
+                    }
+                    let (item, boot_id) = (culprit.clone(), format!("{boot_id:08x}"));
+                    self.journal.emit(EventKind::BoardRebooted { item, boot_id }).await?;
+                }
+                if self.control.asked().times > 0 {
+                    // Nobody wants the module to be switched on again.
+                    return Ok(());
+                }
+                let on = self.power_on(board, culprit.as_deref()).await?;
+                self.link_lost.set(!on && self.control.asked().times == 0);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The absence of the port or interface that ended an attempt.
+fn absence(landed: &Landed) -> Option<&BoardError> {
+    match &landed.end {
+        End::Done(Err(ProcedureError::Board(error))) if error.is_absence() => Some(error),
+        _ => None,
+    }
+}
+
+pub(super) fn session_lives(trouble: &ProcedureError) -> bool {
+    !matches!(
+        trouble,
+        ProcedureError::Board(
+            BoardError::Gone { .. }
+                | BoardError::Away { .. }
+                | BoardError::Interrupted { .. }
+                | BoardError::NoAnswer { .. }
+                | BoardError::Garbled { .. }
+                | BoardError::Silent { .. }
+                | BoardError::NoHeartbeat { .. }
+                | BoardError::Restarted { .. }
+                | BoardError::SessionEnded
+        )
+    )
+}
+
+/// What stands at an attempt that the trouble of another one ended.
+pub(super) fn spoilt(text: Option<&str>) -> AttemptError {
+    let text = format!("ended by the trouble of another item: {}", text.unwrap_or_default());
+    AttemptError { text, hint: "it is run again".into(), again: true }
+}

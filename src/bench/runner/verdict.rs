@@ -1,0 +1,52 @@
+//! The outcome of an attempt: by its measurements, and by the trouble that ended it.
+
+use gnc_executive::event::AttemptError;
+use gnc_executive::measurement::Measurement;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::PlanItem;
+use gnc_protocol::FaultCode;
+use gnc_text::with_causes;
+
+use crate::procedure::ProcedureError;
+use gnc_analysis::motion::watch::Spoilt;
+use gnc_board::BoardError;
+
+/// A restart, a device that does not work and a sensor at the end of its range are the module's; everything else leaves the station unable to tell.
+pub(super) fn judge(
+    item: &PlanItem,
+    measured: &[Measurement],
+    trouble: Option<&ProcedureError>,
+) -> (Outcome, Option<AttemptError>) {
+    let Some(trouble) = trouble else {
+        let outcome = item.attempt_outcome(measured);
+        let missing: Vec<&str> = item.missing(measured).collect();
+        let error = (outcome == Outcome::Errored && !missing.is_empty()).then(|| AttemptError {
+            text: format!("nothing was measured for {}", missing.join(", ")),
+            hint: "see the notes of this item in the log".into(),
+            again: false,
+        });
+        return (outcome, error);
+    };
+    let outcome = match trouble {
+        // What the line lost is in the counts, and says nothing of the module.
+        ProcedureError::FramesLost { .. }
+        | ProcedureError::TestIdsShared { .. }
+        | ProcedureError::SamplesLost { .. }
+        | ProcedureError::CaptureLost { .. } => Outcome::Errored,
+        // A limit was violated before the trouble came; that stands.
+        _ if violates(measured) => Outcome::Failed,
+        ProcedureError::Board(BoardError::Restarted { .. }) => Outcome::Failed,
+        ProcedureError::Board(BoardError::Fault {
+            code: FaultCode::DeviceFault | FaultCode::DeviceTimeout, ..
+        }) => Outcome::Failed,
+        // The plan was checked: no motion asks for more than the published range.
+        ProcedureError::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => Outcome::Failed,
+        _ => Outcome::Errored,
+    };
+    (outcome, Some(AttemptError { text: with_causes(trouble), hint: trouble.try_this().to_owned(), again: false }))
+}
+
+/// Whether a value that was measured lies outside its limit.
+fn violates(measured: &[Measurement]) -> bool {
+    measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed))
+}

@@ -1,0 +1,91 @@
+//! Turntables: what lays the module down, turns it by an angle and spins it. The operator with a table of his own, or
+//! one that is driven.
+//!
+//! Every motion returns when it is done, and the module is still again unless it spins. Time goes by the bench's clock.
+
+mod driven;
+
+use std::cell::Cell;
+use std::time::Duration;
+
+use futures_util::future::LocalBoxFuture;
+
+use crate::fixture::{Ask, Fixture, FixtureError};
+use crate::recorder::Recorder;
+use driven::Driven;
+use gnc_rig::Orientation;
+
+/// A turntable.
+pub trait Turntable {
+    /// Lays the module down.
+    fn lay(&self, orientation: Orientation) -> Motion<'_>;
+    /// Turns it about the table's axis by an angle in a time, right-handed about the module's axis that was laid along it.
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_>;
+    /// Begins to spin about the table's axis and returns when the rate is reached.
+    fn spin(&self, rate_dps: f64) -> Motion<'_>;
+    /// Brings whatever moves to rest.
+    fn stop(&self) -> Motion<'_>;
+    /// Lets time pass at the bench.
+    fn pause(&self, span: Duration) -> Motion<'_>;
+}
+
+/// A motion under way. Dropping it does not end it: that takes a stop.
+pub type Motion<'a> = LocalBoxFuture<'a, Result<(), FixtureError>>;
+
+/// The turntable of a bench; what it does for people to see is filed in the recorder.
+#[must_use]
+pub fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dyn Turntable + 'a> {
+    match fixture {
+        Fixture::Driven(rig) => Box::new(Driven::new(rig.clone())),
+        _ => Box::new(ByHand { fixture, recorder, orientation: Cell::new(None) }),
+    }
+}
+
+/// Stops the table of a bench at once, whoever used it. An operator at a table of his own has its emergency stop.
+pub fn stop_at_once(fixture: &Fixture) {
+    if let Fixture::Driven(rig) = fixture {
+        // A table that does not answer moves nothing that could be stopped from here.
+        let _ = rig.stop();
+    }
+}
+
+/// A person with a table of his own.
+struct ByHand<'a> {
+    fixture: &'a Fixture,
+    recorder: &'a Recorder<'a>,
+    /// How the module was laid down last: a picture of a turn shows it.
+    orientation: Cell<Option<Orientation>>,
+}
+
+impl ByHand<'_> {
+    fn ask(&self, ask: Ask) -> Motion<'_> {
+        Box::pin(async move { self.fixture.request(&ask, self.recorder).await })
+    }
+}
+
+impl Turntable for ByHand<'_> {
+    fn lay(&self, orientation: Orientation) -> Motion<'_> {
+        self.orientation.set(Some(orientation));
+        self.ask(Ask::Lay(orientation))
+    }
+
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
+        self.ask(Ask::Turn { orientation: self.orientation.get(), angle_deg, span_s })
+    }
+
+    fn spin(&self, rate_dps: f64) -> Motion<'_> {
+        self.ask(Ask::Spin { orientation: self.orientation.get(), rate_dps })
+    }
+
+    fn stop(&self) -> Motion<'_> {
+        self.ask(Ask::StopTable)
+    }
+
+    fn pause(&self, span: Duration) -> Motion<'_> {
+        Box::pin(async move {
+            // A real bench's clock is the wall's.
+            tokio::time::sleep(span).await;
+            Ok(())
+        })
+    }
+}

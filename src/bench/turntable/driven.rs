@@ -1,0 +1,63 @@
+//! A turntable that is driven.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use gnc_rig::{DriverError, Orientation, Rig};
+
+use super::{Motion, Turntable};
+use crate::fixture::FixtureError;
+
+/// A handle on the driver.
+pub(super) struct Driven {
+    rig: Arc<dyn Rig>,
+}
+
+impl Driven {
+    pub(super) fn new(rig: Arc<dyn Rig>) -> Self {
+        Self { rig }
+    }
+
+    /// Begins a motion, and waits beside the conversation with the board until it is over.
+    fn moved<'a>(
+        &'a self,
+        what: &'static str,
+        begin: impl FnOnce(&dyn Rig) -> Result<(), DriverError> + 'a,
+        wait: impl FnOnce(&dyn Rig) -> Result<(), DriverError> + Send + 'static,
+    ) -> Motion<'a> {
+        Box::pin(async move {
+            begin(self.rig.as_ref()).map_err(|source| FixtureError::Table { what, source })?;
+            let rig = Arc::clone(&self.rig);
+            let waited = tokio::task::spawn_blocking(move || wait(rig.as_ref())).await;
+            // A driver that panics has not moved the table.
+            let waited = waited.unwrap_or_else(|broken| Err(broken.into()));
+            waited.map_err(|source| FixtureError::Table { what, source })
+        })
+    }
+}
+
+impl Turntable for Driven {
+    fn lay(&self, orientation: Orientation) -> Motion<'_> {
+        Box::pin(async move {
+            // What was stopped before, by whomever, comes to rest first.
+            self.moved("wait for the table to stand still", |_| Ok(()), |rig| rig.wait_still()).await?;
+            self.moved("lay the module down", move |rig| rig.orient(orientation), |rig| rig.wait_still()).await
+        })
+    }
+
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
+        self.moved("turn the module", move |rig| rig.rotate(angle_deg, span_s), |rig| rig.wait_still())
+    }
+
+    fn spin(&self, rate_dps: f64) -> Motion<'_> {
+        self.moved("spin the module", move |rig| rig.spin(rate_dps), move |rig| rig.wait_at_rate(rate_dps))
+    }
+
+    fn stop(&self) -> Motion<'_> {
+        self.moved("stop the table", |rig| rig.stop(), |rig| rig.wait_still())
+    }
+
+    fn pause(&self, span: Duration) -> Motion<'_> {
+        self.moved("wait", |_| Ok(()), move |rig| rig.wait(span))
+    }
+}

@@ -1,0 +1,487 @@
+//! The host's end of the conversation: one task that owns the link.
+
+mod absent;
+mod heard;
+
+use std::collections::VecDeque;
+use std::future::{Future as _, poll_fn};
+use std::pin::pin;
+use std::task::Poll;
+use std::time::Duration;
+
+use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, event};
+use gnc_protocol::serial::LineCounters;
+use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
+use gnc_protocol::stream::{StreamFrame, StreamId};
+use gnc_protocol::timing;
+use gnc_protocol::wire::Wire as _;
+use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::time::{Instant, sleep_until};
+
+use super::readings::Gauges;
+use super::stream::{AHEAD, Newest};
+use super::{Absent, Advance, BoardError, Pulse, Readings};
+use crate::latest::Latest;
+use gnc_link::{Link, NoFrame};
+
+/// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
+const HOST_SLACK: Duration = Duration::from_millis(50);
+/// Payload of the longer HELLO, the board's, at most.
+const HELLO_BYTES: usize = 128;
+/// Between two HELLOs, or longer on a slow line.
+const HELLO_EVERY: Duration = Duration::from_millis(250);
+/// A board that hears HELLO answers at once; one that is starting listens after two seconds, and then one must still come.
+const HELLO_FOR: Duration = Duration::from_millis(2500);
+/// Three heartbeats missed.
+const SILENT_AFTER: Duration = Duration::from_millis(3500);
+/// Six heartbeats missed while other frames come. The time limits of items go by heartbeats, so that without them
+/// nothing would ever take too long.
+const BEATLESS_AFTER: Duration = Duration::from_millis(6500);
+/// A timer that is served so late says that this computer stalled, not that the board was silent.
+const STALLED: Duration = Duration::from_millis(250);
+/// After a stall what came meanwhile is read first.
+const AFTER_A_STALL: Duration = Duration::from_millis(250);
+/// Requests that may end while another one is unresolved before the board is asked about that one, and nothing new is
+/// begun until it has answered. Those that are in flight then may end too, and all of them must fit into the board's
+/// memory of results, or a request whose result was lost would be done a second time.
+const ENDED_SINCE: u32 = (KEPT_RESULTS - MAX_RUNNING) as u32;
+
+type AnswerSender = oneshot::Sender<Result<Answer, BoardError>>;
+type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
+
+/// What is asked of the conversation.
+#[derive(Debug)]
+pub(super) enum Command {
+    Hello {
+        nonce: u32,
+        answer: oneshot::Sender<Result<BoardHello, BoardError>>,
+    },
+    Ask {
+        request: u16,
+        message: u16,
+        what: &'static str,
+        payload: Box<Payload>,
+        answer: AnswerSender,
+        advance: watch::Sender<Advance>,
+    },
+    Listen {
+        stream: StreamId,
+        sender: StreamSender,
+    },
+}
+
+/// A RESULT with its status taken off.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Answer {
+    /// The number of the request.
+    pub request: u16,
+    /// Board time it took.
+    pub elapsed: Duration,
+    /// Times it was sent.
+    pub asked: u32,
+    /// The body.
+    pub body: Payload,
+}
+
+/// What the line was like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LinkReport {
+    /// Frames that came, were damaged, are missing.
+    pub received: LineCounters,
+    /// Frames sent.
+    pub sent: u32,
+    /// Of those, requests sent again.
+    pub resent: u32,
+    /// Stream frames that came twice, or behind later ones, and were dropped.
+    pub stale: u32,
+    /// Frames of our own that came back. Their numbers are ours, so that with them nobody knows what is missing.
+    pub echoed: u32,
+}
+
+#[derive(Debug)]
+struct Pending {
+    request: u16,
+    message: u16,
+    what: &'static str,
+    payload: Box<Payload>,
+    answer: AnswerSender,
+    advance: watch::Sender<Advance>,
+    asked: u32,
+    since: Instant,
+    due: Instant,
+    expected_ms: u32,
+    /// Requests that ended since this one was last known to run.
+    ended_since: u32,
+    /// It is asked about only because of those.
+    inquiry: bool,
+}
+
+impl Pending {
+    /// It may have ended so long ago that the board soon forgets its result.
+    fn is_in_doubt(&self) -> bool {
+        self.asked > 0 && self.ended_since >= ENDED_SINCE && !self.answer.is_closed()
+    }
+
+    /// Not begun, and it may wait until nothing is in doubt; what makes safe never waits.
+    fn can_be_held_back(&self) -> bool {
+        self.asked == 0 && self.message != MakeSafe::ID && self.message != Abort::ID
+    }
+}
+
+#[derive(Debug)]
+struct Greeting {
+    nonce: u32,
+    answer: oneshot::Sender<Result<BoardHello, BoardError>>,
+    asked: u32,
+    since: Instant,
+    due: Instant,
+}
+
+/// The task's state.
+#[derive(Debug)]
+pub(super) struct Conversation {
+    link: Link,
+    commands: mpsc::Receiver<Command>,
+    pulse: Latest<Pulse>,
+    greeting: Option<Greeting>,
+    /// Nonce and boot id of the open session.
+    session: Option<(u32, u32)>,
+    /// Boot id of the last session.
+    last_boot_id: Option<u32>,
+    /// The board said that it knows of no session, and was asked why.
+    in_doubt: bool,
+    pending: Vec<Pending>,
+    streams: Vec<(StreamId, StreamSender)>,
+    newest: Newest,
+    /// Frames for a listener who is behind; the line is not read meanwhile.
+    held: VecDeque<(StreamId, Box<StreamFrame>)>,
+    sequence: u16,
+    keep_alive_due: Instant,
+    heard: Instant,
+    /// The last heartbeat of the session.
+    beat: Instant,
+    /// Since when the port or interface is away.
+    away_since: Option<Instant>,
+    /// How long it was away in this session, and when it was back.
+    interrupted: Option<(Duration, Instant)>,
+    /// Tells of absences that are over.
+    absences: mpsc::Sender<Absent>,
+    /// What the line counted before the first session: the middle of a frame is not damage.
+    before: Option<LineCounters>,
+    report: LinkReport,
+    gauges: Gauges,
+}
+
+/// Waits until a moment, and looks at the clock itself whenever it is asked: a runtime that is busy with samples comes
+/// to look at its timers once in hundreds of them, which on a busy computer is more than the board's watchdog waits.
+async fn until(due: Instant) {
+    let mut timer = pin!(sleep_until(due));
+    poll_fn(|context| if Instant::now() >= due { Poll::Ready(()) } else { timer.as_mut().poll(context) }).await;
+}
+
+impl Conversation {
+    pub(super) fn new(
+        link: Link,
+        commands: mpsc::Receiver<Command>,
+        pulse: Latest<Pulse>,
+        readings: watch::Sender<Readings>,
+        absences: mpsc::Sender<Absent>,
+    ) -> Self {
+        let now = Instant::now();
+        Self {
+            link,
+            commands,
+            pulse,
+            greeting: None,
+            session: None,
+            last_boot_id: None,
+            in_doubt: false,
+            pending: Vec::new(),
+            streams: Vec::new(),
+            newest: Newest::default(),
+            held: VecDeque::new(),
+            sequence: 0,
+            keep_alive_due: now,
+            heard: now,
+            beat: now,
+            away_since: None,
+            interrupted: None,
+            absences,
+            before: None,
+            report: LinkReport::default(),
+            gauges: Gauges::new(readings),
+        }
+    }
+
+    /// Runs until every handle is dropped or the port is gone.
+    pub(super) async fn run(mut self) -> LinkReport {
+        loop {
+            let due = self.next_due();
+            let behind = self.behind();
+            let reads = self.reads();
+            tokio::select! {
+                biased;
+                () = until(due) => self.overdue(),
+                command = self.commands.recv() => match command {
+                    Some(command) => self.command(command),
+                    None => break,
+                },
+                () = async { if let Some((sender, room)) = &behind { let _ = sender.reserve_many(*room).await; } }, if behind.is_some() => {
+                    self.deliver_held();
+                }
+                received = self.link.next(reads) => match received {
+                    Ok(Ok(frame)) => self.receive(&frame),
+                    // A damaged frame was counted by the link; whoever misses it asks again.
+                    Ok(Err(NoFrame::Damaged(_))) => {}
+                    Ok(Err(NoFrame::Away)) => self.went_away(),
+                    Ok(Err(NoFrame::Back { lasted })) => self.came_back(lasted),
+                    Err(error) => {
+                        self.end(&BoardError::Gone { reason: error.to_string() });
+                        break;
+                    }
+                },
+            }
+        }
+        let (counters, before) = (self.link.counters(), self.before.unwrap_or_default());
+        self.report.received = LineCounters {
+            bad_checksum: counters.bad_checksum.saturating_sub(before.bad_checksum),
+            malformed: counters.malformed.saturating_sub(before.malformed),
+            ..counters
+        };
+        self.link.close().await;
+        self.report
+    }
+
+    /// A listener who is behind, and the room that makes it good.
+    fn behind(&self) -> Option<(StreamSender, usize)> {
+        if let Some(sender) = self.held.iter().find_map(|(id, _)| self.sender_of(*id)) {
+            return Some((sender, 1));
+        }
+        let slow = |sender: &StreamSender| sender.capacity() < AHEAD && !sender.is_closed();
+        self.streams.iter().find(|(_, sender)| slow(sender)).map(|(_, sender)| (sender.clone(), AHEAD))
+    }
+
+    /// Whether the line is read. Not for a listener who is behind, so that a bench at full speed waits for him; but an
+    /// answer that somebody awaits comes behind samples, and whoever awaits it may be who keeps the listener from his
+    /// work.
+    fn reads(&self) -> bool {
+        let awaited = !self.pending.is_empty() || self.greeting.is_some();
+        self.held.is_empty() && (awaited || self.behind().is_none())
+    }
+
+    fn next_due(&self) -> Instant {
+        if let Some(since) = self.away_since {
+            return self.away_due(since);
+        }
+        let held_back = self.pending.iter().any(Pending::is_in_doubt);
+        let sendable = self.pending.iter().filter(|pending| !(held_back && pending.can_be_held_back()));
+        let requests = sendable.map(|pending| pending.due).min();
+        let greeting = self.greeting.as_ref().map(|greeting| greeting.due);
+        let silent = self.session.map(|_| self.silent_due());
+        [requests, greeting, silent].into_iter().flatten().fold(self.keep_alive_due, Instant::min)
+    }
+
+    /// When the board counts as silent.
+    fn silent_due(&self) -> Instant {
+        (self.heard + SILENT_AFTER).min(self.beat + BEATLESS_AFTER)
+    }
+
+    fn command(&mut self, command: Command) {
+        let now = Instant::now();
+        match command {
+            Command::Hello { nonce, answer } => {
+                self.session = None;
+                self.greeting = Some(Greeting { nonce, answer, asked: 0, since: now, due: now });
+            }
+            Command::Ask { request, message, what, payload, answer, advance } => {
+                if self.session.is_none() {
+                    let _ = answer.send(Err(self.no_session()));
+                    return;
+                }
+                self.pending.push(Pending {
+                    request,
+                    message,
+                    what,
+                    payload,
+                    answer,
+                    advance,
+                    asked: 0,
+                    since: now,
+                    due: now,
+                    expected_ms: 0,
+                    ended_since: 0,
+                    inquiry: false,
+                });
+            }
+            Command::Listen { stream, sender } => {
+                self.forget(stream);
+                self.streams.push((stream, sender));
+            }
+        }
+    }
+
+    fn overdue(&mut self) {
+        let now = Instant::now();
+        if let Some(since) = self.away_since {
+            return self.still_away(since, now);
+        }
+        if !self.reads() {
+            // Whoever does not listen hears no silence.
+            (self.heard, self.beat) = (now, now);
+        }
+        if self.session.is_some() && now >= self.silent_due() {
+            self.silent(now);
+        }
+        self.greet_again(now);
+        self.ask_again(now);
+        if now >= self.keep_alive_due {
+            self.keep_alive_due = now + timing::KEEP_ALIVE_EVERY;
+            if self.session.is_some() {
+                self.send(Kind::Event, Flags::default(), 0, event::KEEP_ALIVE, &Payload::new());
+            }
+        }
+    }
+
+    fn silent(&mut self, now: Instant) {
+        if now >= self.silent_due() + STALLED {
+            self.heard = self.heard.max(now + AFTER_A_STALL - SILENT_AFTER);
+            self.beat = self.beat.max(now + AFTER_A_STALL - BEATLESS_AFTER);
+            return;
+        }
+        self.session = None;
+        let silent = now - self.beat.min(self.heard);
+        let error = match now - self.heard >= SILENT_AFTER {
+            true => BoardError::Silent { silent },
+            false => BoardError::NoHeartbeat { silent },
+        };
+        self.fail_all(&error);
+    }
+
+    fn greet_again(&mut self, now: Instant) {
+        let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
+        if now - greeting.since > HELLO_FOR {
+            let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
+            let (damaged, asked, waited) = (bad_checksum + malformed, greeting.asked, now - greeting.since);
+            let error = match frames {
+                // One may be the rest of a frame in whose middle the port was opened.
+                0 if damaged > 1 => BoardError::Garbled { damaged, asked },
+                _ => BoardError::NoAnswer { what: "HELLO", asked, waited },
+            };
+            if let Some(greeting) = self.greeting.take() {
+                let _ = greeting.answer.send(Err(error));
+            }
+            return;
+        }
+        greeting.asked += 1;
+        // At 115,200 baud and below it is half a second or more.
+        greeting.due = now + HELLO_EVERY.max(self.link.exchange_time(HELLO_BYTES) * 5);
+        let nonce = greeting.nonce;
+        self.say_hello(nonce);
+    }
+
+    fn say_hello(&mut self, nonce: u32) {
+        let hello = HostHello { magic: MAGIC, lowest: PROTOCOL_VERSION, highest: PROTOCOL_VERSION, nonce };
+        if let Ok(payload) = hello.to_payload() {
+            self.send(Kind::Hello, Flags::default(), 0, 0, &payload);
+        }
+    }
+
+    /// Sends what nobody answered again, under the same id: the board replays a result that was lost.
+    fn ask_again(&mut self, now: Instant) {
+        let held_back = self.pending.iter().any(Pending::is_in_doubt);
+        let mut index = 0;
+        while index < self.pending.len() {
+            let pending = &mut self.pending[index];
+            if pending.answer.is_closed() {
+                self.pending.swap_remove(index);
+                continue;
+            }
+            if now < pending.due || held_back && pending.can_be_held_back() {
+                index += 1;
+                continue;
+            }
+            if pending.asked > timing::RESENDS {
+                let pending = self.pending.swap_remove(index);
+                let waited = now - pending.since;
+                let error = BoardError::NoAnswer { what: pending.what, asked: pending.asked, waited };
+                let _ = pending.answer.send(Err(error));
+                continue;
+            }
+            let flags = if pending.asked == 0 { Flags::default() } else { Flags::RESENT };
+            // To be asked how it stands is no sign of a loss, the first time.
+            let lost = pending.asked > 1 || pending.asked == 1 && !std::mem::take(&mut pending.inquiry);
+            pending.asked += 1;
+            // The answer may have to wait behind a full frame of a stream.
+            let wire = self.link.exchange_time(pending.payload.len());
+            pending.due = now + (timing::ACCEPT_WITHIN + wire + HOST_SLACK) * pending.asked;
+            let (request, message, payload) = (pending.request, pending.message, pending.payload.clone());
+            self.report.resent += u32::from(lost);
+            self.send(Kind::Request, flags, request, message, &payload);
+            index += 1;
+        }
+    }
+
+    /// Nobody listens to the stream any more.
+    fn forget(&mut self, id: StreamId) {
+        self.streams.retain(|(other, _)| *other != id);
+        self.held.retain(|(other, _)| *other != id);
+    }
+
+    fn deliver_held(&mut self) {
+        while let Some((id, frame)) = self.held.pop_front() {
+            match self.sender_of(id).map(|sender| sender.try_send(Ok(frame))) {
+                None | Some(Ok(())) => {}
+                Some(Err(mpsc::error::TrySendError::Full(Ok(frame)))) => return self.held.push_front((id, frame)),
+                Some(Err(_)) => self.forget(id),
+            }
+        }
+    }
+
+    fn sender_of(&self, id: StreamId) -> Option<StreamSender> {
+        self.streams.iter().find(|(other, _)| *other == id).map(|(_, sender)| sender.clone())
+    }
+
+    /// The request that an answer ends; for the others it is one more that ended since.
+    fn take(&mut self, request: u16, message: u16) -> Option<Pending> {
+        let matches = |pending: &Pending| pending.request == request && pending.message == message;
+        let index = self.pending.iter().position(matches)?;
+        let taken = self.pending.swap_remove(index);
+        let now = Instant::now();
+        for other in self.pending.iter_mut().filter(|other| other.asked > 0) {
+            other.ended_since += 1;
+            if other.ended_since == ENDED_SINCE {
+                other.inquiry = other.asked == 1;
+                other.due = now;
+            }
+        }
+        Some(taken)
+    }
+
+    fn fail_all(&mut self, error: &BoardError) {
+        for pending in self.pending.drain(..) {
+            let _ = pending.answer.send(Err(error.clone()));
+        }
+        for (_, sender) in self.streams.drain(..) {
+            // A listener who is behind finds the end of the stream instead, and asks.
+            let _ = sender.try_send(Err(error.clone()));
+        }
+        self.held.clear();
+    }
+
+    fn end(&mut self, error: &BoardError) {
+        if let Some(greeting) = self.greeting.take() {
+            let _ = greeting.answer.send(Err(error.clone()));
+        }
+        self.session = None;
+        self.fail_all(error);
+    }
+
+    fn send(&mut self, kind: Kind, flags: Flags, request: u16, message: u16, payload: &Payload) {
+        let version = if kind == Kind::Hello { 0 } else { PROTOCOL_VERSION };
+        let header = Header { version, kind, flags, request, message, sequence: self.sequence };
+        self.sequence = self.sequence.wrapping_add(1);
+        self.report.sent += 1;
+        self.link.send(&Frame { header, payload: payload.clone() });
+    }
+}

@@ -1,0 +1,143 @@
+//! One item's dealings with the board: its requests, its streams, the board time they took.
+
+use std::cell::{Cell, RefCell};
+use std::time::Duration;
+
+use gnc_protocol::message::{Abort, Call, StreamStop};
+use gnc_protocol::stream::StreamId;
+use gnc_protocol::wire::Wire as _;
+use tokio::sync::{mpsc, oneshot, watch};
+
+use super::conversation::{Answer, Command};
+use super::stream::{AHEAD, Closed, Stream, WAITING};
+use super::{Advance, Board, BoardError, gone};
+use gnc_link::can::Tap;
+
+/// What one attempt of an item asks of the board. Several items may do so at once.
+#[derive(Debug)]
+pub struct Desk<'a> {
+    board: &'a Board,
+    advance: watch::Sender<Advance>,
+    requests: RefCell<Vec<u16>>,
+    streams: RefCell<Vec<StreamId>>,
+    busy: Cell<Duration>,
+}
+
+impl<'a> Desk<'a> {
+    /// A desk for one attempt; `advance` tells people how far it is.
+    #[must_use]
+    pub fn new(board: &'a Board, advance: watch::Sender<Advance>) -> Self {
+        let (requests, streams) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()));
+        Self { board, advance, requests, streams, busy: Cell::new(Duration::ZERO) }
+    }
+
+    /// Asks and waits for the result.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub async fn call<C: Call>(&self, call: &C) -> Result<C::Reply, BoardError> {
+        self.ask(call).await.map(|(reply, _)| reply)
+    }
+
+    /// Asks and waits for the result; tells what it took too.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub async fn ask<C: Call>(&self, call: &C) -> Result<(C::Reply, Answer), BoardError> {
+        let payload = Box::new(call.to_payload().map_err(|_| BoardError::TooLong { what: C::NAME })?);
+        let (answer, answered) = oneshot::channel();
+        let request = self.board.number();
+        self.requests.borrow_mut().push(request);
+        let (message, what, advance) = (C::ID, C::NAME, self.advance.clone());
+        self.board.send(Command::Ask { request, message, what, payload, answer, advance }).await?;
+        let answer = answered.await.map_err(|_| gone())??;
+        self.spent(answer.elapsed);
+        let reply =
+            C::Reply::from_payload(&answer.body).map_err(|source| BoardError::BadAnswer { what: C::NAME, source })?;
+        Ok((reply, answer))
+    }
+
+    /// Test frames of the CAN bus over which this conversation goes, if it goes over one.
+    #[must_use]
+    pub fn tap(&self) -> Option<&'a Tap> {
+        self.board.tap.as_ref()
+    }
+
+    /// Listens to a stream from now on; start it after that.
+    ///
+    /// # Errors
+    /// [`BoardError::Gone`].
+    pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
+        let (sender, frames) = mpsc::channel(WAITING + AHEAD);
+        self.streams.borrow_mut().push(stream);
+        self.board.send(Command::Listen { stream, sender }).await?;
+        Ok(Stream::new(stream, frames, self.board.pulse()))
+    }
+
+    /// Ends a stream and says where its samples are, those included that came while it was being ended.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub async fn stop_stream(&self, stream: Stream) -> Result<Closed, BoardError> {
+        let id = stream.id();
+        let stop = StreamStop { stream: id as u8 };
+        let closed = stream.close(self.call(&stop)).await?;
+        self.streams.borrow_mut().retain(|open| *open != id);
+        Ok(closed)
+    }
+
+    /// Tells people how far a capture is.
+    pub fn captured(&self, samples: u32, wanted: u32, rate_hz: u16) {
+        let ms = |samples: u32| u64::from(samples) * 1000 / u64::from(rate_hz.max(1));
+        self.advance.send_replace(Advance {
+            done_permille: (u64::from(samples) * 1000 / u64::from(wanted.max(1))).min(1000) as u16,
+            elapsed_ms: u32::try_from(ms(samples)).unwrap_or(u32::MAX),
+            expected_ms: u32::try_from(ms(wanted)).unwrap_or(u32::MAX),
+        });
+    }
+
+    /// Tells people how far a whole program of captures is.
+    pub fn advanced(&self, done_s: f64, whole_s: f64) {
+        let ms = |span_s: f64| (span_s * 1e3) as u32;
+        self.advance.send_replace(Advance {
+            done_permille: (done_s / whole_s.max(1e-3) * 1e3).clamp(0.0, 1e3) as u16,
+            elapsed_ms: ms(done_s),
+            expected_ms: ms(whole_s),
+        });
+    }
+
+    /// Board time that was needed: of requests by their results, of streams by whoever listened.
+    pub fn spent(&self, board_time: Duration) {
+        self.busy.set(self.busy.get() + board_time);
+    }
+
+    /// Board time needed so far.
+    #[must_use]
+    pub fn busy(&self) -> Duration {
+        self.busy.get()
+    }
+
+    /// Numbers of the requests made here.
+    #[must_use]
+    pub fn requests(&self) -> Vec<u16> {
+        self.requests.borrow().clone()
+    }
+
+    /// Ends what may still go on at the board after an attempt that came to no end. What cannot be ended is found by
+    /// whoever needs it next.
+    pub async fn clear(&self) {
+        let last =
+            self.requests.borrow().iter().rev().take(gnc_protocol::slave::MAX_RUNNING).copied().collect::<Vec<_>>();
+        for request in last {
+            if self.call(&Abort { request }).await.is_err() {
+                return;
+            }
+        }
+        let open = std::mem::take(&mut *self.streams.borrow_mut());
+        for stream in open {
+            if self.call(&StreamStop { stream: stream as u8 }).await.is_err() {
+                return;
+            }
+        }
+    }
+}

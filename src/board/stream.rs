@@ -1,0 +1,242 @@
+//! Listening to a stream of the board.
+
+use std::time::Duration;
+
+use gnc_protocol::message::StreamStopReply;
+use gnc_protocol::stream::{Losses, StreamFrame, StreamHead, StreamId};
+use tokio::sync::mpsc;
+use tokio::time::Instant;
+
+use super::{BoardError, Pulse};
+use crate::latest::Follower;
+
+/// The board's clock may be this far ahead of the last sample before a stream counts as stopped: twice the time
+/// between two heartbeats.
+const BEHIND_US: u64 = 2_000_000;
+/// Heartbeats over so much link time with a board clock that stands: nothing goes on there any more, as at the end of
+/// a stream whose last frame was lost on a simulated bench at full speed.
+const STANDS_FOR: Duration = Duration::from_millis(1500);
+
+/// Frames that wait for whoever reads a stream before the line is held up for him: a second of 1 kHz in single samples.
+pub(super) const WAITING: usize = 1024;
+/// Frames beyond those that may come before an answer that is awaited: what a board says between a request and its
+/// RESULT, over CAN in pieces of six bytes and with a round trip for each message, and that a few times.
+pub(super) const AHEAD: usize = 16_384;
+
+/// Frames of one stream, in the order they came.
+#[derive(Debug)]
+pub struct Stream {
+    id: StreamId,
+    frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
+    pulse: Follower<Pulse>,
+    seen_us: u64,
+    /// The last heartbeat's board time, and since when it is that.
+    beat_us: Option<(u64, Instant)>,
+    losses: Losses,
+}
+
+/// The account of a stream that was stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Closed {
+    /// Samples (bytes) that the board produced.
+    pub produced: u32,
+    /// Where they are.
+    pub losses: Losses,
+}
+
+/// The newest frame of each stream in this start of the board: its board time, its first sample and the one behind its
+/// last.
+#[derive(Debug, Default)]
+pub(super) struct Newest(Vec<(StreamId, (u64, u32), u32)>);
+
+impl Newest {
+    /// Whether a frame is newer than all before it. One that came already, or that later ones overtook, is no more
+    /// data: its samples are counted, as received or as lost. Board time goes on from one run of a stream to the
+    /// next, and `first` within one. A frame that goes on with the numbers where the newest ends is data whatever its
+    /// time: the board's clock went back, and the reader of the stream must see that.
+    pub(super) fn admit(&mut self, stream: StreamId, head: &StreamHead) -> bool {
+        let key = (head.board_time_us, head.first);
+        let next = head.first.wrapping_add(head.count.into());
+        match self.0.iter_mut().find(|(other, ..)| *other == stream) {
+            Some((_, newest, end)) if key <= *newest && (head.first != *end || head.first == 0) => false,
+            Some((_, newest, end)) => {
+                (*newest, *end) = (key, next);
+                true
+            }
+            None => {
+                self.0.push((stream, key, next));
+                true
+            }
+        }
+    }
+}
+
+impl Stream {
+    pub(super) fn new(
+        id: StreamId,
+        frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
+        pulse: Follower<Pulse>,
+    ) -> Self {
+        Self { id, frames, pulse, seen_us: 0, beat_us: None, losses: Losses::default() }
+    }
+
+    /// Which stream.
+    #[must_use]
+    pub fn id(&self) -> StreamId {
+        self.id
+    }
+
+    /// What is missing up to the last frame.
+    #[must_use]
+    pub fn losses(&self) -> Losses {
+        self.losses
+    }
+
+    /// The board's clock, as far as it is known.
+    #[must_use]
+    pub fn board_time_us(&self) -> u64 {
+        self.pulse.now().board_time_us.max(self.seen_us)
+    }
+
+    /// The next frame. `None`: the board's clock went on for two seconds without one, or stands. Frames and heartbeats
+    /// come down the same line in order, so whatever was sent before a heartbeat has come, or is lost.
+    ///
+    /// # Errors
+    /// The reason for which the conversation ended, if it did.
+    pub async fn next(&mut self) -> Result<Option<Box<StreamFrame>>, BoardError> {
+        if self.seen_us == 0 {
+            self.seen_us = self.pulse.now().board_time_us;
+        }
+        loop {
+            tokio::select! {
+                biased;
+                frame = self.frames.recv() => {
+                    let frame = frame.unwrap_or_else(|| Err(super::gone()))?;
+                    self.account(&frame);
+                    return Ok(Some(frame));
+                }
+                beat = self.pulse.changed() => {
+                    let now_us = beat.ok_or_else(super::gone)?.board_time_us;
+                    let stands = self.stands(now_us);
+                    if (stands || now_us > self.seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
+                        self.seen_us = now_us;
+                        return Ok(None);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether heartbeats have told the same board time for long.
+    fn stands(&mut self, now_us: u64) -> bool {
+        match self.beat_us {
+            Some((before_us, since)) if before_us == now_us => since.elapsed() >= STANDS_FOR,
+            _ => {
+                self.beat_us = Some((now_us, Instant::now()));
+                false
+            }
+        }
+    }
+
+    /// Waits for the figures of the board's end of the stream, counts what still comes meanwhile, and closes the
+    /// account: what the board produced and what is neither here nor dropped there was lost on the line.
+    pub(super) async fn close(
+        mut self,
+        stopped: impl Future<Output = Result<StreamStopReply, BoardError>>,
+    ) -> Result<Closed, BoardError> {
+        tokio::pin!(stopped);
+        let board = loop {
+            tokio::select! {
+                // Frames left the board before the answer and come before it.
+                biased;
+                frame = self.frames.recv() => match frame {
+                    Some(frame) => self.account(&*frame?),
+                    None => break stopped.await?,
+                },
+                board = &mut stopped => break board?,
+            }
+        };
+        while let Ok(frame) = self.frames.try_recv() {
+            self.account(&*frame?);
+        }
+        self.losses.on_board = board.dropped;
+        let Losses { received, on_board, .. } = self.losses;
+        self.losses.on_line = board.produced.saturating_sub(received.saturating_add(on_board));
+        Ok(Closed { produced: board.produced, losses: self.losses })
+    }
+
+    fn account(&mut self, frame: &StreamFrame) {
+        let head = &frame.head;
+        let expected = self.losses.received.saturating_add(self.losses.on_board).saturating_add(self.losses.on_line);
+        let missing = head.first.saturating_sub(expected);
+        let on_board = head.dropped.saturating_sub(self.losses.on_board).min(missing);
+        self.losses.on_board = self.losses.on_board.saturating_add(on_board);
+        self.losses.on_line = self.losses.on_line.saturating_add(missing - on_board);
+        self.losses.received = self.losses.received.saturating_add(head.count.into());
+        self.seen_us = head.board_time_us;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::latest::Latest;
+
+    fn frame(first: u32, count: u16, dropped: u32) -> StreamFrame {
+        let head = StreamHead { first, count, dropped, ..StreamHead::default() };
+        StreamFrame { head, samples: gnc_protocol::wire::List::new() }
+    }
+
+    /// 0-9 come, 10-14 are dropped on the board, 15-24 come, 25-34 are lost on the line, 35-44 come.
+    #[test]
+    fn losses_are_told_apart_by_place() {
+        let (_sender, frames) = mpsc::channel(1);
+        let beat = Latest::new(Pulse::default());
+        let mut stream = Stream::new(StreamId::Imu, frames, beat.follower());
+        for part in [frame(0, 10, 0), frame(15, 10, 5), frame(35, 10, 5)] {
+            stream.account(&part);
+        }
+        assert_eq!(stream.losses(), Losses { received: 30, on_board: 5, on_line: 10 });
+    }
+    /// Doubled and overtaken frames are no more data, those of a stream's next run are.
+    #[test]
+    fn only_what_is_new_is_admitted() {
+        let mut newest = Newest::default();
+        let mut admit = |stream, board_time_us, first| {
+            newest.admit(stream, &StreamHead { board_time_us, first, ..StreamHead::default() })
+        };
+        assert!(admit(StreamId::Gnss, 100, 0));
+        assert!(!admit(StreamId::Gnss, 100, 0), "twice");
+        assert!(admit(StreamId::Gnss, 100, 492), "one epoch in two frames");
+        assert!(admit(StreamId::Pps, 50, 0), "another stream");
+        assert!(admit(StreamId::Gnss, 300, 1400));
+        assert!(!admit(StreamId::Gnss, 200, 900), "overtaken");
+        assert!(admit(StreamId::Gnss, 900, 0), "the next run");
+    }
+
+    /// Numbers that go on while the time goes back are no overtaken frame, but a clock that went back.
+    #[test]
+    fn a_clock_that_goes_back_is_shown() {
+        let mut newest = Newest::default();
+        let mut admit = |board_time_us, first| {
+            newest.admit(StreamId::Imu, &StreamHead { board_time_us, first, count: 10, ..StreamHead::default() })
+        };
+        assert!(admit(7_000_000, 0) && admit(7_050_000, 10));
+        assert!(!admit(7_000_000, 0), "twice");
+        assert!(admit(100_000, 20), "the clock went back");
+        assert!(!admit(100_000, 20), "twice");
+        assert!(admit(150_000, 30));
+    }
+
+    /// Frames 0-9 come, 10-19 are lost while the stream is being ended: only the board's figures tell.
+    #[tokio::test]
+    async fn the_last_frame_is_missed_too() {
+        let (sender, frames) = mpsc::channel(1);
+        let beat = Latest::new(Pulse::default());
+        let stream = Stream::new(StreamId::Imu, frames, beat.follower());
+        sender.try_send(Ok(Box::new(frame(0, 10, 0)))).ok();
+        let closed = stream.close(async { Ok(StreamStopReply { produced: 20, dropped: 0 }) }).await;
+        let losses = Losses { received: 10, on_board: 0, on_line: 10 };
+        assert_eq!(closed, Ok(Closed { produced: 20, losses }));
+    }
+}

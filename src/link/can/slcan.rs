@@ -1,0 +1,94 @@
+//! An slcan adapter on a serial port.
+//!
+//! It is told to open and never asked whether it did: adapters differ in what they acknowledge. It tells neither of
+//! error frames nor of bus-off.
+
+use std::io;
+use std::time::Duration;
+
+use gnc_protocol::can::CanFrame;
+use gnc_protocol::can::slcan::{self, Decoder, Item, encode};
+use tokio_util::bytes::Buf as _;
+
+use super::bus::Turn;
+use crate::serial::{OpenError, Place, Port, PortEvent};
+
+/// Rate of the port. USB adapters ignore it; on a real line it must carry more than the bus: 27 characters for each
+/// frame of 111 bits.
+pub const RATE_BAUD: u32 = 2_000_000;
+/// Bytes of lines that may wait for the port: 150 frames.
+const OUTGOING: usize = 4096;
+/// Longest wait for a port to take the line that closes the adapter.
+const CLOSE_WITHIN: Duration = Duration::from_millis(50);
+
+/// The adapter.
+#[derive(Debug)]
+pub(super) struct SlcanBus {
+    port: Port,
+    decoder: Decoder,
+}
+
+impl SlcanBus {
+    pub(super) fn open(place: Place) -> Result<Self, OpenError> {
+        let mut port = Port::open(place)?;
+        port.outgoing.extend_from_slice(slcan::OPEN_500K);
+        Ok(Self { port, decoder: Decoder::default() })
+    }
+
+    pub(super) fn name(&self) -> String {
+        self.port.name()
+    }
+
+    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
+        loop {
+            if let Some(frame) = outgoing.filter(|_| self.port.is_there() && self.port.outgoing.len() < OUTGOING) {
+                self.port.outgoing.extend_from_slice(&encode(frame));
+                return Ok(Turn::Sent);
+            }
+            if read && let Some(frame) = self.decoded() {
+                return Ok(Turn::Received(frame));
+            }
+            match self.port.turn(read).await? {
+                PortEvent::Read | PortEvent::Written => {}
+                PortEvent::Away => {
+                    // Half a line of before is no beginning of what comes after.
+                    (self.decoder, self.port.incoming) = Default::default();
+                    return Ok(Turn::Away);
+                }
+                PortEvent::Back(lasted) => {
+                    // An adapter that was without power has left the bus.
+                    self.port.outgoing.extend_from_slice(slcan::OPEN_500K);
+                    return Ok(Turn::Back(lasted));
+                }
+            }
+        }
+    }
+
+    /// The next frame in what has come. Answers of the adapter are passed over.
+    fn decoded(&mut self) -> Option<CanFrame> {
+        loop {
+            let incoming = &mut self.port.incoming;
+            let mut rest: &[u8] = incoming;
+            let item = self.decoder.next(&mut rest);
+            let consumed = incoming.len() - rest.len();
+            incoming.advance(consumed);
+            if let Item::Frame(frame) = item? {
+                return Some(frame);
+            }
+        }
+    }
+
+    pub(super) async fn close(mut self) {
+        // What still waits belongs to nobody; half a line is ended by the first byte.
+        self.port.outgoing.clear();
+        self.port.outgoing.extend_from_slice(b"\r");
+        self.port.outgoing.extend_from_slice(slcan::CLOSE);
+        // A port that takes nothing is closed all the same.
+        while self.port.is_there() && !self.port.outgoing.is_empty() {
+            match tokio::time::timeout(CLOSE_WITHIN, self.port.turn(false)).await {
+                Ok(Ok(_)) => {}
+                Ok(Err(_)) | Err(_) => return,
+            }
+        }
+    }
+}

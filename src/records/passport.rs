@@ -1,0 +1,220 @@
+//! The sensor passport of a module: its content, from what the items found. Pure.
+//!
+//! Key names are the published ones (document 5 of the module's specification); what they mean, which the source leaves
+//! open, stands in `docs/passport.schema.json`. What was not measured is null, never a guess.
+//!
+//! [`of_run`] says which runs have one, `xml` writes it as XML with the same content.
+
+mod of_run;
+mod xml;
+
+use serde::{Deserialize, Serialize};
+
+use gnc_analysis::figures::calibration::Mag;
+
+pub use of_run::{NoPassport, of_run};
+pub use xml::{XmlError, xml};
+
+/// The passport for programs, in a run's folder.
+pub const PASSPORT: &str = "passport.json";
+/// The same content as XML.
+pub const PASSPORT_XML: &str = "passport.xml";
+
+/// Who was calibrated where, when and by what.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// Start of the run that calibrated, RFC 3339.
+    pub date: String,
+    /// The station and its slave board.
+    pub means: String,
+    /// The program with its version.
+    pub program: String,
+    /// The plan with its version.
+    pub plan: String,
+    /// SHA-256 of the plan with all that it includes.
+    pub plan_sha256: String,
+    /// Verdict of the run: passed or marginal.
+    pub outcome: String,
+    /// A simulated bench is no evidence about any module.
+    pub simulated: bool,
+    /// The run whose raw record was judged again by this plan; null where this run captured by itself.
+    pub recomputed_from: Option<String>,
+    /// The run that broke off and whose captures were taken over.
+    pub resumed_from: Option<String>,
+    /// SHA-256 of the lines of SHA256SUMS for all files but the papers.
+    pub record_sha256: String,
+}
+
+/// A sensor passport.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Passport {
+    /// Serial number of the module.
+    pub device_id: String,
+    /// Conditions of the calibration.
+    pub conditions: Conditions,
+    /// Accelerometers.
+    pub accel: Accel,
+    /// Gyroscopes.
+    pub gyro: Gyro,
+    /// Magnetometer; null where it was not calibrated.
+    pub magnetometer: Option<Mag>,
+    /// How the axes of the coefficients lie in the module.
+    pub alignment: Alignment,
+    /// Expanded uncertainty.
+    pub uncertainty: Uncertainty,
+    /// Date, means and record of the calibration.
+    pub origin: Origin,
+}
+
+/// Conditions of the calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conditions {
+    /// Lowest and highest temperature measured.
+    #[serde(rename = "temperature_range_C")]
+    pub temperature_range_c: Option<[f64; 2]>,
+    /// Supply at the socket.
+    #[serde(rename = "supply_V")]
+    pub supply_v: Option<f64>,
+    /// Conditions of vibration and shock tests (IEC 60068-2-6, -2-64, ISO 16063-31); null where there were none.
+    pub vibration_and_shock: Option<String>,
+}
+
+/// Accelerometers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accel {
+    /// Measured over nominal scale; rows are sensors, columns axes.
+    #[serde(rename = "M_a")]
+    pub response: [[f64; 3]; 3],
+    /// Measured less true.
+    #[serde(rename = "b_a_mg")]
+    pub bias_mg: [f64; 3],
+    /// Change with temperature.
+    pub temp_coeff: TempCoeff,
+    /// Allan coefficient N, worst axis.
+    #[serde(rename = "VRW_mps2_per_sqrtHz")]
+    pub walk_mps2_per_sqrt_hz: Option<f64>,
+    /// White level of the one-sided spectrum of each axis.
+    #[serde(rename = "noise_density_ug_per_sqrtHz")]
+    pub density_ug_per_sqrt_hz: Option<[f64; 3]>,
+}
+
+/// Change with temperature.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TempCoeff {
+    /// Null until temperature cycles were run.
+    #[serde(rename = "b_a_mg_per_C")]
+    pub bias_mg_per_c: Option<[f64; 3]>,
+}
+
+/// Gyroscopes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gyro {
+    /// Measured over nominal scale; rows are sensors, columns axes.
+    #[serde(rename = "M_g")]
+    pub response: [[f64; 3]; 3],
+    /// Measured less true.
+    #[serde(rename = "b_g_dps")]
+    pub bias_dps: [f64; 3],
+    /// Each gyroscope's largest g-sensitivity with its sign.
+    #[serde(rename = "K_g_dps_per_g")]
+    pub per_g_dps: [f64; 3],
+    /// All of it; rows are sensors, columns axes.
+    #[serde(rename = "K_g_full_dps_per_g")]
+    pub per_g_full_dps: [[f64; 3]; 3],
+    /// Allan coefficient N, worst axis.
+    #[serde(rename = "ARW_dps_per_sqrtHz")]
+    pub walk_dps_per_sqrt_hz: Option<f64>,
+    /// White level of the one-sided spectrum of each axis.
+    #[serde(rename = "noise_density_dps_per_sqrtHz")]
+    pub density_dps_per_sqrt_hz: Option<[f64; 3]>,
+    /// Flat part / 0.664, worst axis; null where an axis shows none.
+    pub bias_instability_dph: Option<f64>,
+}
+
+/// How the axes of the coefficients lie in the module. The coefficients are relative to the axes of the table on which the
+/// module was calibrated; its seat is mounted on that table with a small rotation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Alignment {
+    /// Rotation vector from the table's axes to those of the seat; null where nobody measured it.
+    pub mounting_deg: Option<[f64; 3]>,
+    /// Standard uncertainty of the mounting about each axis.
+    pub mounting_u_deg: Option<f64>,
+    /// Departures of the angles between the accelerometers' own axes xy, xz, yz from 90 degrees, whatever the seat.
+    pub nonorthogonality_accel_ppm: [f64; 3],
+    /// The same of the gyroscopes.
+    pub nonorthogonality_gyro_ppm: [f64; 3],
+}
+
+/// Expanded uncertainty of the compensated output at zero input, worst axis, and where it comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Uncertainty {
+    /// Coverage factor of both.
+    pub k: f64,
+    /// Of the accelerometers.
+    #[serde(rename = "U_accel_mg")]
+    pub accel_mg: f64,
+    /// Of the gyroscopes.
+    #[serde(rename = "U_gyro_dps")]
+    pub gyro_dps: f64,
+    /// The budget of every figure of the calibration.
+    pub budget: Vec<Budget>,
+}
+
+/// Uncertainty budget of one figure (GUM; Welch-Satterthwaite).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// The item of the plan that measured it.
+    pub item: String,
+    /// The figure, as the record calls it.
+    pub figure: String,
+    /// Unit of `u` and `U`.
+    pub unit: String,
+    /// Combined standard uncertainty.
+    pub u: f64,
+    /// Effective degrees of freedom; null stands for infinite.
+    pub dof: Option<f64>,
+    /// Coverage factor; null where there is none.
+    pub k: Option<f64>,
+    /// Expanded uncertainty `k u`.
+    #[serde(rename = "U")]
+    pub expanded: Option<f64>,
+    /// Probability of the interval of `U`.
+    pub probability: f64,
+    /// What it is combined from.
+    pub contributions: Vec<Contribution>,
+}
+
+/// A contribution to a budget.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contribution {
+    /// Where it comes from.
+    pub name: String,
+    /// A: from the record itself; B: from elsewhere.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// Standard uncertainty of the input.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Distribution of the input.
+    pub distribution: String,
+    /// Degrees of freedom; null stands for infinite.
+    pub dof: Option<f64>,
+    /// Figure per input.
+    pub sensitivity: f64,
+    /// Contribution in the unit of the figure.
+    pub u: f64,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,318 @@
+//! The passport of a run, or why it has none.
+
+use gnc_executive::catalogue::ItemId;
+use gnc_executive::event::BenchKind;
+use gnc_executive::measurement::Value;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::quantity::Unit;
+use gnc_executive::record::{ItemRecord, RunRecord};
+use gnc_metrology::AXES;
+use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
+use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS};
+use nalgebra::Matrix3;
+use serde::Deserialize;
+
+use super::{Accel, Alignment, Budget, Conditions, Contribution, Gyro, Origin, Passport, TempCoeff, Uncertainty};
+use gnc_analysis::figures::{Calibration, FigureError, Findings};
+
+/// A passport needs all of them.
+const NEEDED: [ItemId; 3] = [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation];
+/// Keys of a calibration's parts, in the order in which their budgets are listed.
+const PARTS: [&str; 4] = ["accel", "gyro_still", "gyro_scale", "mag"];
+
+/// Why a run has no passport.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NoPassport {
+    /// The plan is not one of calibration.
+    #[error("the plan calibrates nothing")]
+    NoCalibration,
+    /// A part of the calibration is not in the plan.
+    #[error("the plan has no {item}")]
+    Incomplete {
+        /// The item.
+        item: ItemId,
+    },
+    /// The run has no end.
+    #[error("the run was interrupted")]
+    Interrupted,
+    /// Some items were left out.
+    #[error("only chosen items of the plan were run")]
+    Selection,
+    /// A passport says that the module may be used.
+    #[error("the run {outcome}")]
+    Outcome {
+        /// How it ended.
+        outcome: Outcome,
+    },
+    /// What an item found is missing or cannot be used.
+    #[error(transparent)]
+    Figures(#[from] FigureError),
+    /// A number that must be there is none.
+    #[error("{key} is not a number")]
+    NotANumber {
+        /// Its key.
+        key: &'static str,
+    },
+}
+
+/// The passport of a run. It is earned by a run of the whole plan that calibrated accelerometers and gyroscopes, came to
+/// its end, and was passed or marginal. `record_sha256` is that of [`Origin`].
+///
+/// # Errors
+/// [`NoPassport`] says why the run has none.
+pub fn of_run(record: &RunRecord, record_sha256: &str) -> Result<Passport, NoPassport> {
+    let is_planned = |item: &ItemId| record.items.iter().any(|planned| planned.id == *item);
+    if !NEEDED.iter().any(is_planned) {
+        return Err(NoPassport::NoCalibration);
+    }
+    if let Some(item) = NEEDED.into_iter().find(|item| !is_planned(item)) {
+        return Err(NoPassport::Incomplete { item });
+    }
+    if record.interrupted {
+        return Err(NoPassport::Interrupted);
+    }
+    if !record.outcome.is_good() {
+        return Err(NoPassport::Outcome { outcome: record.outcome });
+    }
+    if record.selection.is_some() {
+        return Err(NoPassport::Selection);
+    }
+    let found: Vec<(String, Findings)> = record.items.iter().filter_map(findings).collect();
+    of(&record.serial_number, supply_v(record), origin(record, record_sha256), &found)
+}
+
+/// What counts of an item: the last round of its last attempt.
+fn findings(item: &ItemRecord) -> Option<(String, Findings)> {
+    let attempt = item.last_attempt().filter(|_| item.outcome.is_good())?;
+    let round = attempt.measurements.iter().filter_map(|measurement| measurement.repeat).max();
+    let counts = attempt.measurements.iter().filter(|measurement| measurement.repeat == round);
+    let measured = counts.map(|measurement| (measurement.name.clone(), measurement.measured())).collect();
+    let details = attempt.details.last().cloned().unwrap_or_default();
+    Some((item.name.clone(), Findings { measured, details }))
+}
+
+fn supply_v(record: &RunRecord) -> Option<f64> {
+    let identity = record.items.iter().find(|item| item.id == ItemId::Identity)?;
+    let (_, found) = findings(identity)?;
+    Some(number(&found, "supply_voltage", Unit::Volt)).filter(|volts| volts.is_finite())
+}
+
+fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
+    let board =
+        record.board.as_ref().map(|board| format!(", slave board {}, firmware {}", board.board_serial, board.firmware));
+    let earlier = |run: &Option<gnc_executive::event::EarlierRun>| run.as_ref().map(|run| plain(&run.run));
+    Origin {
+        date: record.started.to_rfc3339(),
+        means: plain(&format!("station {}{}", record.station, board.unwrap_or_default())),
+        program: plain(&format!("{} {}", record.program.name, record.program.version)),
+        plan: plain(&format!("{} {}", record.plan.name, record.plan.version)),
+        plan_sha256: plain(&record.plan.sha256),
+        outcome: record.outcome.to_string(),
+        simulated: record.bench.kind == BenchKind::Simulated,
+        recomputed_from: earlier(&record.recomputed),
+        resumed_from: earlier(&record.resumed),
+        record_sha256: record_sha256.to_owned(),
+    }
+}
+
+/// A text from outside as both forms of the passport can hold it: XML has no control characters.
+pub(super) fn plain(text: &str) -> String {
+    let harmless = |character: char| !character.is_control() && !matches!(character, '\u{fffe}' | '\u{ffff}');
+    text.chars().map(|character| if harmless(character) { character } else { char::REPLACEMENT_CHARACTER }).collect()
+}
+
+/// From what the items of a run found, oldest first.
+pub(super) fn of(
+    device_id: &str,
+    supply_v: Option<f64>,
+    origin: Origin,
+    found: &[(String, Findings)],
+) -> Result<Passport, NoPassport> {
+    let missing = |item: ItemId| FigureError::NotCalibrated { item };
+    let calibration = Calibration::of(found)?;
+    let (_, six) = part(found, "accel").ok_or(missing(ItemId::SixPosition))?;
+    let (_, still) = part(found, "gyro_still").ok_or(missing(ItemId::GyroStill))?;
+    let (_, turned) = part(found, "gyro_scale").ok_or(missing(ItemId::Rotation))?;
+    let scale = calibration.gyro_scale.ok_or(missing(ItemId::Rotation))?;
+    let accel = calibration.accel.ok_or(missing(ItemId::SixPosition))?;
+    let passport = Passport {
+        device_id: plain(device_id),
+        conditions: Conditions { temperature_range_c: temperatures(found), supply_v, vibration_and_shock: None },
+        accel: accelerometers(&accel.matrix, six, found),
+        gyro: gyroscopes(&scale.response, still, found),
+        magnetometer: calibration.mag,
+        alignment: alignment(six, turned),
+        uncertainty: uncertainty(six, still, budgets(found)),
+        origin,
+    };
+    check(passport)
+}
+
+fn alignment(six: &Findings, turned: &Findings) -> Alignment {
+    let known = |key: &str| six.details.get("frames").and_then(|frames| frames.get(key)).cloned().unwrap_or_default();
+    let angles = |findings: &Findings| {
+        ["xy", "xz", "yz"].map(|pair| number(findings, &format!("nonorthogonality_{pair}"), Unit::PartsPerMillion))
+    };
+    Alignment {
+        mounting_deg: serde_json::from_value(known("mounting_deg")).ok(),
+        mounting_u_deg: known("mounting_u_deg").as_f64(),
+        nonorthogonality_accel_ppm: angles(six),
+        nonorthogonality_gyro_ppm: angles(turned),
+    }
+}
+
+fn accelerometers(per_count: &[[f64; 3]; 3], six: &Findings, found: &[(String, Findings)]) -> Accel {
+    let walk = worst(found, "velocity_random_walk_", Unit::MetrePerSecondPerRootHour);
+    Accel {
+        response: relative(inverse(per_count), ACCEL_LSB_PER_G / STANDARD_GRAVITY_MPS2),
+        bias_mg: each(six, "bias_", Unit::Milligravity),
+        temp_coeff: TempCoeff { bias_mg_per_c: None },
+        walk_mps2_per_sqrt_hz: walk.map(|walk| walk / 60.0),
+        density_ug_per_sqrt_hz: axes(found, "density_accel_", Unit::MicrogravityPerRootHertz),
+    }
+}
+
+fn gyroscopes(response: &[[f64; 3]; 3], still: &Findings, found: &[(String, Findings)]) -> Gyro {
+    let per_g_full_dps = AXES.map(|row| each(still, &format!("g_sensitivity_{row}"), Unit::DegreePerSecondPerGravity));
+    Gyro {
+        response: relative(matrix(response), GYRO_LSB_PER_DPS * 1.0_f64.to_degrees()),
+        bias_dps: each(still, "bias_", Unit::DegreePerSecond),
+        per_g_dps: per_g_full_dps.map(largest),
+        per_g_full_dps,
+        walk_dps_per_sqrt_hz: worst(found, "angle_random_walk_", Unit::DegreePerSecondPerRootHertz),
+        density_dps_per_sqrt_hz: axes(found, "density_gyro_", Unit::DegreePerSecondPerRootHertz),
+        bias_instability_dph: worst(found, "bias_instability_gyro_", Unit::DegreePerHour),
+    }
+}
+
+/// JSON writes a number that is none as null: nothing that must be there may be one.
+fn check(passport: Passport) -> Result<Passport, NoPassport> {
+    let Passport { accel, gyro, alignment, uncertainty, .. } = &passport;
+    let rows = |matrix: &[[f64; 3]; 3]| matrix.as_flattened().to_vec();
+    for (key, numbers) in [
+        ("M_a", rows(&accel.response)),
+        ("b_a_mg", accel.bias_mg.to_vec()),
+        ("M_g", rows(&gyro.response)),
+        ("b_g_dps", gyro.bias_dps.to_vec()),
+        ("K_g_full_dps_per_g", rows(&gyro.per_g_full_dps)),
+        ("nonorthogonality_accel_ppm", alignment.nonorthogonality_accel_ppm.to_vec()),
+        ("nonorthogonality_gyro_ppm", alignment.nonorthogonality_gyro_ppm.to_vec()),
+        ("k", vec![uncertainty.k]),
+        ("U_accel_mg", vec![uncertainty.accel_mg]),
+        ("U_gyro_dps", vec![uncertainty.gyro_dps]),
+    ] {
+        if !numbers.iter().all(|number| number.is_finite()) {
+            return Err(NoPassport::NotANumber { key });
+        }
+    }
+    Ok(passport)
+}
+
+/// The newest findings that hold this part of a calibration.
+fn part<'f>(found: &'f [(String, Findings)], key: &str) -> Option<&'f (String, Findings)> {
+    found.iter().rev().find(|(_, findings)| parts(findings).is_some_and(|parts| parts.get(key).is_some()))
+}
+
+fn parts(findings: &Findings) -> Option<&serde_json::Value> {
+    findings.details.get("calibration")
+}
+
+/// A number in a unit; NaN where there is none.
+fn number(findings: &Findings, name: &str, unit: Unit) -> f64 {
+    match findings.value(name) {
+        Some(Value::Number(quantity) | Value::Estimate(quantity, _)) => quantity.in_unit(unit).unwrap_or(f64::NAN),
+        _ => f64::NAN,
+    }
+}
+
+fn each(findings: &Findings, prefix: &str, unit: Unit) -> [f64; 3] {
+    AXES.map(|axis| number(findings, &format!("{prefix}{axis}"), unit))
+}
+
+/// The newest of each axis; `None` unless all three were found.
+fn axes(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<[f64; 3]> {
+    let mut figures = found.iter().rev().map(|(_, findings)| each(findings, prefix, unit));
+    let figures = figures.find(|figures| figures.iter().any(|figure| figure.is_finite()))?;
+    figures.iter().all(|figure| figure.is_finite()).then_some(figures)
+}
+
+/// The largest of the three axes.
+fn worst(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<f64> {
+    axes(found, prefix, unit).map(|figures| figures.into_iter().fold(0.0, f64::max))
+}
+
+/// From the means of the items that calibrated and their drifts.
+fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
+    let calibrating = found.iter().filter(|(_, findings)| parts(findings).is_some());
+    let spans = calibrating.filter_map(|(_, findings)| {
+        let mean = Some(number(findings, "temperature", Unit::DegreeCelsius)).filter(|mean| mean.is_finite())?;
+        let drift = number(findings, "temperature_drift", Unit::DegreeCelsius);
+        let half = if drift.is_finite() { drift / 2.0 } else { 0.0 };
+        Some((mean - half, mean + half))
+    });
+    spans.fold(None, |range: Option<[f64; 2]>, (low, high)| match range {
+        None => Some([low, high]),
+        Some(range) => Some([range[0].min(low), range[1].max(high)]),
+    })
+}
+
+/// Both with the larger of their coverage factors.
+fn uncertainty(six: &Findings, still: &Findings, budget: Vec<Budget>) -> Uncertainty {
+    let of = |findings: &Findings, unit: Unit| {
+        let known = AXES.iter().filter_map(|axis| match findings.value(&format!("bias_{axis}")) {
+            Some(Value::Estimate(quantity, known)) => {
+                let known = known.in_unit(quantity.unit, unit)?;
+                Some((known.expanded()? / known.k?, known.k?))
+            }
+            _ => None,
+        });
+        known.fold((0.0_f64, 0.0_f64), |(u, k), (one, factor)| (u.max(one), k.max(factor)))
+    };
+    let ((accel, accel_k), (gyro, gyro_k)) = (of(six, Unit::Milligravity), of(still, Unit::DegreePerSecond));
+    let k = accel_k.max(gyro_k);
+    Uncertainty { k, accel_mg: k * accel, gyro_dps: k * gyro, budget }
+}
+
+/// A budget as the figures write it.
+#[derive(Deserialize)]
+struct Written {
+    unit: String,
+    u: f64,
+    dof: Option<f64>,
+    k: Option<f64>,
+    #[serde(rename = "U")]
+    expanded: Option<f64>,
+    probability: f64,
+    contributions: Vec<Contribution>,
+}
+
+/// Those of all parts of the calibration.
+fn budgets(found: &[(String, Findings)]) -> Vec<Budget> {
+    let of_part = |(item, findings): &(String, Findings)| {
+        let written = findings.details.get("budget").and_then(serde_json::Value::as_object);
+        let budgets = written.into_iter().flatten().filter_map(|(figure, written)| {
+            let Written { unit, u, dof, k, expanded, probability, contributions } =
+                Written::deserialize(written).ok()?;
+            let (item, figure) = (plain(item), figure.clone());
+            Some(Budget { item, figure, unit, u, dof, k, expanded, probability, contributions })
+        });
+        budgets.collect::<Vec<_>>()
+    };
+    PARTS.iter().filter_map(|key| part(found, key)).flat_map(of_part).collect()
+}
+
+fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| rows[i][j])
+}
+
+fn inverse(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    matrix(rows).try_inverse().unwrap_or_else(|| Matrix3::repeat(f64::NAN))
+}
+
+fn relative(response: Matrix3<f64>, nominal: f64) -> [[f64; 3]; 3] {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| response[(i, j)] / nominal))
+}
+
+fn largest(row: [f64; 3]) -> f64 {
+    row.into_iter().fold(0.0, |most: f64, value| if value.abs() > most.abs() { value } else { most })
+}

@@ -1,0 +1,424 @@
+//! Reads captures back, bit for bit. A file is hostile: nothing in it is believed before it was checked.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::io::{self, Read};
+
+use mcap::McapError;
+use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::Topic;
+use super::ending::CutOff;
+use super::mark::Mark;
+use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
+use gnc_analysis::capture::{About, Capture, HostView, Receiver, Said, Timing};
+use gnc_protocol::stream::Losses;
+
+/// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
+const LONGEST_RECORD: usize = 64 << 20;
+/// Samples of one file: a day at 200 Hz has 17 million. More would only take memory.
+const MOST_SAMPLES: usize = 32_000_000;
+/// Captures of one file: a table of 10,000 attitudes is more than anybody lays a module in.
+const MOST_CAPTURES: usize = 10_000;
+/// Bytes of the receiver: a day of 1 kB a second.
+const MOST_BYTES: usize = 100_000_000;
+
+/// What a file holds.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RawRecord {
+    /// The captures that were begun and ended, in order.
+    pub captures: Vec<Capture>,
+    /// The one without an end: the station was killed, the capture given up, or the module moved.
+    pub unfinished: Option<Unfinished>,
+    /// The file has no end, or one that was written later: the station was killed or lost its power. What stands before
+    /// is good.
+    pub cut_off: bool,
+}
+
+/// A capture without an end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unfinished {
+    /// What it is of.
+    pub about: About,
+    /// Samples that were filed.
+    pub samples: usize,
+}
+
+/// Why a file is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum RawError {
+    /// It cannot be read at all.
+    #[error("it cannot be read")]
+    Io(#[from] io::Error),
+    /// It is no MCAP file, or a damaged one.
+    #[error("it is damaged {place}")]
+    Damaged {
+        /// Where, in words.
+        place: String,
+        /// What is wrong.
+        source: McapError,
+    },
+    /// A whole message, and not what it should be.
+    #[error("it is no record of this station: {what} {place}")]
+    Foreign {
+        /// What is wrong.
+        what: String,
+        /// Where, in words.
+        place: String,
+    },
+    /// Longer than any.
+    #[error("it holds more than {most} {what}")]
+    TooMuch {
+        /// The bound.
+        most: usize,
+        /// Of what.
+        what: &'static str,
+    },
+}
+
+impl RawError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Io(_) => "check the path and who may read it",
+            Self::Damaged { .. } => {
+                "restore the file from a backup; `gnc-station records verify` says what was changed"
+            }
+            Self::Foreign { .. } => "give a file that this station wrote: RECORDS/.../attempt-1.mcap",
+            Self::TooMuch { .. } => "give a shorter record",
+        }
+    }
+}
+
+/// Reads all captures of a file.
+///
+/// # Errors
+/// [`RawError`]. That a file has no end is no error.
+pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
+    let mut found = Found::default();
+    let mut bytes = 0;
+    // Chunks come whole and are looked at before they are opened.
+    let options = LinearReaderOptions::default().with_emit_chunks(true);
+    let end = each_record(source, options, &mut bytes, |opcode, data| match opcode {
+        op::CHUNK => found.chunk(data),
+        _ => found.record(opcode, data),
+    });
+    match end {
+        Ok(()) => found.close(false),
+        // Less than the eight bytes by which a file is known is no file of ours.
+        Err(Unread::File(McapError::UnexpectedEof)) if bytes >= mcap::MAGIC.len() => found.close(true),
+        Err(why) => Err(found.unread(why)),
+    }
+}
+
+/// Why records were not read to their end.
+pub(super) enum Unread {
+    /// One of them was refused, or the file cannot be read.
+    Refused(RawError),
+    /// They are no MCAP.
+    File(McapError),
+}
+
+/// Gives every record to `take`: what it is, and what it holds. `bytes` counts those that were read.
+pub(super) fn each_record(
+    mut source: impl Read,
+    options: LinearReaderOptions,
+    bytes: &mut usize,
+    mut take: impl FnMut(u8, &[u8]) -> Result<(), RawError>,
+) -> Result<(), Unread> {
+    let mut reader = LinearReader::new_with_options(options.with_record_length_limit(LONGEST_RECORD));
+    while let Some(event) = reader.next_event() {
+        match event.map_err(Unread::File)? {
+            LinearReadEvent::ReadRequest(need) => {
+                let got = fill(&mut source, reader.insert(need)).map_err(|error| Unread::Refused(error.into()))?;
+                *bytes += got;
+                reader.notify_read(got);
+            }
+            LinearReadEvent::Record { opcode, data } => take(opcode, data).map_err(Unread::Refused)?,
+        }
+    }
+    Ok(())
+}
+
+/// A record, parsed. Attachments stay as they are: no file of ours has one, and the reader of MCAP stops the program at one that
+/// is cut short.
+pub(super) fn parsed(opcode: u8, data: &[u8]) -> Result<Record<'_>, McapError> {
+    match opcode {
+        op::ATTACHMENT => Ok(Record::Unknown { opcode, data: Cow::Borrowed(data) }),
+        _ => mcap::parse_record(opcode, data),
+    }
+}
+
+/// Gives every record of a chunk to `take`, after a look at its checksum.
+pub(super) fn each_in_chunk(chunk: &[u8], take: impl FnMut(u8, &[u8]) -> Result<(), RawError>) -> Result<(), Unread> {
+    let opened = mcap::parse_record(op::CHUNK, chunk).map_err(Unread::File)?;
+    // The reader of MCAP would go on beyond the end of one that is not packed, and take what comes there for its own.
+    if let Record::Chunk { header, data } = opened
+        && header.compression.is_empty()
+        && !are_records(&data)
+    {
+        return Err(Unread::File(McapError::UnexpectedEoc));
+    }
+    let mut head = vec![op::CHUNK];
+    head.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true);
+    each_record(head.chain(chunk), options, &mut 0, take)
+}
+
+/// Whether records fill these bytes to the last one.
+fn are_records(mut rest: &[u8]) -> bool {
+    while !rest.is_empty() {
+        let length = rest.get(1..9).and_then(|length| Some(u64::from_le_bytes(*length.first_chunk()?)));
+        let end = length.and_then(|length| usize::try_from(length).ok()?.checked_add(9));
+        match end.and_then(|end| rest.get(end..)) {
+            Some(behind) => rest = behind,
+            None => return false,
+        }
+    }
+    true
+}
+
+fn fill(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match source.read(buffer) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            done => return done,
+        }
+    }
+}
+
+/// What was found so far.
+#[derive(Debug, Default)]
+struct Found {
+    captures: Vec<Capture>,
+    /// The capture that has begun.
+    open: Option<Capture>,
+    /// Topics by the numbers that this file gives them: as many as it likes, and as often.
+    channels: BTreeMap<u16, Topic>,
+    samples: usize,
+    bytes: usize,
+    /// What follows repeats what stands before.
+    past_data: bool,
+    /// Its end was written later.
+    cut_off: bool,
+}
+
+impl Found {
+    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), RawError> {
+        let record = parsed(opcode, data).map_err(|source| self.damaged(source))?;
+        self.take(record)
+    }
+
+    fn chunk(&mut self, chunk: &[u8]) -> Result<(), RawError> {
+        let end = each_in_chunk(chunk, |opcode, data| self.record(opcode, data));
+        end.map_err(|why| self.unread(why))
+    }
+
+    fn unread(&self, why: Unread) -> RawError {
+        match why {
+            Unread::Refused(error) => error,
+            Unread::File(source) => self.damaged(source),
+        }
+    }
+
+    fn take(&mut self, record: Record<'_>) -> Result<(), RawError> {
+        match record {
+            Record::DataEnd(_) => self.past_data = true,
+            _ if self.past_data => {}
+            Record::Metadata(metadata) if metadata.name == CutOff::NAME => self.cut_off = true,
+            Record::Channel(channel) => {
+                let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
+                match topic {
+                    Some(topic) if channel.message_encoding == "protobuf" => {
+                        self.channels.entry(channel.id).or_insert(topic);
+                    }
+                    Some(_) => return Err(self.foreign(format!("{} is no protobuf", channel.topic))),
+                    // Later versions may have more to say.
+                    None => {}
+                }
+            }
+            Record::Message { header, data } => {
+                let Some(topic) = self.channels.get(&header.channel_id) else { return Ok(()) };
+                self.message(*topic, (header.sequence, header.log_time), &data)?;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn message(&mut self, topic: Topic, (number, time_ns): (u32, u64), data: &[u8]) -> Result<(), RawError> {
+        let name = topic.message();
+        match topic {
+            Topic::Capture => match Mark::get(data) {
+                Some(Mark::Begin(about)) => self.begin(about, time_ns),
+                Some(Mark::End(losses, host)) => self.end(losses, host),
+                None => Err(self.foreign(format!("{name} cannot be read"))),
+            },
+            Topic::Imu => {
+                let Some(sample) = get_sample(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.sample(name, (number, time_ns), |capture| capture.samples.push(sample))
+            }
+            Topic::Compensated => {
+                let Some(sample) = get_compensated(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.sample(name, (number, time_ns), |capture| capture.compensated.push(sample))
+            }
+            Topic::Gnss => {
+                let Some((board_time_us, bytes)) = get_bytes(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.bytes += bytes.len();
+                if self.bytes > MOST_BYTES {
+                    return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver" });
+                }
+                let bytes = bytes.to_vec();
+                self.open(name)?.receiver.said.push(Said { board_time_us, bytes });
+                Ok(())
+            }
+            Topic::Pps => {
+                let Some(board_time_ns) = get_edge(data) else {
+                    return Err(self.foreign(format!("{name} cannot be read")));
+                };
+                self.bytes += size_of::<u64>();
+                if self.bytes > MOST_BYTES {
+                    return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver" });
+                }
+                self.open(name)?.receiver.pulses_ns.push(board_time_ns);
+                Ok(())
+            }
+        }
+    }
+
+    fn begin(&mut self, about: About, time_ns: u64) -> Result<(), RawError> {
+        if let Some(open) = &self.open {
+            let what = format!("a capture begins in the middle of `{}`", open.about.label);
+            return Err(self.foreign(what));
+        }
+        if self.captures.iter().any(|capture| capture.about.label == about.label) {
+            return Err(self.foreign(format!("`{}` comes twice", about.label)));
+        }
+        if self.captures.len() >= MOST_CAPTURES {
+            return Err(RawError::TooMuch { most: MOST_CAPTURES, what: "captures" });
+        }
+        let timing = Timing::new(about.rate_hz);
+        self.open = Some(Capture {
+            about,
+            first_us: time_ns / 1000,
+            samples: Vec::new(),
+            compensated: Vec::new(),
+            losses: Losses::default(),
+            receiver: Receiver::default(),
+            timing,
+        });
+        Ok(())
+    }
+
+    fn end(&mut self, losses: Losses, host: HostView) -> Result<(), RawError> {
+        let Some(mut capture) = self.open.take() else {
+            return Err(self.foreign("a capture ends that has not begun".into()));
+        };
+        capture.losses = losses;
+        capture.timing.host = host;
+        capture.samples.shrink_to_fit();
+        capture.compensated.shrink_to_fit();
+        self.captures.push(capture);
+        Ok(())
+    }
+
+    fn sample(
+        &mut self,
+        name: &str,
+        (number, time_ns): (u32, u64),
+        push: impl FnOnce(&mut Capture),
+    ) -> Result<(), RawError> {
+        self.samples += 1;
+        if self.samples > MOST_SAMPLES {
+            return Err(RawError::TooMuch { most: MOST_SAMPLES, what: "samples" });
+        }
+        let capture = self.open(name)?;
+        push(capture);
+        capture.timing.board.stamp(number, time_ns);
+        Ok(())
+    }
+
+    fn open(&mut self, name: &str) -> Result<&mut Capture, RawError> {
+        match &mut self.open {
+            Some(open) => Ok(open),
+            None => {
+                let place = place(&self.captures, None);
+                Err(RawError::Foreign { what: format!("{name} outside of any capture"), place })
+            }
+        }
+    }
+
+    fn close(self, cut_off: bool) -> Result<RawRecord, RawError> {
+        if self.channels.is_empty() {
+            return Err(self.foreign("it has none of our topics".into()));
+        }
+        let unfinished = self
+            .open
+            .map(|open| Unfinished { samples: open.samples.len().max(open.compensated.len()), about: open.about });
+        Ok(RawRecord { captures: self.captures, unfinished, cut_off: cut_off || self.cut_off })
+    }
+
+    fn foreign(&self, what: String) -> RawError {
+        RawError::Foreign { what, place: self.place() }
+    }
+
+    fn damaged(&self, source: McapError) -> RawError {
+        RawError::Damaged { place: self.place(), source }
+    }
+
+    fn place(&self) -> String {
+        place(&self.captures, self.open.as_ref())
+    }
+}
+
+/// Where in the file, as people can find it again.
+fn place(captures: &[Capture], open: Option<&Capture>) -> String {
+    match (open, captures.last()) {
+        (Some(open), _) => format!(
+            "after {} samples of capture `{}`",
+            open.samples.len().max(open.compensated.len()),
+            open.about.label
+        ),
+        (None, Some(last)) => format!("after capture `{}`", last.about.label),
+        (None, None) => "before the first capture".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use mcap::records::Channel;
+
+    use super::*;
+
+    /// Each message looks its channel up: a list of all that a file tells made a small file take minutes.
+    #[test]
+    fn a_channel_that_is_told_again_is_kept_once() {
+        let mut found = Found::default();
+        for topic in ["/imu", "/gnss", "/imu"] {
+            let message_encoding = "protobuf".to_owned();
+            let channel =
+                Channel { id: 7, schema_id: 1, topic: topic.to_owned(), message_encoding, metadata: BTreeMap::new() };
+            found.take(Record::Channel(channel)).unwrap();
+        }
+        assert_eq!(found.channels.into_iter().collect::<Vec<_>>(), [(7, Topic::Imu)]);
+    }
+
+    /// An attachment of any length, whole or cut short, is passed over.
+    #[test]
+    fn attachments_are_passed_over() {
+        for length in 0..64 {
+            Found::default().record(op::ATTACHMENT, &vec![0; length]).unwrap();
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Writes captures, piece by piece as they come.
+
+use std::io::{Cursor, Seek, Write};
+
+use gnc_protocol::calibration::CompensatedSample;
+use gnc_protocol::stream::ImuSample;
+use mcap::records::MessageHeader;
+use mcap::{McapResult, WriteOptions};
+
+use super::Topic;
+use super::mark::Mark;
+use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
+use super::schema::descriptor_set;
+use gnc_analysis::capture::{About, Capture, HostView, Said};
+use gnc_protocol::stream::Losses;
+
+/// What comes of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Piece {
+    /// It begins.
+    Begin {
+        /// What it is of.
+        about: About,
+        /// Board time of its first sample.
+        board_time_us: u64,
+    },
+    /// Samples of the IMU without a gap between them.
+    Imu {
+        /// Number of the first one in the capture.
+        first: u32,
+        /// Board time of the first one.
+        board_time_us: u64,
+        /// Samples a second.
+        rate_hz: u16,
+        /// The samples.
+        samples: Vec<ImuSample>,
+    },
+    /// Samples that the board compensated, without a gap between them.
+    Compensated {
+        /// Number of the first one in the capture.
+        first: u32,
+        /// Board time of the first one.
+        board_time_us: u64,
+        /// Samples a second.
+        rate_hz: u16,
+        /// The samples.
+        samples: Vec<CompensatedSample>,
+    },
+    /// Bytes of the satellite receiver.
+    Gnss {
+        /// Board time of the first one.
+        board_time_us: u64,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// Edges of the 1PPS, board time in nanoseconds.
+    Pps(Vec<u64>),
+    /// It ends.
+    End {
+        /// What is missing.
+        losses: Losses,
+        /// The board's clock against the host's.
+        host: HostView,
+        /// Board time of its end.
+        board_time_us: u64,
+    },
+}
+
+/// A file that is being written. What was flushed can be read, also if nothing more follows.
+pub struct RawWriter<W: Write + Seek> {
+    out: mcap::Writer<W>,
+    message: Vec<u8>,
+    sequence: [u32; Topic::ALL.len()],
+}
+
+impl<W: Write + Seek> std::fmt::Debug for RawWriter<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RawWriter").field("sequence", &self.sequence).finish_non_exhaustive()
+    }
+}
+
+impl RawWriter<Cursor<Vec<u8>>> {
+    /// What stands in every file before the first capture.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn head() -> McapResult<Vec<u8>> {
+        let mut file = Self::new(Cursor::new(Vec::new()))?;
+        file.flush()?;
+        Ok(file.out.into_inner().into_inner())
+    }
+}
+
+impl<W: Write + Seek> RawWriter<W> {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn new(out: W) -> McapResult<Self> {
+        let program = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
+        // Append only, so that what was written stays good whatever comes; no threads beside the one that writes.
+        let options = WriteOptions::new().library(program).disable_seeking(true).compression_threads(0);
+        let mut out = options.create(out)?;
+        for topic in Topic::ALL {
+            let schema = schema_id(topic);
+            out.add_schema_with_id(schema, topic.message(), "protobuf", &descriptor_set(topic))?;
+            out.add_channel_with_id(topic as u16, schema, topic.name(), "protobuf", &Default::default())?;
+        }
+        Ok(Self { out, message: Vec::new(), sequence: [0; Topic::ALL.len()] })
+    }
+
+    /// Writes a piece.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&mut self, piece: Piece) -> McapResult<()> {
+        match piece {
+            Piece::Begin { about, board_time_us } => {
+                Mark::Begin(about).put(&mut self.message);
+                self.message(Topic::Capture, nanoseconds(board_time_us))
+            }
+            Piece::End { losses, host, board_time_us } => {
+                Mark::End(losses, host).put(&mut self.message);
+                self.message(Topic::Capture, nanoseconds(board_time_us))
+            }
+            Piece::Imu { first, board_time_us, rate_hz, samples } => {
+                self.samples(Topic::Imu, first, Instants { board_time_us, rate_hz }, &samples, put_sample)
+            }
+            Piece::Compensated { first, board_time_us, rate_hz, samples } => {
+                self.samples(Topic::Compensated, first, Instants { board_time_us, rate_hz }, &samples, put_compensated)
+            }
+            Piece::Gnss { board_time_us, bytes } => {
+                put_bytes(&mut self.message, board_time_us, &bytes);
+                self.message(Topic::Gnss, nanoseconds(board_time_us))
+            }
+            Piece::Pps(edges_ns) => edges_ns.into_iter().try_for_each(|board_time_ns| {
+                put_edge(&mut self.message, board_time_ns);
+                self.message(Topic::Pps, board_time_ns)
+            }),
+        }
+    }
+
+    /// Hands everything on to what lies below.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn flush(&mut self) -> McapResult<()> {
+        self.out.flush()
+    }
+
+    /// Writes the summary and the end, and gives back what lies below.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn finish(mut self) -> McapResult<W> {
+        self.out.finish()?;
+        Ok(self.out.into_inner())
+    }
+
+    fn samples<S>(
+        &mut self,
+        topic: Topic,
+        first: u32,
+        instants: Instants,
+        samples: &[S],
+        put: fn(&mut Vec<u8>, &S),
+    ) -> McapResult<()> {
+        for (index, sample) in (0u32..).zip(samples) {
+            put(&mut self.message, sample);
+            self.sequence[topic as usize - 1] = first.saturating_add(index);
+            self.message(topic, nanoseconds(instants.at_us(index)))?;
+        }
+        Ok(())
+    }
+
+    fn message(&mut self, topic: Topic, time_ns: u64) -> McapResult<()> {
+        let sequence = &mut self.sequence[topic as usize - 1];
+        let header =
+            MessageHeader { channel_id: topic as u16, sequence: *sequence, log_time: time_ns, publish_time: time_ns };
+        *sequence = sequence.wrapping_add(1);
+        let written = self.out.write_to_known_channel(&header, &self.message);
+        self.message.clear();
+        written
+    }
+}
+
+/// The number of a schema. Files whose fields had no presence have those of the topics: decoders that keep classes by the
+/// number from file to file must not take one for the other.
+fn schema_id(topic: Topic) -> u16 {
+    topic as u16 + 10
+}
+
+/// When evenly spaced samples were taken.
+#[derive(Debug, Clone, Copy)]
+struct Instants {
+    /// The first one.
+    board_time_us: u64,
+    rate_hz: u16,
+}
+
+impl Instants {
+    fn at_us(self, index: u32) -> u64 {
+        self.board_time_us.saturating_add(u64::from(index) * 1_000_000 / u64::from(self.rate_hz.max(1)))
+    }
+}
+
+/// Samples of a piece that is made of a whole capture.
+const PIECE: usize = 1000;
+
+/// A whole capture, piece by piece.
+pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
+    let Capture { about, first_us, samples, compensated, losses, receiver, timing } = capture;
+    let (rate_hz, first_us) = (about.rate_hz, *first_us);
+    let first = |index: usize| u32::try_from(index * PIECE).unwrap_or(u32::MAX);
+    let instants = Instants { board_time_us: first_us, rate_hz };
+    let begin = Piece::Begin { about: about.clone(), board_time_us: first_us };
+    let parts = samples.chunks(PIECE).enumerate().map(move |(index, part)| {
+        let first = first(index);
+        Piece::Imu { first, board_time_us: instants.at_us(first), rate_hz, samples: part.to_vec() }
+    });
+    let compensated = compensated.chunks(PIECE).enumerate().map(move |(index, part)| {
+        let first = first(index);
+        Piece::Compensated { first, board_time_us: instants.at_us(first), rate_hz, samples: part.to_vec() }
+    });
+    let said = receiver.said.iter().map(|said| {
+        let Said { board_time_us, bytes } = said.clone();
+        Piece::Gnss { board_time_us, bytes }
+    });
+    let pulses = Piece::Pps(receiver.pulses_ns.clone());
+    let end = Piece::End { losses: *losses, host: timing.host.clone(), board_time_us: first_us };
+    std::iter::once(begin).chain(parts).chain(compensated).chain(said).chain([pulses, end])
+}
+
+/// Good for 584 years of board time.
+fn nanoseconds(us: u64) -> u64 {
+    us.saturating_mul(1000)
+}

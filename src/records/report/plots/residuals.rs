@@ -1,0 +1,68 @@
+//! What a fit leaves in each position, and how the means follow a step.
+
+use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::super::number;
+use super::{AXES, part};
+use gnc_plot::{Mark, Panel, Series};
+
+/// Beside each other in one position.
+const OFFSET: f64 = 0.2;
+
+#[derive(Deserialize)]
+struct Residual {
+    position: String,
+    #[serde(alias = "residual_mps2", alias = "residual_rps")]
+    of_axes: [f64; 3],
+}
+
+pub(super) fn accelerometers(details: &Value) -> Option<Vec<Panel>> {
+    positions(details, "Residuals of the positions", "mg", 1e3 / STANDARD_GRAVITY_MPS2)
+}
+
+pub(super) fn gyroscopes(details: &Value) -> Option<Vec<Panel>> {
+    positions(details, "Residuals of the positions", "deg/h", 3600.0 * 1.0_f64.to_degrees())
+}
+
+fn positions(details: &Value, title: &str, unit: &str, factor: f64) -> Option<Vec<Panel>> {
+    let rows: Vec<Residual> = part(details, "residuals")?;
+    let series = AXES.iter().enumerate().map(|(axis, name)| {
+        let values = || rows.iter().map(|row| row.of_axes[axis] * factor);
+        let bars = values().map(|value| (value.min(0.0), value.max(0.0))).collect();
+        let places = (0..rows.len()).map(|place| place as f64 + (axis as f64 - 1.0) * OFFSET);
+        Series::new(*name, Mark::Bars(bars), places.zip(values()))
+    });
+    let panel = Panel::new(title, "position", unit, series.collect());
+    Some(vec![panel.names(rows.iter().map(|row| row.position.clone()))])
+}
+
+#[derive(Deserialize)]
+struct Step {
+    channel: String,
+    step: f64,
+    unit: String,
+    response_up: f64,
+    response_down: f64,
+}
+
+pub(super) fn steps(details: &Value) -> Option<Vec<Panel>> {
+    let rows: Vec<Step> = part(details, "steps")?;
+    let sense = |name: &str, pick: fn(&Step) -> f64, offset: f64| {
+        let points = rows.iter().enumerate().map(|(place, row)| (place as f64 + offset, 100.0 * pick(row)));
+        Series::dots(name, points.collect::<Vec<_>>())
+    };
+    let ends = [-0.6, rows.len() as f64 - 0.4];
+    let at = |percent: f64, hue: usize| Series::dashed("", ends.map(|x| (x, percent))).hue(hue);
+    let mut sizes: Vec<String> = rows.iter().map(|row| format!("{} {}", number(row.step), row.unit)).collect();
+    sizes.dedup();
+    let series = vec![
+        sense("up", |row| row.response_up, -0.1),
+        sense("down", |row| row.response_down, 0.1),
+        at(50.0, 1),
+        at(100.0, 5),
+    ];
+    let panel = Panel::new(format!("Response to steps of {}", sizes.join(", ")), "channel", "% of the step", series);
+    Some(vec![panel.names(rows.iter().map(|row| row.channel.clone()))])
+}

@@ -1,0 +1,49 @@
+//! Fixes about the surveyed antenna.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::part;
+use gnc_plot::{Panel, Series};
+
+#[derive(Deserialize)]
+struct Scatter {
+    every: usize,
+    epoch: Vec<usize>,
+    east_m: Vec<f64>,
+    north_m: Vec<f64>,
+    /// Null where the receiver gave no height.
+    up_m: Vec<Option<f64>>,
+}
+
+#[derive(Deserialize)]
+struct MeanError {
+    east: f64,
+    north: f64,
+}
+
+pub(super) fn scatter(details: &Value) -> Option<Vec<Panel>> {
+    let scatter: Scatter = part(details, "scatter")?;
+    let mean: MeanError = part(details, "mean_error_m")?;
+    let points = scatter.east_m.iter().copied().zip(scatter.north_m.iter().copied());
+    let plane = vec![
+        Series::dots("fixes", points),
+        Series::dots("mean", [(mean.east, mean.north)]),
+        Series::dots("antenna", [(0.0, 0.0)]).hue(5),
+    ];
+    let over = |values: Vec<Option<f64>>| {
+        let points = scatter.epoch.iter().zip(values).filter_map(|(epoch, value)| Some((*epoch as f64, value?)));
+        points.collect::<Vec<_>>()
+    };
+    let some = |values: &[f64]| values.iter().copied().map(Some).collect::<Vec<_>>();
+    let time = vec![
+        Series::line("east", over(some(&scatter.east_m))),
+        Series::line("north", over(some(&scatter.north_m))),
+        Series::line("up", over(scatter.up_m.clone())),
+    ];
+    let each = if scatter.every > 1 { format!(", one epoch of {}", scatter.every) } else { String::new() };
+    Some(vec![
+        Panel::new(format!("Position about the antenna{each}"), "east, m", "north, m", plane).square(),
+        Panel::new(format!("Position over the epochs{each}"), "epoch", "m", time),
+    ])
+}

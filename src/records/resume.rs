@@ -1,0 +1,160 @@
+//! `--resume RUN`: a run that broke off is taken up again; what it captured whole is taken over.
+//!
+//! Only captures are: what needs no more than seconds is run again. Everything must be as it was: plan, serial number,
+//! bench, and at the board its firmware and the calibration that the module keeps.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use gnc_executive::event::{Bench, EarlierRun, Event, EventKind, RunHeader};
+use sha2::{Digest as _, Sha256};
+
+use crate::store::captures::{self, CapturesError};
+use crate::store::{DIGESTS, JOURNAL, digest, reader};
+use gnc_analysis::capture::Capture;
+
+/// Why a run cannot be taken up again.
+#[derive(Debug, thiserror::Error)]
+pub enum ResumeError {
+    /// There is no such run, or its journal is damaged.
+    #[error("the run to take up again cannot be read: {what}")]
+    Unreadable {
+        /// Why.
+        what: String,
+    },
+    /// Something is not as it was.
+    #[error("the run to take up again had {what} {was}, this one has {is}")]
+    Unlike {
+        /// What.
+        what: &'static str,
+        /// There.
+        was: String,
+        /// Here.
+        is: String,
+    },
+    /// A file of a closed run is not as it was written.
+    #[error("the run to take up again is not as it was written: {what}")]
+    Changed {
+        /// In which way.
+        what: String,
+    },
+    /// Its raw samples cannot be read.
+    #[error(transparent)]
+    Captures(#[from] CapturesError),
+}
+
+impl ResumeError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Unreadable { .. } => "`gnc-station records list` shows the runs that are there",
+            Self::Unlike { .. } => "run the plan from its beginning, without --resume",
+            Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
+            Self::Captures(error) => error.source.try_this(),
+        }
+    }
+}
+
+/// A run that broke off.
+#[derive(Debug, Clone)]
+pub struct Resumed {
+    folder: PathBuf,
+    journal_sha256: String,
+    firmware: Option<String>,
+    calibration: Option<String>,
+    /// Items that were begun: position in the plan, name, last attempt.
+    begun: Vec<(usize, String, u32)>,
+}
+
+impl Resumed {
+    /// Reads a run and holds it against the one that is to begin.
+    ///
+    /// # Errors
+    /// [`ResumeError`].
+    pub fn read(folder: &Path, header: &RunHeader) -> Result<Self, ResumeError> {
+        let state = reader::fold(folder).map_err(|what| ResumeError::Unreadable { what })?;
+        let unreadable = |error: io::Error| ResumeError::Unreadable { what: error.to_string() };
+        let journal = fs::read(folder.join(JOURNAL)).map_err(unreadable)?;
+        let Some(was) = state.header() else {
+            return Err(ResumeError::Unreadable { what: "the journal holds no whole event".into() });
+        };
+        same("the plan with the digest", &was.plan.sha256, &header.plan.sha256)?;
+        same("the serial number", &was.serial_number, &header.serial_number)?;
+        same("the bench", &bench(&was.bench), &bench(&header.bench))?;
+        // A run that was stopped in order is closed, and its digests vouch for it.
+        if folder.join(DIGESTS).exists()
+            && let Some(what) = reader::verify(folder).into_iter().next()
+        {
+            return Err(ResumeError::Changed { what });
+        }
+        let lines = journal.split_inclusive(|byte| *byte == b'\n');
+        let events = lines.map_while(|line| serde_json::from_slice::<Event>(line).ok());
+        let calibration = events.into_iter().find_map(|event| match event.kind {
+            EventKind::Power(power) if power.on => Some(power.calibration),
+            _ => None,
+        });
+        let begun = state.rows().iter().enumerate().filter(|(_, row)| !row.attempts.is_empty());
+        let begun = begun.map(|(position, row)| {
+            (position, row.planned.name.clone(), u32::try_from(row.attempts.len()).unwrap_or(1))
+        });
+        Ok(Self {
+            folder: folder.to_owned(),
+            journal_sha256: digest::hexadecimal(&Sha256::digest(&journal)),
+            firmware: state.board().map(|board| board.firmware.clone()),
+            calibration: calibration.flatten(),
+            begun: begun.collect(),
+        })
+    }
+
+    /// How the new run names it.
+    #[must_use]
+    pub fn earlier(&self) -> EarlierRun {
+        let run = self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        EarlierRun { run, journal_sha256: self.journal_sha256.clone() }
+    }
+
+    /// Whether board and module are as they were.
+    ///
+    /// # Errors
+    /// [`ResumeError::Unlike`].
+    pub fn fits(&self, firmware: Option<&str>, calibration: Option<&str>) -> Result<(), ResumeError> {
+        // A run that broke off before it found a board has no captures either.
+        if let Some(was) = &self.firmware {
+            same("the firmware", was, firmware.unwrap_or("none"))?;
+            let was = self.calibration.as_deref().unwrap_or("unknown");
+            same("a module with the calibration", was, calibration.unwrap_or("unknown"))?;
+        }
+        Ok(())
+    }
+
+    /// What an item captured whole, in order; nothing if it was not begun.
+    ///
+    /// # Errors
+    /// Its raw samples are damaged.
+    pub fn captures(&self, item: &str) -> Result<Vec<Capture>, ResumeError> {
+        let Some((position, name, attempt)) = self.begun.iter().find(|(_, name, _)| name == item) else {
+            return Ok(Vec::new());
+        };
+        let path = captures::path(&self.folder, *position, name, *attempt, 1);
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        let mut captures = captures::read(&path)?.captures;
+        captures.retain(|capture| !capture.losses.any() && capture.check_clock().is_ok());
+        Ok(captures)
+    }
+}
+
+fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {
+    if was == is {
+        return Ok(());
+    }
+    Err(ResumeError::Unlike { what, was: was.to_owned(), is: is.to_owned() })
+}
+
+/// Which module in which world; how fast its time goes is no part of it.
+fn bench(bench: &Bench) -> String {
+    format!("{:?} {}", bench.kind, bench.personality.as_deref().unwrap_or_default()).trim().to_lowercase()
+}

@@ -1,0 +1,113 @@
+//! The records folder. Nobody else touches it.
+//!
+//! A run has a folder `DATE/SERIAL/TIME-PLAN`. Its journal is written as things happen and synced at the end of each
+//! item, and so are raw samples, one file for each attempt that captures; everything else is made from the journal at
+//! the end, and a list of digests closes the folder.
+
+pub mod captures;
+pub mod chain;
+mod closing;
+mod cut_off;
+pub mod digest;
+pub mod folder;
+pub mod key;
+mod raw;
+pub mod reader;
+mod scribe;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use gnc_executive::state::OutOfOrder;
+
+pub use closing::{pretty, seal_interrupted};
+pub use folder::RunFolder;
+pub use key::{PublicKey, StationKey};
+pub use raw::RawFile;
+pub use scribe::{Scribe, Watcher};
+
+/// The journal of a run.
+pub const JOURNAL: &str = "events.jsonl";
+/// The record for programs.
+pub const RECORD: &str = "run.json";
+/// The record of one item, in its folder.
+pub const ITEM: &str = "item.json";
+/// The record for people.
+pub const LOG: &str = "log.txt";
+/// Digests of all other files, in the form that `sha256sum -c` reads.
+pub const DIGESTS: &str = "SHA256SUMS";
+/// The station's signature of the digests, where it has a key.
+pub const SIGNATURE: &str = "SHA256SUMS.sig";
+/// Papers made from the record; the digest of the record that the passport names leaves them out.
+pub const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
+/// The plan as run, and what it includes.
+pub const PLAN: &str = "plan";
+
+/// Why a record could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// A file or folder.
+    #[error("cannot {what} {}", path.display())]
+    File {
+        /// "write", "create".
+        what: &'static str,
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// An event could not be turned into text: a mistake in this program.
+    #[error("an event cannot be written as JSON")]
+    Json(#[from] serde_json::Error),
+    /// The passport could not be turned into text: a mistake in this program.
+    #[error("the passport cannot be written")]
+    Passport(#[from] crate::passport::XmlError),
+    /// The runner emitted an event that cannot follow: a mistake in this program.
+    #[error("the run's events are out of order")]
+    OutOfOrder(#[source] OutOfOrder),
+    /// The thread that writes has ended.
+    #[error("the record is closed: {why}")]
+    Closed {
+        /// The first error, or why.
+        why: String,
+    },
+}
+
+impl StoreError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        let Self::File { source, .. } = self else {
+            return "look at the first error of the record; if there is none, report this";
+        };
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room on the disk and run again",
+            io::ErrorKind::PermissionDenied => "make the folder writable for this user, or choose one with --records",
+            io::ErrorKind::ReadOnlyFilesystem => "mount it writable, or choose another folder with --records",
+            io::ErrorKind::NotFound => "check the path, or choose another folder with --records",
+            io::ErrorKind::NotADirectory => "that name is taken by a file; choose another folder with --records",
+            _ => "check the disk, or choose another folder with --records",
+        }
+    }
+}
+
+/// The folder of an item below a run's, by its position in the plan from 0.
+pub(crate) fn item_folder(position: usize, item: &str) -> String {
+    format!("{:02}-{}", position + 1, folder::folder_name(item))
+}
+
+/// The raw samples of an attempt below the folder of its item; rounds within it have files of their own.
+pub(crate) fn raw_file(attempt: u32, repeat: u32) -> String {
+    match repeat {
+        1 => format!("attempt-{attempt}.mcap"),
+        _ => format!("attempt-{attempt}-{repeat}.mcap"),
+    }
+}
+
+/// Attaches a path to what the system says.
+///
+/// # Errors
+/// [`StoreError::File`], where `result` is an error.
+pub fn on<T>(result: io::Result<T>, what: &'static str, path: &Path) -> Result<T, StoreError> {
+    result.map_err(|source| StoreError::File { what, path: path.to_owned(), source })
+}

@@ -1,0 +1,179 @@
+//! The end of a run's folder: what people and programs read is made from the journal, digests vouch for all files, and
+//! the chain for the digests. Where the program or the computer died before that, the next start does it.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::Path;
+
+use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
+use gnc_executive::text;
+use nix::fcntl::{Flock, FlockArg};
+
+use super::cut_off::CutOffFile;
+use super::digest::{self, Sums};
+use super::folder::PART;
+use super::{
+    DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, cut_off, on, reader,
+};
+use crate::passport::{self, PASSPORT, PASSPORT_XML};
+use crate::report::{self, REPORT};
+
+/// Newest runs among which interrupted ones are looked for: a station that died is started again before a thousand
+/// others have run.
+const LOOKED_AT: usize = 1000;
+
+/// Holds a journal, so that whoever looks for interrupted runs sees that this one goes on. The kernel lets it go when
+/// the program dies.
+pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError> {
+    on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
+}
+
+/// Closes the folder of a run with what its journal says. `cut_off` are the raw files that had no end.
+pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[CutOffFile]) -> Result<(), StoreError> {
+    let mut sums = Sums::default();
+    if let Some(record) = record {
+        folder.put(LOG, |out| out.write_all(log(record, cut_off).as_bytes()))?;
+        folder.put(RECORD, |out| pretty(out, record))?;
+        sums.add_new(folder.path())?;
+        file_papers(folder, record, cut_off, &mut sums)?;
+    }
+    // One wait for all files of the run, then the digests that vouch for them.
+    folder.sync()?;
+    sums.add_new(folder.path())?;
+    let digests = sums.text();
+    if let Some(key) = folder.key() {
+        // Before the digests, which close the folder.
+        let signature = key.sign(digests.as_bytes());
+        folder.put_synced(SIGNATURE, |out| out.write_all(&signature))?;
+    }
+    folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
+    chain::append(folder.path())
+}
+
+/// The run as lines for people, and what the journal cannot say: which raw files were ended later.
+fn log(record: &RunRecord, cut_off: &[CutOffFile]) -> String {
+    let mut log = text::log_txt(record);
+    if !cut_off.is_empty() {
+        log.push_str("\nRaw samples that had no end\n");
+        log.extend(cut_off.iter().map(|file| format!("  {}\n", file.in_words())));
+    }
+    log
+}
+
+/// Passport and report name the digest of all that was there before them.
+fn file_papers(
+    folder: &RunFolder,
+    record: &RunRecord,
+    cut_off: &[CutOffFile],
+    sums: &mut Sums,
+) -> Result<(), StoreError> {
+    let record_sha256 = sums.of_record();
+    let passport = passport::of_run(record, &record_sha256);
+    if let Ok(passport) = &passport {
+        let xml = passport::xml(passport)?;
+        folder.put(PASSPORT, |out| pretty(out, passport))?;
+        folder.put(PASSPORT_XML, |out| out.write_all(&xml))?;
+        sums.add_new(folder.path())?;
+    }
+    let digest = |name: &str| sums.get(name).map(|digest| (name.to_owned(), digest.to_owned()));
+    let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
+    let all = ("the whole record, as the passport names it".to_owned(), record_sha256);
+    let originals = cut_off.iter().map(|file| {
+        let name = format!("{} as the station left it, {} bytes without an end", file.file, file.original_bytes);
+        (name, file.original_sha256.clone())
+    });
+    let digests: Vec<_> = files.chain([all]).chain(originals).collect();
+    folder.put(REPORT, |out| report::html(out, record, &passport, &digests))
+}
+
+/// Seals the runs that were interrupted, and says in a line each what became of them. One that ended and was not closed
+/// stays as it is: what nobody vouched for at its end must not become a pass later.
+#[must_use]
+pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String> {
+    // The first run of a station makes the folder.
+    if !records.exists() {
+        return Vec::new();
+    }
+    let mut runs: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| run.join(JOURNAL).is_file()).collect();
+    runs.reverse();
+    let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
+    let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
+    let cannot =
+        |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
+    let chained = match chain::unknown(records, closed) {
+        Ok(unknown) => unknown,
+        Err(error) => return vec![format!("what was interrupted {}", cannot(&error))],
+    };
+    let chained = chained.iter().filter_map(|run| match put_into_chain(records, run) {
+        Ok(done) => done.then(|| format!("{} was interrupted in its sealing, which is done now", name(run))),
+        Err(error) => Some(format!("{} was interrupted in its sealing and {}", name(run), cannot(&error))),
+    });
+    let sealed = open.iter().filter_map(|run| match seal(run, key) {
+        Ok(what) => what.map(|what| format!("{} {what}", name(run))),
+        Err(error) => Some(format!("{} was interrupted and {}", name(run), cannot(&error))),
+    });
+    chained.chain(sealed).collect()
+}
+
+/// Puts a sealed run into the chain where a kill came between its digests and the chain; whether it did. One that ended is
+/// left out of it: somebody may have slipped it in.
+fn put_into_chain(records: &Path, run: &Path) -> Result<bool, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(false) };
+    // Another station may have done it meanwhile.
+    let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
+    let is_interrupted = reader::fold(run).is_ok_and(|state| state.header().is_some() && state.is_interrupted());
+    if !is_unknown || !is_interrupted || !reader::verify(run).is_empty() {
+        return Ok(false);
+    }
+    chain::append(run)?;
+    Ok(true)
+}
+
+/// `None`: it goes on, has an end, or holds nothing.
+fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
+    // Another station may have sealed it meanwhile.
+    let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(None) };
+    let Some(record) = RunRecord::from_state(&state).filter(|record| record.interrupted) else { return Ok(None) };
+    clear_away(run)?;
+    let folder = RunFolder::existing(run).signed_with(key.cloned());
+    let cut_off = cut_off::complete(&folder)?.files;
+    close(&folder, Some(&record), &cut_off)?;
+    Ok(Some(in_words(&state, &record, &cut_off)))
+}
+
+/// Removes what a sealing left that was killed itself: parts of files that never took their names, and the papers, which
+/// are made after all that they name.
+fn clear_away(run: &Path) -> Result<(), StoreError> {
+    let is_left = |file: &Path| {
+        file.extension().is_some_and(|extension| extension == PART)
+            || PAPERS.iter().any(|paper| file == Path::new(paper))
+    };
+    for file in digest::files_below(run)?.into_iter().filter(|file| is_left(file)) {
+        let path = run.join(file);
+        on(fs::remove_file(&path), "remove", &path)?;
+    }
+    Ok(())
+}
+
+fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {
+    let running = state.rows().iter().filter(|row| row.running().is_some());
+    let running: Vec<&str> = running.map(|row| row.planned.name.as_str()).collect();
+    let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
+    let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
+    let serial_number = &record.serial_number;
+    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
+    format!("was interrupted{during}{last}; {ended}it is sealed as that, and {serial_number} has to be tested again")
+}
+
+/// JSON as the record's files hold it.
+///
+/// # Errors
+/// `out` could not be written.
+pub fn pretty(out: &mut dyn io::Write, value: &impl serde::Serialize) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, value)?;
+    out.write_all(b"\n")
+}

@@ -1,0 +1,190 @@
+//! Raw files that a kill left without an end: the end is written before the run is sealed, so that every program reads
+//! them and the digests vouch for what they read.
+//!
+//! Nothing that was filed is lost: what stands before the end is the original byte for byte, a torn record behind it is
+//! kept in a file of its own, and `cut-off.json` has length and digest of both together as the station left them. It is
+//! on disk before the first file is changed, and a file is changed at once or not at all; so a kill at any moment of
+//! this leaves what the next start brings to the same end.
+
+use std::fs::{self, File};
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::path::Path;
+
+use gnc_text::printable;
+use gnc_text::with_causes;
+use serde::{Deserialize, Serialize};
+
+use super::{RunFolder, StoreError, captures, closing, digest, on};
+use crate::raw::{self, RawError, Survey};
+
+/// What was done, in the run's folder.
+pub(super) const CUT_OFF: &str = "cut-off.json";
+/// What the name of a file that holds a torn record ends with.
+const TORN: &str = "torn";
+const SCHEMA: &str = "gnc-station/cut-off/1";
+
+/// The raw files of a run that had no end when it was sealed.
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Report {
+    schema: String,
+    pub(super) files: Vec<CutOffFile>,
+}
+
+/// A raw file that had no end.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct CutOffFile {
+    /// Below the run's folder.
+    pub(super) file: String,
+    /// Its length as the station left it.
+    pub(super) original_bytes: u64,
+    /// Its SHA-256 as the station left it.
+    pub(super) original_sha256: String,
+    /// Bytes from its beginning that stand before the end which was written.
+    kept_bytes: u64,
+    /// Where the others are, below the run's folder.
+    torn: Option<String>,
+    /// Why it was left as it was: it is not merely cut off.
+    damaged: Option<String>,
+}
+
+impl CutOffFile {
+    /// What the next start says.
+    pub(super) fn in_short(&self) -> String {
+        let now = if self.damaged.is_some() { "is damaged: it is left as it was" } else { "has its end now" };
+        format!("{} was cut off and {now}", printable(&self.file))
+    }
+
+    /// A sentence for people.
+    pub(super) fn in_words(&self) -> String {
+        let Self { file, original_bytes, original_sha256, kept_bytes, torn, damaged } = self;
+        let was = format!("{} was cut off after {original_bytes} bytes (SHA-256 {original_sha256})", printable(file));
+        match (damaged, torn) {
+            (Some(damaged), _) => format!("{was} and is left as it was: {}", printable(damaged)),
+            (None, Some(torn)) => format!(
+                "{was}; its end was written when the run was sealed, behind byte {kept_bytes}; what stood there, a record \
+                 in pieces, is in {}",
+                printable(torn)
+            ),
+            (None, None) => format!("{was}; its end was written when the run was sealed"),
+        }
+    }
+}
+
+/// Writes the ends that are missing. Nobody else writes in the folder.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn complete(folder: &RunFolder) -> Result<Report, StoreError> {
+    let path = folder.path();
+    let report = match told(path)? {
+        Some(report) => report,
+        None => look(folder)?,
+    };
+    for found in report.files.iter().filter(|found| found.damaged.is_none()) {
+        end(folder, found)?;
+    }
+    Ok(report)
+}
+
+/// What an earlier start meant to do.
+fn told(run: &Path) -> Result<Option<Report>, StoreError> {
+    let path = run.join(CUT_OFF);
+    match fs::read(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        read => {
+            let bytes = on(read, "read", &path)?;
+            on(serde_json::from_slice(&bytes).map_err(io::Error::from), "read", &path).map(Some)
+        }
+    }
+}
+
+/// Looks through the files, keeps what will be cut off, and files what will be done.
+fn look(folder: &RunFolder) -> Result<Report, StoreError> {
+    let mut report = Report { schema: SCHEMA.to_owned(), files: Vec::new() };
+    for path in captures::files(folder.path())? {
+        let file = path.strip_prefix(folder.path()).unwrap_or(&path).to_string_lossy().into_owned();
+        let survey = match survey(&path) {
+            Ok(None) => continue,
+            Err(RawError::Io(source)) => return on(Err(source), "read", &path),
+            found => found,
+        };
+        // What is promised of it must outlive a power cut.
+        on(File::open(&path).and_then(|file| file.sync_all()), "write", &path)?;
+        let original_bytes = on(fs::metadata(&path), "read", &path)?.len();
+        let original_sha256 = digest::of_file(&path)?;
+        let (kept_bytes, damaged) = match survey {
+            Ok(survey) => (survey.map_or(0, |survey| survey.kept_bytes()), None),
+            Err(error) => (original_bytes, Some(with_causes(&error))),
+        };
+        let torn = (kept_bytes < original_bytes).then(|| format!("{file}.{TORN}"));
+        if let Some(torn) = &torn {
+            let mut source = on(File::open(&path), "read", &path)?;
+            on(source.seek(SeekFrom::Start(kept_bytes)), "read", &path)?;
+            folder.put_synced(torn, |out| io::copy(&mut source, out).map(drop))?;
+        }
+        report.files.push(CutOffFile { file, original_bytes, original_sha256, kept_bytes, torn, damaged });
+    }
+    if !report.files.is_empty() {
+        folder.put_synced(CUT_OFF, |out| closing::pretty(out, &report))?;
+    }
+    Ok(report)
+}
+
+/// Puts the end behind what stays, unless that was done.
+fn end(folder: &RunFolder, found: &CutOffFile) -> Result<(), StoreError> {
+    let path = folder.path().join(&found.file);
+    let other = || on(Err(io::Error::other("it is not the file that was looked at")), "end", &path);
+    // What an earlier start filed may have been changed since.
+    if !captures::files(folder.path())?.contains(&path) {
+        return other();
+    }
+    let survey = match survey(&path) {
+        Ok(None) => return Ok(()),
+        Ok(Some(survey)) => survey,
+        Err(error) => return on(Err(io::Error::other(error)), "end", &path),
+    };
+    if survey.kept_bytes() != found.kept_bytes || digest::of_file(&path)? != found.original_sha256 {
+        return other();
+    }
+    let was = raw::CutOff { original_bytes: found.original_bytes, original_sha256: found.original_sha256.clone() };
+    let end = on(survey.end(&was).map_err(io::Error::other), "end", &path)?;
+    let mut source = on(File::open(&path), "read", &path)?.take(found.kept_bytes);
+    folder.put_synced(&found.file, |out| {
+        io::copy(&mut source, out)?;
+        out.write_all(&end)
+    })
+}
+
+/// Looks through a file; `None` if it has an end. Where the power went, the system may have promised more bytes than it
+/// wrote: zeros at the end are no part of the file.
+fn survey(path: &Path) -> Result<Option<Survey>, RawError> {
+    let found = Survey::of(File::open(path)?);
+    let Err(RawError::Damaged { .. }) = found else { return found };
+    let mut file = File::open(path)?;
+    let written = without_zeros(&mut file)?;
+    if written == file.metadata()?.len() {
+        return found;
+    }
+    file.rewind()?;
+    Survey::of(file.take(written))
+}
+
+/// The length without the zeros at the end.
+fn without_zeros(file: &mut File) -> io::Result<u64> {
+    let mut end = file.metadata()?.len();
+    let mut piece = [0; 1 << 16];
+    while end > 0 {
+        let begin = end.saturating_sub(piece.len() as u64);
+        let length = usize::try_from(end - begin).unwrap_or(piece.len());
+        file.seek(SeekFrom::Start(begin))?;
+        file.read_exact(&mut piece[..length])?;
+        if let Some(last) = piece[..length].iter().rposition(|byte| *byte != 0) {
+            return Ok(begin + last as u64 + 1);
+        }
+        end = begin;
+    }
+    Ok(0)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,82 @@
+//! The traits of what drives a turntable and a fixture.
+
+use std::error::Error;
+use std::fmt::Debug;
+use std::time::Duration;
+
+use crate::Orientation;
+
+/// Why a device did not do what it was told, in its own words.
+pub type DriverError = Box<dyn Error + Send + Sync>;
+
+/// A driver of a turntable.
+///
+/// Every call but the three that wait returns when the motion has begun. Those three block their thread.
+pub trait Turntable: Debug + Send + Sync {
+    /// Begins to lay the module down.
+    ///
+    /// # Errors
+    /// The table moves, cannot take up this orientation, or does not answer.
+    fn orient(&self, orientation: Orientation) -> Result<(), DriverError>;
+
+    /// Begins to turn the module by an angle in a time, ramps included, right-handed about the module's axis that lies
+    /// along the table's.
+    ///
+    /// # Errors
+    /// The table moves, cannot turn so fast, or does not answer.
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), DriverError>;
+
+    /// Begins to spin without end, right-handed about the module's axis that lies along the table's. From another spin
+    /// it goes over to this one.
+    ///
+    /// # Errors
+    /// The table cannot turn so fast, or does not answer.
+    fn spin(&self, rate_dps: f64) -> Result<(), DriverError>;
+
+    /// Begins to bring whatever moves to rest; no error where nothing moves.
+    ///
+    /// # Errors
+    /// The table does not answer.
+    fn stop(&self) -> Result<(), DriverError>;
+
+    /// Waits until the table stands still.
+    ///
+    /// # Errors
+    /// The table spins without end, or does not answer.
+    fn wait_still(&self) -> Result<(), DriverError>;
+
+    /// Waits until a spin that began has reached this rate.
+    ///
+    /// # Errors
+    /// The table does not answer.
+    fn wait_at_rate(&self, rate_dps: f64) -> Result<(), DriverError>;
+
+    /// Waits for so long by the bench's clock.
+    ///
+    /// # Errors
+    /// The bench has ended.
+    fn wait(&self, span: Duration) -> Result<(), DriverError>;
+}
+
+/// A driver of a fixture: it flips switches and turns the level module.
+pub trait Fixture: Debug + Send + Sync {
+    /// What the record calls it, as "the indexing fixture".
+    fn name(&self) -> &str;
+
+    /// Sets one DIP switch (1 to 5) on and the others off, or all off.
+    ///
+    /// # Errors
+    /// The fixture does not answer.
+    fn only_switch(&self, on: Option<u8>) -> Result<(), DriverError>;
+
+    /// Turns the level module to a heading, degrees clockwise seen from above, from the mark on the table.
+    ///
+    /// # Errors
+    /// The fixture does not answer.
+    fn turn_to(&self, heading_deg: f64) -> Result<(), DriverError>;
+}
+
+/// A table with a fixture on it.
+pub trait Rig: Turntable + Fixture {}
+
+impl<T: Turntable + Fixture> Rig for T {}

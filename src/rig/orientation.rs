@@ -1,0 +1,82 @@
+//! How a module lies on the table.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Names of the module's axes.
+pub const AXES: [&str; 3] = ["X", "Y", "Z"];
+
+/// Where the table's axis points, and with it the axis of the module that lies along it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Along {
+    /// Up. Headings are clockwise from north.
+    Up,
+    /// Horizontally to true north. Headings are from up, clockwise seen from the north.
+    North,
+    /// To the celestial north pole, parallel to the earth's axis. Headings are from the upper side of the meridian
+    /// plane, clockwise seen from the pole.
+    Polar,
+}
+
+/// How the module is laid down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Orientation {
+    /// One of its axes up or down.
+    Axis {
+        /// 0 for X, 1 for Y, 2 for Z.
+        axis: u8,
+        /// Whether its positive end points there, or its negative one.
+        positive: bool,
+        /// Where it points. The table's axis points there too.
+        along: Along,
+        /// Heading of the next axis (Y for X, Z for Y, X for Z), degrees clockwise from north; for an axis that does not
+        /// point up, from the upper side, seen against it.
+        heading_deg: f64,
+    },
+    /// Any attitude: this direction of the module points up.
+    Up {
+        /// Unit vector in module axes.
+        up: [f64; 3],
+        /// Heading of the axis after the one nearest to up.
+        heading_deg: f64,
+    },
+}
+
+impl fmt::Display for Orientation {
+    /// What somebody is to do.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = |axis: usize| AXES[axis % 3];
+        match *self {
+            Orientation::Axis { axis, positive, along, heading_deg } => {
+                let (axis, sign) = (usize::from(axis), if positive { '+' } else { '-' });
+                let next = name(axis + 1);
+                match along {
+                    Along::Up => write!(
+                        f,
+                        "lay the module with {sign}{} up and +{next} to {heading_deg:.0} degrees, clockwise from north",
+                        name(axis)
+                    ),
+                    Along::North => write!(
+                        f,
+                        "lay the module with {sign}{} level to the north and +{next} {heading_deg:.0} degrees from up, \
+                         clockwise seen from the north",
+                        name(axis)
+                    ),
+                    Along::Polar => write!(
+                        f,
+                        "lay the module with {sign}{} to the celestial north pole and +{next} {heading_deg:.0} degrees \
+                         from the upper side of the meridian, clockwise seen from the pole",
+                        name(axis)
+                    ),
+                }
+            }
+            Orientation::Up { up: [x, y, z], heading_deg } => write!(
+                f,
+                "lay the module so that ({x:+.4}, {y:+.4}, {z:+.4}) of its axes X, Y, Z points up, heading {heading_deg:.0} \
+                 degrees"
+            ),
+        }
+    }
+}
