@@ -19,7 +19,7 @@ use gnc_protocol::slave::Slave;
 use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
 
-use crate::board::SimulatedBoard;
+use crate::board::{Port, SimulatedBoard};
 use crate::can::{CanBus, Heard};
 use crate::line::Line;
 use crate::noise::{Dice, Source};
@@ -100,13 +100,6 @@ impl Default for Options {
             ambient_c: 23.0,
         }
     }
-}
-
-/// The ways by which a host reaches the board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Port {
-    Serial,
-    Can,
 }
 
 /// The simulated bench as a state machine.

@@ -11,33 +11,13 @@ use crate::devices::flash::{FlashMemory, INTERNAL_FLASH, SPI_FLASH};
 use crate::devices::gnss::Receiver;
 use crate::devices::inertial::Sensors;
 use crate::devices::lines::Lines;
-use crate::devices::memory::Memory;
+use crate::devices::memory::{INTERNAL_WORDS, Memory, SDRAM_WORDS};
 use crate::devices::sci::Sci;
+use crate::devices::supply::SupplyModel;
 use crate::devices::timer::Timers;
 use crate::noise::{Dice, Source};
 use crate::personality::Personality;
 use gnc_protocol::message::Flash;
-
-/// Words of the internal RAM, 16 bits each.
-pub const INTERNAL_WORDS: u32 = 65_536;
-/// Words of the SDRAM, 32 bits each.
-pub const SDRAM_WORDS: u32 = 1_048_576;
-
-/// The supply at the socket.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SupplyModel {
-    /// Voltage at the socket with the module on.
-    pub voltage_v: f64,
-    /// Current into the module.
-    pub current_a: f64,
-}
-
-impl Default for SupplyModel {
-    /// The published 5 V and 0.49 A, off by what supplies and modules are off.
-    fn default() -> Self {
-        Self { voltage_v: 5.012, current_a: 0.487 }
-    }
-}
 
 /// The module with all its devices.
 #[derive(Debug, Clone)]

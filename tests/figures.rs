@@ -3,11 +3,11 @@
 
 use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
 use gnc_analysis::figures::{Findings, Question, analyse};
-use gnc_protocol::stream::Losses;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;
+use gnc_protocol::stream::Losses;
 use hw_mocks::devices::inertial::model::{PUBLISHED, Published};
 use hw_mocks::devices::inertial::noise::{AxisNoise, FLICKER_S};
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadModel};

@@ -14,7 +14,6 @@ use gnc_protocol::slave::{Board, BoardIdentity, Output, Refusal};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::text;
 
-use crate::bench::Port;
 use crate::module::Module;
 use crate::noise::{Dice, Source};
 use crate::oscillator::Oscillator;
@@ -46,6 +45,13 @@ struct Job {
     expected_ns: u64,
     ends_ns: u64,
     task: Task,
+}
+
+/// The ways by which a host reaches the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Port {
+    Serial,
+    Can,
 }
 
 /// A slave board with a module in its socket, in a world.

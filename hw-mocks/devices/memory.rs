@@ -19,6 +19,11 @@ use std::ops::Range;
 
 use gnc_protocol::message::{MismatchReply, RamPattern};
 
+/// Words of the internal RAM, 16 bits each.
+pub const INTERNAL_WORDS: u32 = 65_536;
+/// Words of the SDRAM, 32 bits each.
+pub const SDRAM_WORDS: u32 = 1_048_576;
+
 /// What is wrong with a memory.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct MemoryFaults {

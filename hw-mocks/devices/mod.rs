@@ -13,4 +13,5 @@ pub mod nmea;
 pub mod playback;
 pub mod sci;
 pub mod sky;
+pub mod supply;
 pub mod timer;

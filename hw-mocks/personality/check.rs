@@ -17,10 +17,11 @@ use crate::devices::gnss::{EPOCHS_HZ, GnssFaults, Playback};
 use crate::devices::inertial::{SensorFaults, SensorModels};
 use crate::devices::lines::LineFaults;
 use crate::devices::memory::MemoryFaults;
+use crate::devices::memory::{INTERNAL_WORDS, SDRAM_WORDS};
 use crate::devices::playback::{LONGEST, Recording};
 use crate::devices::sci::SciFaults;
+use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
-use crate::module::{INTERNAL_WORDS, SDRAM_WORDS, SupplyModel};
 use crate::wire_faults::{WireFaults, WireRates};
 use crate::world::Axis;
 

@@ -19,10 +19,10 @@ use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
-use super::readings::Gauges;
-use super::stream::{AHEAD, Newest};
 use super::{Absent, Advance, BoardError, Pulse, Readings};
 use crate::latest::Latest;
+use crate::readings::Gauges;
+use crate::stream::{AHEAD, Newest};
 use gnc_link::{Link, NoFrame};
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.

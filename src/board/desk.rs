@@ -8,9 +8,11 @@ use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
-use super::conversation::{Answer, Command};
-use super::stream::{AHEAD, Closed, Stream, WAITING};
-use super::{Advance, Board, BoardError, gone};
+use crate::client::Board;
+use crate::conversation::{Answer, Command};
+use crate::error::{BoardError, gone};
+use crate::status::Advance;
+use crate::stream::{AHEAD, Closed, Stream, WAITING};
 use gnc_link::can::Tap;
 
 /// What one attempt of an item asks of the board. Several items may do so at once.

@@ -7,8 +7,9 @@ use gnc_protocol::stream::{Losses, StreamFrame, StreamHead, StreamId};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
-use super::{BoardError, Pulse};
+use crate::error::{BoardError, gone};
 use crate::latest::Follower;
+use crate::status::Pulse;
 
 /// The board's clock may be this far ahead of the last sample before a stream counts as stopped: twice the time
 /// between two heartbeats.
@@ -111,12 +112,12 @@ impl Stream {
             tokio::select! {
                 biased;
                 frame = self.frames.recv() => {
-                    let frame = frame.unwrap_or_else(|| Err(super::gone()))?;
+                    let frame = frame.unwrap_or_else(|| Err(gone()))?;
                     self.account(&frame);
                     return Ok(Some(frame));
                 }
                 beat = self.pulse.changed() => {
-                    let now_us = beat.ok_or_else(super::gone)?.board_time_us;
+                    let now_us = beat.ok_or_else(gone)?.board_time_us;
                     let stands = self.stands(now_us);
                     if (stands || now_us > self.seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
                         self.seen_us = now_us;

@@ -2,18 +2,22 @@
 
 use std::collections::VecDeque;
 use std::task::Poll;
+use std::time::Duration;
 
 use gnc_protocol::can::endpoint::{Endpoint, Role};
 use gnc_protocol::can::id::KEEP_ALIVE;
 use gnc_protocol::can::{CanFrame, CanId};
-use gnc_protocol::message::{Accept, HostHello, LinkCounters, LinkCountersReply, MAGIC, ResultHead, StreamStop};
+use gnc_protocol::message::{
+    Accept, BoardHello, HostHello, LinkCounters, LinkCountersReply, MAGIC, ResultHead, StreamStop,
+};
 use gnc_protocol::stream::{Format, StreamFrame, StreamHead, StreamId, stream_header};
 use gnc_protocol::wire::{List, Wire as _, Writer};
-use gnc_protocol::{Call as _, Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
+use gnc_protocol::{Call as _, FaultCode, Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::*;
+use gnc_link::Link;
 use gnc_link::can::{CanLink, MemoryEnd};
 
 /// A board that has this many pieces of the receiver's bytes to say before it answers a request.

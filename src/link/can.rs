@@ -23,7 +23,7 @@ use tokio::time::{Instant, sleep_until};
 
 use super::memory::MemoryPort;
 use super::serial::{OpenError, Place};
-use super::{NoFrame, Received};
+use crate::received::{NoFrame, Received};
 use bus::{Bus, Turn};
 pub use memory::MemoryEnd;
 

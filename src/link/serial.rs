@@ -13,7 +13,7 @@ use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::Buf as _;
 
 use super::memory::MemoryPort;
-use super::{NoFrame, Received};
+use crate::received::{NoFrame, Received};
 pub(super) use port::{Place, Port, PortEvent};
 
 /// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.

@@ -14,6 +14,7 @@
 
 pub mod allan;
 pub mod clock;
+mod coefficient;
 pub mod correlated;
 pub mod earth;
 pub mod ellipse;

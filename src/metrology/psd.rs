@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use realfft::RealFftPlanner;
 
+use crate::coefficient::Coefficient;
 use crate::{Refusal, linear, series, stats};
 
 /// One-sided power spectral density.
@@ -341,10 +342,10 @@ struct Level {
 impl Plateau {
     /// Coefficient N of white noise of this density, with its 68.3 % interval.
     #[must_use]
-    pub fn n(&self) -> crate::allan::Coefficient {
+    pub fn n(&self) -> Coefficient {
         let value = (self.density / 2.0).sqrt();
         let (low, high) = stats::sd_interval(value, 2.0 / self.relative_sd.powi(2), stats::ONE_SIGMA);
-        crate::allan::Coefficient { value, low, high }
+        Coefficient { value, low, high }
     }
 }
 

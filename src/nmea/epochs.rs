@@ -3,10 +3,10 @@
 use chrono::NaiveDate;
 
 use super::active::{ActiveSatellites, Geometry};
+use super::epoch::{Epoch, Fix};
 use super::fault::Fault;
 use super::fields::Time;
 use super::sentence::{Quality, Sentence, Solution, Source};
-use super::{Epoch, Fix};
 
 /// The talker of what several systems found together.
 const COMBINED: [u8; 2] = *b"GN";

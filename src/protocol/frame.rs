@@ -3,20 +3,16 @@
 use crc::{CRC_32_ISCSI, Crc, Table};
 
 use crate::wire::wire_enum;
+pub use crate::wire::{MAX_PAYLOAD, Payload};
 
 /// Version of the messages in this crate. HELLO frames carry version 0, since their layout never changes.
 pub const PROTOCOL_VERSION: u8 = 1;
-/// Longest payload. A full frame takes 46 ms at 115200 baud, so an ABORT never waits long behind one.
-pub const MAX_PAYLOAD: usize = 512;
 /// Bytes of the header.
 pub const HEADER: usize = 8;
 /// Bytes of the checksum.
 pub const CRC: usize = 4;
 /// Longest frame before it is stuffed for a link.
 pub const MAX_FRAME: usize = HEADER + MAX_PAYLOAD + CRC;
-
-/// A payload in its own buffer.
-pub type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
 
 /// CRC-32C (Castagnoli; CRC-32/ISCSI): finds every error of up to five bits in a frame of this length.
 static CRC_32C: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISCSI);

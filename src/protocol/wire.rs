@@ -5,7 +5,10 @@
 
 use heapless::{String, Vec};
 
-use crate::frame::{MAX_PAYLOAD, Payload};
+/// Longest payload. A full frame takes 46 ms at 115200 baud, so an ABORT never waits long behind one.
+pub const MAX_PAYLOAD: usize = 512;
+/// A payload in its own buffer.
+pub type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
 
 /// Why a payload could not be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

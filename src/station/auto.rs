@@ -17,9 +17,10 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{OnFail, Plan};
 use gnc_text::with_causes;
 
-use crate::cli::{OnFailArg, RunArgs, complain, refuse};
+use crate::args::{OnFailArg, RunArgs};
 use crate::files;
 use crate::records;
+use crate::refusal::{Refusal, complain, refuse};
 use crate::serial_number;
 use crate::setup::{self, Setup};
 use face::Face;
@@ -50,19 +51,6 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
                 Err(refusal) => refuse(refusal.what, &refusal.try_this),
             }
         }
-    }
-}
-
-/// Why nothing was run.
-#[derive(Debug)]
-pub(crate) struct Refusal {
-    pub what: String,
-    pub try_this: String,
-}
-
-impl Refusal {
-    pub(crate) fn new(what: impl std::fmt::Display, try_this: &str) -> Self {
-        Self { what: what.to_string(), try_this: try_this.to_owned() }
     }
 }
 

@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::plan::Plan;
 
-use crate::auto::Refusal;
-use crate::cli::{USAGE, refuse};
+use crate::refusal::Refusal;
+use crate::refusal::{USAGE, refuse};
 use crate::{files, setup};
 use gnc_analysis::motion;
 

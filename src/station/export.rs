@@ -14,8 +14,8 @@ use gnc_text::printable;
 use gnc_text::with_causes;
 
 use self::table::{Kind, Table};
-use crate::cli::{complain, refuse};
 use crate::records;
+use crate::refusal::{complain, refuse};
 use gnc_analysis::capture::Capture;
 use gnc_records::raw::RawRecord;
 use gnc_records::store::captures::{self, CapturesError};

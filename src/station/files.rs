@@ -7,7 +7,7 @@ use std::path::Path;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
 
-use crate::auto::Refusal;
+use crate::refusal::Refusal;
 use gnc_analysis::motion;
 
 /// Reads and checks a plan with all that it includes.

@@ -1,5 +1,6 @@
 //! The station's faces: the command line, `--auto`, the operator's screen, and what they run.
 
+mod args;
 mod auto;
 mod check;
 pub mod cli;
@@ -10,6 +11,7 @@ mod files;
 mod ports;
 mod recompute;
 mod records;
+mod refusal;
 mod serial_number;
 mod setup;
 pub mod tui;

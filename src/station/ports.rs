@@ -10,7 +10,7 @@ use serialport::SerialPortType;
 pub(crate) fn run() -> ExitCode {
     let ports = match serialport::available_ports() {
         Ok(ports) => ports,
-        Err(error) => return crate::cli::refuse(format_args!("cannot list the serial ports: {error}"), ""),
+        Err(error) => return crate::refusal::refuse(format_args!("cannot list the serial ports: {error}"), ""),
     };
     let mut out = std::io::stdout();
     if ports.is_empty() {

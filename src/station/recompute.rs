@@ -15,9 +15,9 @@ use gnc_executive::state::RunState;
 use gnc_text::printable;
 use gnc_text::with_causes;
 
-use crate::cli::{complain, refuse};
 use crate::files;
 use crate::records;
+use crate::refusal::{complain, refuse};
 use again::Again;
 use gnc_records::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
 use source::{Run, RunError};

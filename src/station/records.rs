@@ -9,7 +9,8 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 use gnc_text::printable;
 
-use crate::cli::{RecordsCommand, complain, refuse};
+use crate::args::RecordsCommand;
+use crate::refusal::{complain, refuse};
 use gnc_records::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
 
 /// Exit code of a verification that found something.

@@ -6,11 +6,11 @@ use gnc_executive::bench::{BenchFile, Site, Socket};
 use gnc_executive::event::Bench;
 use gnc_executive::job::BenchAbilities;
 
-use crate::auto::Refusal;
-use crate::cli::RunArgs;
+use crate::args::RunArgs;
 #[cfg(feature = "sim")]
-use crate::cli::SimLink;
+use crate::args::SimLink;
 use crate::files;
+use crate::refusal::Refusal;
 use gnc_bench::fixture::Fixture;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;

@@ -29,8 +29,9 @@ use std::time::{Duration, Instant};
 use gnc_executive::outcome::Outcome;
 use tokio::sync::{mpsc, watch};
 
-use crate::auto::Refusal;
-use crate::cli::{OnFailArg, RunArgs, complain, refuse};
+use crate::args::{OnFailArg, RunArgs};
+use crate::refusal::Refusal;
+use crate::refusal::{complain, refuse};
 use crate::serial_number;
 use gnc_bench::runner::Live;
 use model::{AfterFailure, Loaded, Model, Rounds};

@@ -1,4 +1,4 @@
-//! Coverage of the intervals of all items, simulated without frames: `cargo bench -p gnc-station --bench coverage
+//! Coverage of the intervals of all items, simulated without frames: `cargo bench -p gnc-analysis --bench coverage
 //! [-- TRIALS] [calibration|field|left|repeated|noise|sky]`; ends with 1 when a bound is broken.
 
 #![allow(clippy::print_stdout, clippy::expect_used, clippy::panic, missing_docs, dead_code, unreachable_pub)]
@@ -6,11 +6,6 @@
 use std::time::Instant;
 
 // The simulation is that of the tests; these are the places where it looks for the station.
-mod board {
-    pub mod stream {
-        pub use gnc_protocol::stream::Losses;
-    }
-}
 mod capture {
     pub use gnc_analysis::capture::*;
 }

@@ -6,7 +6,8 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::Conversation;
-use crate::{Absent, BoardError};
+use crate::error::BoardError;
+use crate::status::Absent;
 
 /// An absence that the session may outlive: the board's watchdog ends it 1.75 s after the last keep-alive, which may be
 /// half a second old when the port goes. What is asked meanwhile waits.

@@ -9,8 +9,9 @@ use tokio::sync::mpsc;
 use tokio::time::{Duration, Instant};
 
 use super::{Answer, Conversation};
+use crate::error::BoardError;
+use crate::status::{Advance, Pulse};
 use crate::stream::Newest;
-use crate::{Advance, BoardError, Pulse};
 
 impl Conversation {
     pub(super) fn receive(&mut self, frame: &Frame) {

@@ -4,19 +4,9 @@ use std::fmt;
 
 use super::fit::{B, FLAT, G, K, N, Q, R, Search, Solved};
 use super::lines::Line;
+use crate::coefficient::Coefficient;
 use crate::psd::Plateau;
 use crate::stats;
-
-/// A coefficient with its 68.3 % interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Coefficient {
-    /// Value.
-    pub value: f64,
-    /// Lower end of the interval.
-    pub low: f64,
-    /// Upper end of the interval.
-    pub high: f64,
-}
 
 /// Why a coefficient is not given.
 #[derive(Debug, Clone, Copy, PartialEq)]

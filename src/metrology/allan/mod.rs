@@ -17,7 +17,8 @@ mod scatter;
 
 use std::borrow::Cow;
 
-pub use coefficients::{Absence, Coefficient, Coefficients, Fit};
+pub use crate::coefficient::Coefficient;
+pub use coefficients::{Absence, Coefficients, Fit};
 use fit::Search;
 pub use lines::Line;
 pub use noise::Noise;

@@ -14,7 +14,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 
 use super::update::{Command, Msg};
-use crate::cli::RunArgs;
+use crate::args::RunArgs;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::Question;
 use gnc_bench::runner::Live;

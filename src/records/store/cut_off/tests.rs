@@ -131,7 +131,7 @@ fn only_the_file_that_was_looked_at_gets_its_end() {
 
     let (folder, run_folder) = run(&whole()[..whole().len() - 4]);
     fs::write(folder.path().join(CUT_OFF), &told).unwrap();
-    let refused = chain(&complete(&run_folder).unwrap_err());
+    let refused = with_causes(&complete(&run_folder).unwrap_err());
     assert!(refused.ends_with("it is not the file that was looked at"), "{refused}");
 
     let outside = tempfile::NamedTempFile::with_suffix(".mcap").unwrap();

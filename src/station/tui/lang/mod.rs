@@ -14,18 +14,8 @@ use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::text::duration;
 
 use super::keymap::Action;
+pub use crate::args::Lang;
 use gnc_bench::fixture::Ask;
-
-/// A language of the screen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]
-pub enum Lang {
-    /// English.
-    En,
-    /// Chinese, simplified.
-    Zh,
-    /// Russian.
-    Ru,
-}
 
 impl Lang {
     /// All languages.

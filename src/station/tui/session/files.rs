@@ -8,9 +8,9 @@ use gnc_executive::limit::Limit;
 use tokio::sync::mpsc;
 
 use super::archive;
-use crate::auto::Refusal;
-use crate::cli::RunArgs;
+use crate::args::RunArgs;
 use crate::files;
+use crate::refusal::Refusal;
 use crate::setup::{self, BENCH_FILE, Setup};
 use crate::tui::model::{BenchView, Loaded, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;

@@ -11,9 +11,10 @@ use gnc_executive::plan::OnFail;
 use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
-use crate::auto::{self, Refusal};
-use crate::cli::RunArgs;
+use crate::args::RunArgs;
+use crate::auto;
 use crate::files;
+use crate::refusal::Refusal;
 use crate::setup::{self, Setup};
 use crate::tui::model::{AfterFailure, Rounds};
 use crate::tui::update::{Msg, Start};

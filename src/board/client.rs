@@ -1,0 +1,105 @@
+//! The handle on the board.
+
+use std::cell::{Cell, RefCell};
+
+use gnc_link::Link;
+use gnc_link::can::Tap;
+use gnc_protocol::message::BoardHello;
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::task::JoinHandle;
+
+use crate::conversation::{Command, Conversation, LinkReport};
+use crate::error::{BoardError, gone};
+use crate::latest::{Follower, Latest};
+use crate::readings::Readings;
+use crate::status::{Absent, Pulse};
+
+/// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
+const COMMANDS: usize = 16;
+/// Absences of the port that nobody has read of yet: a port that goes more often between two looks has a loose plug, and
+/// sixteen lines say so.
+const ABSENCES: usize = 16;
+
+/// A handle on the board. Dropping it ends the conversation.
+#[derive(Debug)]
+pub struct Board {
+    commands: mpsc::Sender<Command>,
+    pulse: Follower<Pulse>,
+    hello: RefCell<BoardHello>,
+    next_request: Cell<u16>,
+    task: JoinHandle<LinkReport>,
+    pub(crate) tap: Option<Tap>,
+    absences: tokio::sync::Mutex<mpsc::Receiver<Absent>>,
+}
+
+impl Board {
+    /// Says HELLO over a link and keeps the conversation going. What comes by is shown in `readings`.
+    ///
+    /// # Errors
+    /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
+    pub async fn connect(mut link: Link, nonce: u32, readings: watch::Sender<Readings>) -> Result<Self, BoardError> {
+        let (commands, receiver) = mpsc::channel(COMMANDS);
+        let beat = Latest::new(Pulse::default());
+        let pulse = beat.follower();
+        let tap = match &mut link {
+            Link::Serial(_) => None,
+            Link::Can(link) => link.tap(),
+        };
+        let (absent, absences) = mpsc::channel(ABSENCES);
+        let conversation = Conversation::new(link, receiver, beat, readings, absent);
+        let task = tokio::spawn(conversation.run());
+        let hello = RefCell::new(BoardHello::default());
+        let absences = tokio::sync::Mutex::new(absences);
+        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap, absences };
+        board.reopen(nonce).await?;
+        Ok(board)
+    }
+
+    /// Opens a new session on the same link, after a restart of the board. Returns the board's boot id.
+    ///
+    /// # Errors
+    /// As [`Board::connect`].
+    pub async fn reopen(&self, nonce: u32) -> Result<u32, BoardError> {
+        let (answer, answered) = oneshot::channel();
+        self.send(Command::Hello { nonce, answer }).await?;
+        let hello = answered.await.map_err(|_| gone())??;
+        let boot_id = hello.boot_id;
+        self.hello.replace(hello);
+        Ok(boot_id)
+    }
+
+    /// What the board said of itself.
+    #[must_use]
+    pub fn hello(&self) -> BoardHello {
+        self.hello.borrow().clone()
+    }
+
+    /// The board's clock, from the next heartbeat on.
+    #[must_use]
+    pub fn pulse(&self) -> Follower<Pulse> {
+        self.pulse.another()
+    }
+
+    /// The next absence of the port or interface, once it is over; `None` after the end of the conversation.
+    pub async fn absence(&self) -> Option<Absent> {
+        self.absences.lock().await.recv().await
+    }
+
+    /// Ends the conversation and says what the line was like.
+    pub async fn close(self) -> LinkReport {
+        let Self { commands, task, .. } = self;
+        drop(commands);
+        task.await.unwrap_or_default()
+    }
+
+    /// A number for the next request; 0 belongs to frames without one.
+    pub(crate) fn number(&self) -> u16 {
+        let number = self.next_request.get();
+        self.next_request.set(number.checked_add(1).unwrap_or(1));
+        number
+    }
+
+    pub(crate) async fn send(&self, command: Command) -> Result<(), BoardError> {
+        self.commands.send(command).await.map_err(|_| gone())
+    }
+}

@@ -1,0 +1,206 @@
+//! Why the board did not do what it was asked.
+
+use std::time::Duration;
+
+use gnc_protocol::stream::StreamId;
+use gnc_protocol::wire::WireError;
+use gnc_protocol::{FaultCode, NakCode};
+
+/// Why the board did not do what it was asked.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BoardError {
+    /// The port is gone: adapter unplugged, or the simulated bench ended.
+    #[error("the port is gone: {reason}")]
+    Gone {
+        /// What the system said.
+        reason: String,
+    },
+    /// The port or interface went away; it may still come back.
+    #[error("{name} went away")]
+    Away {
+        /// The port or interface.
+        name: String,
+    },
+    /// The port or interface was away for a moment, and the session did not outlive that.
+    #[error("{name} was away for {:.1} s, and meanwhile {meanwhile}", lasted.as_secs_f64())]
+    Interrupted {
+        /// The port or interface.
+        name: String,
+        /// How long it was away.
+        lasted: Duration,
+        /// What became of the session.
+        meanwhile: &'static str,
+    },
+    /// Nobody answered, however often it was asked.
+    #[error("no answer from the board to {what}: asked {asked} times in {} ms", waited.as_millis())]
+    NoAnswer {
+        /// The request.
+        what: &'static str,
+        /// Times sent.
+        asked: u32,
+        /// Time since it was first sent.
+        waited: Duration,
+    },
+    /// Bytes came and not one whole frame.
+    #[error("the line carries bytes and not one whole frame: {damaged} damaged ones and no answer to {asked} HELLO")]
+    Garbled {
+        /// Frames that were damaged.
+        damaged: u32,
+        /// Times that HELLO was sent.
+        asked: u32,
+    },
+    /// Not even a heartbeat.
+    #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
+    Silent {
+        /// Time since the last frame.
+        silent: Duration,
+    },
+    /// Frames come, but no heartbeat.
+    #[error("the board sends frames but no heartbeat for {} ms", silent.as_millis())]
+    NoHeartbeat {
+        /// Time since the last heartbeat.
+        silent: Duration,
+    },
+    /// The other end speaks another version of the protocol.
+    #[error(
+        "the board speaks protocol versions {lowest} to {highest}, this station speaks {}",
+        gnc_protocol::PROTOCOL_VERSION
+    )]
+    Version {
+        /// The board's lowest.
+        lowest: u8,
+        /// The board's highest.
+        highest: u8,
+    },
+    /// The board restarted; it was another boot id before.
+    #[error("the board restarted during {during} (boot id {before:08x} became {after:08x})")]
+    Restarted {
+        /// Whether a request of whoever hears this was in flight, and not only a stream.
+        asked: bool,
+        /// The requests in flight.
+        during: String,
+        /// Boot id before.
+        before: u32,
+        /// Boot id after.
+        after: u32,
+    },
+    /// The board closed the session; its watchdog did not hear the station.
+    #[error("the board ended the session: its watchdog heard nothing from the station")]
+    SessionEnded,
+    /// The board refused.
+    #[error("the board refused {what}: {}{}", code.meaning(), colon(text))]
+    Refused {
+        /// The request.
+        what: &'static str,
+        /// Why.
+        code: NakCode,
+        /// For people.
+        text: String,
+    },
+    /// The board refused with a number that this station does not know.
+    #[error("the board refused {what} with unknown code {code}{}", colon(text))]
+    RefusedUnknown {
+        /// The request.
+        what: &'static str,
+        /// The number.
+        code: u16,
+        /// For people.
+        text: String,
+    },
+    /// The board started and could not finish.
+    #[error("{what} failed on the board: {}{}", code.meaning(), colon(text))]
+    Fault {
+        /// The request.
+        what: &'static str,
+        /// Why.
+        code: FaultCode,
+        /// For people.
+        text: String,
+    },
+    /// The checksum was good, the content not what the message demands.
+    #[error("the board's answer to {what} cannot be read")]
+    BadAnswer {
+        /// The request.
+        what: &'static str,
+        /// What is wrong with it.
+        source: WireError,
+    },
+    /// A stream did not go on although the board's clock did.
+    #[error("stream {stream:?} stopped after sample {last} of {wanted} while the board's clock went on")]
+    StreamStopped {
+        /// Which.
+        stream: StreamId,
+        /// Samples seen.
+        last: u32,
+        /// Samples wanted.
+        wanted: u32,
+    },
+    /// The request's parameters do not fit into a frame: a mistake in this program or an absurd plan.
+    #[error("{what} does not fit into one frame")]
+    TooLong {
+        /// The request.
+        what: &'static str,
+    },
+}
+
+impl BoardError {
+    /// Whether the board has no room for it now and may have later: a stream beside others.
+    #[must_use]
+    pub fn is_crowded(&self) -> bool {
+        matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
+    }
+
+    /// Whether the port or interface was away: whatever the board did meanwhile is the bench's.
+    #[must_use]
+    pub fn is_absence(&self) -> bool {
+        matches!(self, Self::Away { .. } | Self::Interrupted { .. })
+    }
+
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Gone { .. } => {
+                "plug the adapter in and start again: `gnc-station ports` lists serial ports; `sudo ip link set NAME up type \
+                 can bitrate 500000` switches a CAN interface on"
+            }
+            Self::Garbled { .. } => "are both ends set to the same rate? RS-422: are A and B of a pair swapped?",
+            Self::Away { .. } | Self::Interrupted { .. } => {
+                "see to the adapter's plug and cable, and to the board's supply"
+            }
+            Self::NoAnswer { .. } | Self::Silent { .. } => {
+                "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
+            }
+            Self::Version { .. } => "update the board's firmware or the station so that they share a version",
+            Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
+            Self::NoHeartbeat { .. } => {
+                "compare the board's firmware with the interface document: a heartbeat each second; a simulated board misses it \
+                 where this computer is too busy to run it: start again with less beside it"
+            }
+            Self::SessionEnded => {
+                "another program may have used the port, or this computer was too busy to run the station: start again with \
+                 less beside it"
+            }
+            Self::Refused { code: NakCode::DoesNotFit, .. } => "lower the rate in the plan or raise the port's rate",
+            Self::Refused { code: NakCode::NotPowered, .. } => {
+                "check the supply and that the module sits in the socket"
+            }
+            Self::Refused { .. } | Self::RefusedUnknown { .. } => {
+                "compare the board's firmware with the interface document"
+            }
+            Self::Fault { .. } => "the module's device did not work; see the error record",
+            Self::BadAnswer { .. } => "compare the board's firmware with the interface document",
+            Self::StreamStopped { .. } => "check the line; a slower stream or a higher rate may help",
+            Self::TooLong { .. } => "shorten the parameters in the plan",
+        }
+    }
+}
+
+fn colon(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!(": {text}") }
+}
+
+/// The conversation is over.
+pub(crate) fn gone() -> BoardError {
+    BoardError::Gone { reason: "the conversation with the board has ended".into() }
+}

@@ -1,0 +1,120 @@
+//! One face for links of either kind.
+
+use std::io;
+use std::time::Duration;
+
+use gnc_protocol::Frame;
+use gnc_protocol::serial::LineCounters;
+
+use crate::can::{CanLink, CanOpenError};
+use crate::received::Received;
+use crate::serial::{self, OpenError, SerialLink};
+use crate::target::Target;
+
+/// An open link.
+#[derive(Debug)]
+pub enum Link {
+    /// RS-422.
+    Serial(Box<SerialLink>),
+    /// CAN.
+    Can(Box<CanLink>),
+}
+
+/// Why a link could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The serial port.
+    #[error(transparent)]
+    Serial(#[from] OpenError),
+    /// The CAN bus.
+    #[error(transparent)]
+    Can(#[from] CanOpenError),
+}
+
+impl LinkError {
+    /// What the operator can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Serial(error) => error.try_this(),
+            Self::Can(error) => error.try_this(),
+        }
+    }
+}
+
+impl Link {
+    /// Opens what a bench names.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn open(target: &Target) -> Result<Self, LinkError> {
+        match target {
+            Target::Serial { port, rate_baud } => Ok(Self::Serial(Box::new(serial::open(port, *rate_baud)?))),
+            Target::Memory(port) => Ok(Self::Serial(Box::new(serial::open_memory(port)?))),
+            Target::Can(target) => Ok(Self::Can(Box::new(CanLink::open(target)?))),
+        }
+    }
+
+    /// Takes a frame to send. A link that takes nothing drops it: that is found by the answers that do not come, and
+    /// must not cost memory.
+    pub fn send(&mut self, frame: &Frame) {
+        match self {
+            Self::Serial(link) => link.send(frame),
+            Self::Can(link) => link.send(frame),
+        }
+    }
+
+    /// Moves what waits until something has come. Nothing is lost when it is dropped half way. Without `read` it only
+    /// sends, and never returns but with an error.
+    ///
+    /// # Errors
+    /// The link is gone and did not come back within [`crate::RETURNS_WITHIN`].
+    pub async fn next(&mut self, read: bool) -> io::Result<Received> {
+        match self {
+            Self::Serial(link) => link.next(read).await,
+            Self::Can(link) => link.next(read).await,
+        }
+    }
+
+    /// The port or interface, as people call it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Serial(link) => link.name(),
+            Self::Can(link) => link.name(),
+        }
+    }
+
+    /// What was seen so far.
+    #[must_use]
+    pub fn counters(&self) -> LineCounters {
+        match self {
+            Self::Serial(link) => link.counters(),
+            Self::Can(link) => link.counters(),
+        }
+    }
+
+    /// The other end numbers its frames afresh.
+    pub fn restart_sequence(&mut self) {
+        match self {
+            Self::Serial(link) => link.restart_sequence(),
+            Self::Can(link) => link.restart_sequence(),
+        }
+    }
+
+    /// Time on the wire for a request of so many bytes, one full frame before its answer, and the answer.
+    #[must_use]
+    pub fn exchange_time(&self, payload: usize) -> Duration {
+        match self {
+            Self::Serial(link) => link.exchange_time(payload),
+            Self::Can(link) => link.exchange_time(payload),
+        }
+    }
+
+    /// Leaves the line in order.
+    pub async fn close(self) {
+        if let Self::Can(link) = self {
+            link.close().await;
+        }
+    }
+}

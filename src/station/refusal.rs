@@ -1,0 +1,35 @@
+//! Why nothing was done, for people and for the exit code.
+
+use std::process::ExitCode;
+
+/// Exit code for a mistake on the command line or in a plan.
+pub(crate) const USAGE: u8 = 2;
+
+/// Why nothing was run.
+#[derive(Debug)]
+pub(crate) struct Refusal {
+    pub what: String,
+    pub try_this: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(what: impl std::fmt::Display, try_this: &str) -> Self {
+        Self { what: what.to_string(), try_this: try_this.to_owned() }
+    }
+}
+
+/// Says why nothing was done.
+pub(crate) fn refuse(what: impl std::fmt::Display, try_this: &str) -> ExitCode {
+    complain(what, try_this);
+    ExitCode::from(USAGE)
+}
+
+/// An error for people, on standard error: what went wrong, and what can be tried.
+pub(crate) fn complain(what: impl std::fmt::Display, try_this: &str) {
+    use std::io::Write as _;
+    // Where nobody can read it there is nobody to tell.
+    let _ = writeln!(std::io::stderr(), "gnc-station: {what}");
+    if !try_this.is_empty() {
+        let _ = writeln!(std::io::stderr(), "  try: {try_this}");
+    }
+}
