@@ -120,6 +120,11 @@ fn rice_probability(length: f64, ratio: f64) -> f64 {
     sum
 }
 
+/// Median of the absolute value of a normal one, in standard deviations.
+pub(crate) const MEDIAN_DEVIATION: f64 = 0.674_49;
+/// Median of the absolute difference of two normal values, in standard deviations: 0.6745 sqrt 2.
+pub(crate) const MEDIAN_DIFFERENCE: f64 = 0.953_87;
+
 /// Mean, with the first value removed before the sum so that an offset costs no digits. NaN when empty.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
@@ -158,8 +163,6 @@ pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
 /// does not enter it. 0 below two values.
 #[must_use]
 pub fn median_step(values: &[f64]) -> f64 {
-    // Of two normal values: 0.6745 sqrt 2 standard deviations.
-    const MEDIAN_DIFFERENCE: f64 = 0.953_87;
     let mut steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     if steps.is_empty() { 0.0 } else { median(&mut steps) / MEDIAN_DIFFERENCE }
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::extremes::Extremes;
+use crate::stats::MEDIAN_DIFFERENCE;
 
 /// Rows of a piece.
 const PIECE: usize = 2048;
@@ -10,8 +11,6 @@ const PIECE: usize = 2048;
 const LOOKS: usize = 128;
 /// Values from which the step between codes is learned.
 const LEARN: usize = 4096;
-/// Median of the absolute difference of two normal values, in standard deviations: 0.6745 sqrt 2.
-const MEDIAN_DIFFERENCE: f64 = 0.953_87;
 /// Of independent values two differences in three change their sign, of low-passed ones a tenth at a twentieth of the
 /// rate; a smooth motion turns once or twice.
 const NOISY: f64 = 0.08;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::character::Character;
 use super::extremes::PART;
-use super::{Fault, Screening, spikes};
+use super::{Fault, Screening};
 use crate::stats;
 
 /// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
@@ -89,7 +89,7 @@ fn is_word(found: &Screening, values: &[f64], block: &Range<usize>, extreme: f64
     let away = |value: &&f64| **value != extreme;
     let nearest = kept.iter().filter(away).map(|value| (value - extreme).abs()).fold(f64::INFINITY, f64::min);
     let mut spread: Vec<f64> = kept.iter().map(|value| (value - level).abs()).collect();
-    let spread = stats::median(&mut spread) / spikes::MEDIAN_DEVIATION;
+    let spread = stats::median(&mut spread) / stats::MEDIAN_DEVIATION;
     spread > 0.0 && nearest.is_finite() && nearest > TAIL * spread.min(scale)
 }
 

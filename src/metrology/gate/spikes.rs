@@ -35,8 +35,6 @@ const POLLED: f64 = 1.5;
 const ON_LEVEL: f64 = 0.5;
 /// Most rows on end that are spikes by that level. More of them are a level of their own: the module or its field moved.
 const LONGEST: usize = 8;
-/// Median of the absolute value of a normal one, in standard deviations.
-pub(super) const MEDIAN_DEVIATION: f64 = 0.674_49;
 /// Spikes hide each other; each pass finds what the one before laid open.
 const PASSES: usize = 5;
 
@@ -216,7 +214,7 @@ fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: us
         return None;
     }
     let mut spread: Vec<f64> = left.iter().chain(&right).map(|value| (value - level).abs()).collect();
-    (off.abs() > FAR * stats::median(&mut spread) / MEDIAN_DEVIATION).then_some(true)
+    (off.abs() > FAR * stats::median(&mut spread) / stats::MEDIAN_DEVIATION).then_some(true)
 }
 
 /// The smaller of two differences of one sign; 0 where their signs differ.
