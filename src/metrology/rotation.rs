@@ -28,6 +28,9 @@ const MOVING_SIGMA: f64 = 8.0;
 /// Forth and back must cancel to this part of their difference, beside four standard deviations of noise.
 const CANCEL_LIMIT: f64 = 1e-4;
 
+/// Means of the rest at either end, whose scatter says what noise explains.
+const MEANS_OF_REST: usize = 4;
+
 /// How the axis of rotation stands, as far as known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Axis {
@@ -173,6 +176,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     let dt = 1.0 / series::positive("rate (Hz)", options.rate_hz)?;
     let angle = std::f64::consts::TAU * series::positive("turns", options.turns)?;
     let runs = in_order(runs)?;
+    let slow = [0, 1, 2].map(|i| noise_at_ends(&runs, i, options.rate_hz));
     let mut found = Vec::with_capacity(6);
     for (r, run) in runs.iter().enumerate() {
         series::channels(&AXES, &run.channels)?;
@@ -182,11 +186,11 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
                 None => series::unclipped(&format!("{name} of run {}", run.label), values)?,
             }
         }
-        found.push(Found::search(run, r / 2, options.rate_hz)?);
+        found.push(Found::search(run, r / 2, slow[r / 2], options.rate_hz)?);
     }
     let windows = windows(&runs, &found, options.rate_hz)?;
-    rest(&runs, &found, options.rate_hz)?;
-    let mismatch = cancel(&runs, &found, &windows, dt)?;
+    rest(&runs, &found, slow, options.rate_hz)?;
+    let mismatch = cancel(&runs, &found, &windows, slow, dt)?;
 
     let along = match options.axis {
         Axis::Unknown => 0.0,
@@ -279,6 +283,19 @@ fn in_order<'a, 'b>(runs: &'b [Run<'a>]) -> Result<Vec<&'b Run<'a>>, Refusal> {
     Ok(position::LABELS.iter().filter_map(|l| runs.iter().find(|r| r.label == *l)).collect())
 }
 
+/// Noise of a channel at rest as its means show it, which behind a low-pass is more than neighbouring rows say: from the
+/// beginnings of all runs or their ends, whichever rest more.
+fn noise_at_ends(runs: &[&Run], channel: usize, rate_hz: f64) -> f64 {
+    let edge = (REST_S * rate_hz).ceil() as usize;
+    let rows = (edge / MEANS_OF_REST).max(1);
+    let of = |end: &dyn Fn(&[f64]) -> std::ops::Range<usize>| {
+        let rests = runs.iter().map(|run| (&run.channels[channel][end(run.channels[channel])], rows));
+        stats::sd_of_means(&rests.collect::<Vec<_>>())
+    };
+    let heads = of(&|values| 0..edge.min(values.len()));
+    heads.min(of(&|values| values.len() - edge.min(values.len())..values.len()))
+}
+
 /// The moving part of a run, in samples.
 struct Found {
     start: usize,
@@ -287,7 +304,8 @@ struct Found {
 }
 
 impl Found {
-    fn search(run: &Run, axis: usize, rate_hz: f64) -> Result<Self, Refusal> {
+    /// `slow` is the noise of the channel as its means show it.
+    fn search(run: &Run, axis: usize, slow: f64, rate_hz: f64) -> Result<Self, Refusal> {
         let values = run.channels[axis];
         let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
         let needed = ((4.0 * REST_S) * rate_hz).ceil() as usize + 8 * block;
@@ -296,7 +314,7 @@ impl Found {
         }
         let edge = (REST_S * rate_hz).ceil() as usize;
         let (head, tail) = (&values[..edge], &values[values.len() - edge..]);
-        let noise = stats::white_sd(head).min(stats::white_sd(tail)) / (block as f64).sqrt();
+        let noise = stats::white_sd(head).min(stats::white_sd(tail)).max(slow) / (block as f64).sqrt();
         let (before, after) = (stats::mean(head), stats::mean(tail));
         let level = f64::midpoint(before, after);
         let means: Vec<f64> = values.chunks(block).map(stats::mean).collect();
@@ -386,7 +404,7 @@ fn windows(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<Vec<Window>, 
 }
 
 /// All three sensors rest outside the rotation.
-fn rest(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<(), Refusal> {
+fn rest(runs: &[&Run], found: &[Found], slow: [f64; 3], rate_hz: f64) -> Result<(), Refusal> {
     let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
     let margin = (MARGIN_S * rate_hz).ceil() as usize;
     for (run, f) in runs.iter().zip(found) {
@@ -395,7 +413,7 @@ fn rest(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<(), Refusal> {
             let own_peak = found[2 * i].peak.abs().min(found[2 * i + 1].peak.abs());
             let (before, after) =
                 (&values[..f.start.saturating_sub(margin)], &values[(f.end + margin).min(values.len())..]);
-            let noise = stats::white_sd(before).max(stats::white_sd(after)) / (block as f64).sqrt();
+            let noise = stats::white_sd(before).max(stats::white_sd(after)).max(slow[i]) / (block as f64).sqrt();
             let limit = (MOVING_FRACTION * own_peak).max(MOVING_SIGMA * noise);
             let (sum, count) = [before, after].iter().fold((0.0, 0), |(s, n), part| {
                 if part.is_empty() { (s, n) } else { (s + stats::mean(part) * part.len() as f64, n + part.len()) }
@@ -446,7 +464,13 @@ impl Noise {
 }
 
 /// Forth and back cancel but for the bias at rest, which contains the own-axis earth rate.
-fn cancel(runs: &[&Run], found: &[Found], windows: &[Window], dt: f64) -> Result<Vector3<f64>, Refusal> {
+fn cancel(
+    runs: &[&Run],
+    found: &[Found],
+    windows: &[Window],
+    slow: [f64; 3],
+    dt: f64,
+) -> Result<Vector3<f64>, Refusal> {
     let mut mismatches = Vector3::zeros();
     for (axis, name) in AXES.into_iter().enumerate() {
         let pair = [2 * axis, 2 * axis + 1];
@@ -466,7 +490,8 @@ fn cancel(runs: &[&Run], found: &[Found], windows: &[Window], dt: f64) -> Result
             return Err(Refusal::SameSense { axis: name, forth, back });
         }
         let samples: f64 = pair.iter().map(|&r| (windows[r].end - windows[r].start) as f64).sum();
-        let sigma = (squares / count * (samples + samples * samples / count)).sqrt() * dt;
+        let variance = (squares / count).max(slow[axis] * slow[axis]);
+        let sigma = (variance * (samples + samples * samples / count)).sqrt() * dt;
         let mismatch = (forth + back).abs() / (forth - back).abs();
         let limit = CANCEL_LIMIT + 4.0 * sigma / (forth - back).abs();
         if mismatch > limit {

@@ -175,6 +175,28 @@ pub fn white_sd(values: &[f64]) -> f64 {
     (sum / (2.0 * (values.len().max(2) - 1) as f64)).sqrt()
 }
 
+/// Standard deviation of white noise whose means would scatter as those of a record do: from the median absolute difference
+/// of neighbouring means in all its stretches, each with the rows of its means, times the root of these rows. Behind a
+/// low-pass neighbours err alike and means scatter by more than [`white_sd`] says. Motion in less than half of the record does
+/// not enter it. 0 where no stretch holds two means.
+#[must_use]
+pub fn sd_of_means(stretches: &[(&[f64], usize)]) -> f64 {
+    let mut differences = Vec::new();
+    for (values, rows) in stretches {
+        let level = values.first().copied().unwrap_or(0.0);
+        let running = values.iter().scan(0.0, |sum, value| {
+            *sum += value - level;
+            Some(*sum)
+        });
+        let sums: Vec<f64> = std::iter::once(0.0).chain(running).collect();
+        let rows = (*rows).max(1);
+        let root = (rows as f64).sqrt();
+        let pairs = sums.iter().zip(sums.iter().skip(rows)).zip(sums.iter().skip(2 * rows));
+        differences.extend(pairs.map(|((from, middle), to)| (to - 2.0 * middle + from).abs() / root));
+    }
+    if differences.is_empty() { 0.0 } else { median(&mut differences) / MEDIAN_DIFFERENCE }
+}
+
 /// Median of the values, which are reordered. NaN when empty.
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {

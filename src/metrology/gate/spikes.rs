@@ -31,7 +31,7 @@ pub(super) const CURVED: f64 = 8.0;
 const LEVEL: usize = 32;
 /// Scale of the rows that move over that of all rows, above which most rows do not move.
 const POLLED: f64 = 1.5;
-/// Part of the limit within which a sample lies on the level.
+/// Part of the limit within which a sample lies on the level, or on the chord between its neighbours.
 const ON_LEVEL: f64 = 0.5;
 /// Most rows on end that are spikes by that level. More of them are a level of their own: the module or its field moved.
 const LONGEST: usize = 8;
@@ -228,22 +228,34 @@ fn one_sided(left: f64, right: f64) -> f64 {
 
 /// Whether a sample leaves the lines through its neighbours on both sides, where these move so fast that medians hide it: by
 /// more than noise does, and by far more than the samples beside it, which a curved motion leaves as well.
+///
+/// A motion that bends leaves both lines to one side too, as where a low-pass rounds the beginning of a ramp, but lies on the
+/// other side of the chord between the nearest neighbours. A spike leaves lines and chord to the same side.
 fn leaves_motion(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> bool {
     let sides = |row: usize| {
         let left = line(found, values, (row.saturating_sub(REACH).max(block.start)..row).rev(), row)?;
         Some((values[row] - left, values[row] - line(found, values, row + 1..(row + 1 + REACH).min(block.end), row)?))
     };
     let Some((left, right)) = sides(row) else { return false };
-    let off = one_sided(left, right).abs();
-    if off <= LINES * limit {
+    let off = one_sided(left, right);
+    let from_chord = chord(found, values, block, row).map_or(off, |chord| values[row] - chord);
+    if off.abs() <= LINES * limit || from_chord * off.signum() < ON_LEVEL * limit {
         return false;
     }
+    let off = off.abs();
     let beside = row.saturating_sub(CURVE).max(block.start)..(row + CURVE + 1).min(block.end);
     let mut usual: Vec<f64> = beside
         .filter(|other| *other != row && found.keeps(*other))
         .filter_map(|other| sides(other).map(|(left, right)| f64::midpoint(left, right).abs()))
         .collect();
     !usual.is_empty() && off > CURVED * stats::median(&mut usual)
+}
+
+/// The value at a row of the line between the nearest rows that are used on both sides.
+fn chord(found: &Screening, values: &[f64], block: &Range<usize>, row: usize) -> Option<f64> {
+    let left = (row.saturating_sub(REACH).max(block.start)..row).rev().find(|other| found.keeps(*other))?;
+    let right = (row + 1..(row + 1 + REACH).min(block.end)).find(|other| found.keeps(*other))?;
+    Some(values[left] + (values[right] - values[left]) * (row - left) as f64 / (right - left) as f64)
 }
 
 /// The value at a row of the line through the next rows that are used: median of their slopes, median of what is left.

@@ -301,3 +301,43 @@ fn values_in_place_of_others_vary_as_those() {
     let ratio = variance(&steps) / 300.0_f64.powi(2);
     assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
 }
+
+/// A low-pass rounds the beginning and the end of a ramp. A spike in a ramp lies between its neighbours there as well, but
+/// off the line between them.
+#[test]
+fn a_low_pass_makes_no_spikes_of_the_ends_of_a_ramp() {
+    const ROWS: usize = 1540;
+    let profile = |row: usize, ramp: f64| {
+        let row = row as f64;
+        11_260.0 * (((row - 300.0) / ramp).clamp(0.0, 1.0) - ((row - 1150.0) / ramp).clamp(0.0, 1.0))
+    };
+    for part in [0.05, 0.1, 0.2, 0.4] {
+        for poles in [1, 2] {
+            let decay = (-std::f64::consts::TAU * part).exp();
+            let low_pass = |values: &mut [f64]| {
+                for _ in 0..poles {
+                    values.iter_mut().fold(0.0, |state, value| {
+                        *value = decay * state + (1.0 - decay) * *value;
+                        *value
+                    });
+                }
+            };
+            for seed in 0..20 {
+                for ramp in [25.0, 50.0, 100.0] {
+                    let mut normal = dice(seed);
+                    let mut values: Vec<f64> = (0..ROWS).map(|row| profile(row, ramp) + 4.0 * normal()).collect();
+                    low_pass(&mut values);
+                    values.iter_mut().for_each(|value| *value = value.round());
+                    assert_eq!(counts(&[&values], false), [0; 4], "{part} of the rate, {poles} poles, ramp of {ramp}");
+                    if ramp != 50.0 {
+                        continue;
+                    }
+                    // Less than the ramp rises from row to row.
+                    values[325] += 200.0;
+                    let found = screen(&[&values], &one_stretch(ROWS), false);
+                    assert!(!found.keeps(325), "{part} of the rate, {poles} poles: a spike");
+                }
+            }
+        }
+    }
+}
