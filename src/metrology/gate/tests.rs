@@ -244,6 +244,55 @@ fn a_channel_that_freezes_alone_is_stale() {
     assert_eq!(counts(&[x, y, z], true), [0, 0, 40, 0]);
 }
 
+/// A sensor that is read 4 to 10 times for each update repeats itself on all channels together: none of them is frozen. One
+/// that is frozen beside the others for 30 % of the updates is.
+#[test]
+fn channels_that_are_polled_together_are_taken() {
+    for polled in [4, 8, 10] {
+        let fresh = [1, 2, 3].map(|seed| noise(seed, 350, 10.0, 30.0));
+        let read = |updates: &[f64]| -> Vec<f64> { updates.iter().flat_map(|value| vec![*value; polled]).collect() };
+        let [x, y, z] = fresh.each_ref().map(|updates| read(updates));
+        let found = screen(&[&x, &y, &z], &one_stretch(350 * polled), true);
+        assert_eq!(found.left_out().stale, 350 * (polled - 1), "{polled} rows");
+        assert_eq!(found.left_out().total(), 350 * (polled - 1), "{polled} rows");
+        assert_eq!(found.rows_per_update(), Some(polled as f64));
+        assert_eq!(found.admit(Rows::Samples), Ok(()));
+
+        let mut updates = fresh[0].clone();
+        let held = updates[99];
+        updates[100..205].fill(held);
+        let found = screen(&[&read(&updates), &y, &z], &one_stretch(350 * polled), true);
+        assert_eq!(found.left_out().stale, 350 * (polled - 1) + 105, "{polled} rows");
+        assert!(matches!(found.admit(Rows::Samples), Err(Refusal::Stale { .. })), "{polled} rows");
+    }
+}
+
+/// A temperature that updates every 10th row, beside a status that moves with each.
+#[test]
+fn a_slow_channel_beside_a_moving_one_is_not_frozen() {
+    for (polled, sd) in [(2, 30.0), (10, 30.0), (10, 3.0)] {
+        let updates = noise(1, 4000 / polled, 2500.0, sd);
+        let slow: Vec<f64> = updates.iter().flat_map(|value| vec![*value; polled]).collect();
+        let status: Vec<f64> = (0..4000).map(|row| f64::from(row % 16)).collect();
+        assert_eq!(counts(&[&slow, &status], false), [0; 4], "every {polled} rows, {sd} codes");
+        assert_eq!(counts(&[&slow, &noise(2, 4000, 10.0, 30.0)], false), [0; 4], "every {polled} rows, {sd} codes");
+    }
+}
+
+/// One channel of three stands still for 3 % and for 30 % of the record.
+#[test]
+fn a_channel_that_freezes_for_long_is_stale() {
+    for length in [120, 1200] {
+        let mut x = noise(1, 4000, 8000.0, 30.0);
+        let held = x[999];
+        x[1000..1000 + length].fill(held);
+        let found = screen(&[&x, &noise(2, 4000, -3.0, 30.0), &noise(3, 4000, 1.0, 30.0)], &one_stretch(4000), true);
+        assert_eq!(found.left_out().stale, length);
+        assert_eq!(found.left_out().total(), length);
+        assert_eq!(found.admit(Rows::Samples).is_ok(), length == 120);
+    }
+}
+
 /// Blocks of 200 rows in which the sensor updates 5 to 40 times.
 #[test]
 fn few_updates_in_each_block_are_told_by_all_blocks() {
