@@ -202,12 +202,25 @@ fn a_word_that_is_held_is_a_failed_read_on_any_channel() {
 /// Zeros among noise about zero: one by one they are chance, five on end are not, and all five are marked.
 #[test]
 fn zeros_on_end_go_together() {
-    let mut values = noise(4, 20_000, 3.0, 30.0);
-    let natural = counts(&[&values], true)[0];
-    (100..20_000).step_by(1000).for_each(|row| values[row..row + 8].fill(0.0));
-    let found = screen(&[&values], &one_stretch(20_000), true);
-    assert!((100..20_000).step_by(1000).all(|row| (row..row + 8).all(|row| !found.keeps(row))));
-    assert!(found.left_out().total() < natural + 20 * 8 + 20, "{:?}", found.left_out());
+    for (every, bursts) in [(1000, 20), (800, 25), (500, 40)] {
+        let mut values = noise(4, 20_000, 3.0, 30.0);
+        let natural = counts(&[&values], true)[0];
+        (100..20_000).step_by(every).for_each(|row| values[row..row + 8].fill(0.0));
+        let found = screen(&[&values], &one_stretch(20_000), true);
+        assert!((100..20_000).step_by(every).all(|row| (row..row + 8).all(|row| !found.keeps(row))), "{bursts}");
+        assert!(found.left_out().total() < natural + bursts * 8 + 20, "{bursts}: {:?}", found.left_out());
+    }
+}
+
+/// A sensor that is read eight times for each update shows a 0 of its noise eight times on end.
+#[test]
+fn zeros_of_a_polled_sensor_are_no_failed_reads() {
+    let updates = noise(14, 2500, 0.0, 30.0);
+    assert!(updates.iter().filter(|update| **update == 0.0).count() > 20);
+    let polled: Vec<f64> = updates.iter().flat_map(|update| [*update; 8]).collect();
+    let found = screen(&[&polled], &one_stretch(20_000), true);
+    assert_eq!(found.left_out().failed_reads, 0, "{:?}", found.left_out());
+    assert_eq!(found.admit(Rows::Samples), Ok(()));
 }
 
 #[test]
@@ -349,4 +362,19 @@ fn values_in_place_of_others_vary_as_those() {
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
     let ratio = variance(&steps) / 300.0_f64.powi(2);
     assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
+}
+
+/// What a row held that is left out does not count: the values in its place are the same for any word.
+#[test]
+fn a_word_that_is_left_out_takes_no_digits() {
+    let mended = |word: f64| {
+        let mut values = noise(13, 4000, 8000.0, 30.0);
+        (10..4000).step_by(100).for_each(|row| values[row] = word);
+        let found = screen(&[&values], &one_stretch(4000), false);
+        assert_eq!(found.left_out().total(), 40, "{word}");
+        found.refilled(&values, &one_stretch(4000))
+    };
+    let usual = mended(65_535.0);
+    assert!(mended(1e14) == usual, "1e14");
+    assert!(mended(3e38) == usual, "3e38");
 }
