@@ -227,12 +227,12 @@ fn step(values: &[f64]) -> f64 {
         return if told { divisor.max(1) as f64 } else { 1.0 };
     }
     let largest = sorted.first().map_or(0.0, |low| low.abs()).max(sorted.last().map_or(0.0, |high| high.abs()));
-    // Below this a distance is rounding.
-    let rounding = 1e-13 * largest;
+    // What two values differ by their rounding is none; each for itself, since one large word says nothing about the others.
+    let rounding = |pair: &[f64]| 1e-13 * pair[0].abs().max(pair[1].abs());
     sorted
         .windows(2)
+        .filter(|pair| pair[1] - pair[0] > rounding(pair))
         .map(|pair| pair[1] - pair[0])
-        .filter(|gap| *gap > rounding)
         .fold(f64::INFINITY, f64::min)
         .min(largest)
 }

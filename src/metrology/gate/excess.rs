@@ -13,7 +13,7 @@ const RARE: f64 = 1e-5;
 
 /// The shortest run of rows that is no chance in a record of so many, where one of them has this chance.
 pub(super) fn shortest_run(chance: f64, rows: usize) -> usize {
-    if chance < 1.0 { (RARE / rows as f64).ln().div_euclid(chance.ln()) as usize + 1 } else { usize::MAX }
+    if chance < 1.0 { ((RARE / rows as f64).ln() / chance.ln()) as usize + 1 } else { usize::MAX }
 }
 
 /// How many rows are too many.
@@ -94,6 +94,14 @@ mod tests {
         // Without a closer look twice the number is chance.
         assert_eq!(marked(1000, None).iter().sum::<usize>(), 0);
         assert_eq!(marked(1200, None).iter().sum::<usize>(), 700);
+    }
+
+    /// 20,000 rows times 0.0133^k are 6.3e-4 for four rows and 8.3e-6 for five.
+    #[test]
+    fn the_shortest_run_is_the_first_that_is_rare() {
+        assert_eq!(shortest_run(0.0133, 20_000), 5);
+        assert_eq!(shortest_run(1e-10, 1000), 1);
+        assert_eq!(shortest_run(1.0, 1000), usize::MAX);
     }
 
     /// At 0 the density of a normal distribution of 1.6 steps is 1.216 times that one step beside, and the curvature

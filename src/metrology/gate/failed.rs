@@ -56,21 +56,43 @@ fn judge(
         characters.iter().map(|character| character.chance_of_code(&character.pieces[at])).product()
     };
     let expected: f64 = pieces.iter().enumerate().map(|(at, piece)| piece.rows.len() as f64 * chance(at)).sum();
-    let mut excess = Excess::of(rows.len(), expected, || codes_beside(channels, word, characters));
+    let on_end = rows.windows(2).any(|pair| pair[0] + 1 == pair[1]);
+    let again = if on_end { repeats_of_others(found, channels, word) } else { 0.0 };
     let mut block = 0;
+    let mut unsure = Vec::new();
     for run in rows.chunk_by(|row, next| row + 1 == *next) {
         let at = pieces.partition_point(|piece| piece.rows.end <= run[0]).min(pieces.len().saturating_sub(1));
-        // So many of them on end are no chance, and none of them is right.
-        let on_end = run.len() > 1 && run.len() >= excess::shortest_run(chance(at), found.rows());
+        // So many of them on end are no chance, and none of them is right. Of a sensor that is read more often than it
+        // updates, each word comes several times.
+        let (chance, again) = (chance(at), again.max(chance(at)));
+        let on_end =
+            run.len() > 1 && run.len() >= excess::shortest_run(again, (found.rows() as f64 * chance / again) as usize);
         for row in run {
             while block + 1 < blocks.len() && blocks[block].end <= *row {
                 block += 1;
             }
-            if on_end || is_impossible(channels, characters, &blocks[block], word, *row) || excess.takes(1) {
+            if on_end || is_impossible(channels, characters, &blocks[block], word, *row) {
                 found.mark(*row, Fault::FailedRead);
+            } else {
+                unsure.push(*row);
             }
         }
     }
+    let mut excess = Excess::of(unsure.len(), expected, || codes_beside(channels, word, characters));
+    for row in unsure {
+        if excess.takes(1) {
+            found.mark(row, Fault::FailedRead);
+        }
+    }
+}
+
+/// Part of the rows in which all channels repeat another value than a word.
+fn repeats_of_others(found: &Screening, channels: &[&[f64]], word: f64) -> f64 {
+    let repeats = (1..found.rows()).filter(|row| {
+        channels.iter().all(|values| values[*row] == values[row - 1])
+            && channels.iter().any(|values| values[*row] != word)
+    });
+    repeats.count() as f64 / found.rows() as f64
 }
 
 /// Whether a channel lies far from the word on both sides of a row.

@@ -142,7 +142,9 @@ fn regression(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) ->
     let mut sums = vec![(0.0, 0_usize)];
     for row in rows.clone() {
         let (sum, bad) = sums[sums.len() - 1];
-        sums.push((sum + values[row] - mean, bad + usize::from(faults[row].is_some())));
+        // A row that is left out adds nothing: a large word would take the digits of all sums behind it.
+        let is_bad = faults[row].is_some();
+        sums.push((sum + if is_bad { 0.0 } else { values[row] - mean }, bad + usize::from(is_bad)));
     }
     let (mut squares, mut products) = (0.0, 0.0);
     for row in BESIDE..rows.len().saturating_sub(BESIDE) {
