@@ -26,7 +26,7 @@ args = words.parse_args()
 
 def records(folder):
     """Eight channels of white noise with a random walk: in counts, in physical units with six decimals, and in counts of which
-    one row in fifty holds failed reads (zeros) or a spike in its place."""
+    one row in sixty holds failed reads (zeros) or spikes."""
     rng = np.random.default_rng(args.seed)
     channels = {}
     for k, name in enumerate("abcdefgh"):
@@ -34,9 +34,10 @@ def records(folder):
         channels[name] = 100 * (k - 3) + (20 + 5 * k) * rng.normal(size=args.rows) + 0.02 * walk
     physical = pd.DataFrame(channels)
     counts = physical.round().astype(int)
-    # A random row in fifty: zeros in every second one, a spike far outside the noise in the others.
-    rows = rng.choice(args.rows, args.rows // 50, replace=False)
-    spoilt = counts.copy()
+    # One in fifty is the most that these methods leave out. Every second row of these is zero, the others are spikes.
+    rows = rng.choice(args.rows, args.rows // 60, replace=False)
+    # Far from 0, so that a zero is no code of the noise.
+    spoilt = counts + 1000
     spoilt.iloc[rows[::2]] = 0
     spoilt.iloc[rows[1::2]] += 20_000 * rng.choice([-1, 1], size=(len(rows[1::2]), 1))
     for name, table in (("counts", counts), ("units", physical * 0.01), ("spoilt", spoilt)):
