@@ -49,8 +49,8 @@ fn six(
             channel.extend(noise.iter().map(|v| (16384.0 * up_of(label).unwrap()[i] + v).round()));
         }
     }
-    for row in 0..rows {
-        channels[0][row] += moves(row as f64 / rows as f64).round();
+    for (row, value) in channels[0].iter_mut().take(rows).enumerate() {
+        *value += moves(row as f64 / rows as f64).round();
     }
     let [x, y, z] = &channels;
     from_labels(&labels, [x, y, z], &Limits::ACCELEROMETER).map(drop)
