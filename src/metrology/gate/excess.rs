@@ -41,6 +41,14 @@ impl Excess {
         if above(natural, limit) { Self { share: 1.0 - natural / counted, owed: 0.0 } } else { none }
     }
 
+    /// `counted` rows, where so many are natural at most.
+    pub(super) fn over(counted: usize, natural: f64) -> Self {
+        let counted = counted as f64;
+        let (times, sigmas) = CHANCE;
+        let above = counted > times * natural + sigmas * natural.sqrt();
+        Self { share: if above { 1.0 - natural / counted } else { 0.0 }, owed: 0.0 }
+    }
+
     /// Whether there are too many at all.
     pub(super) fn any(&self) -> bool {
         self.share > 0.0

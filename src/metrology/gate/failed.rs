@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::character::Character;
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
-use super::{Fault, Screening};
+use super::{Fault, Layout, Screening, tails};
 
 /// Rows beside a row from which its level is known.
 const BESIDE: usize = 5;
@@ -13,7 +13,7 @@ const BESIDE: usize = 5;
 const NEAR: f64 = 8.0;
 
 /// Marks rows in which all channels show 0, or all show -1, where that is no chance.
-pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) {
+pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
     let lowest_step = characters.iter().map(|character| character.step).fold(f64::INFINITY, f64::min);
     let mut words = vec![0.0, -1.0];
     if lowest_step.is_finite() && lowest_step > 0.0 {
@@ -25,7 +25,11 @@ pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[
     }
     for (word, rows) in words.iter().zip(rows_of(channels, &words, found.rows())) {
         if !rows.is_empty() {
-            judge(found, channels, characters, blocks, *word, &rows);
+            judge(found, channels, characters, layout.blocks, *word, &rows);
+            // Of a motion, whose turning points may show one code often, nothing is said.
+            if layout.still {
+                judge_tails(found, channels, characters, layout.blocks, *word, &rows);
+            }
         }
     }
 }
@@ -82,6 +86,30 @@ fn judge(
     for row in unsure {
         if excess.takes(1) {
             found.mark(row, Fault::FailedRead);
+        }
+    }
+}
+
+/// Rows of a word that lie in the tail of a channel's noise, where that gives fewer.
+fn judge_tails(
+    found: &mut Screening,
+    channels: &[&[f64]],
+    characters: &[Character],
+    blocks: &[Range<usize>],
+    word: f64,
+    rows: &[usize],
+) {
+    for (values, character) in channels.iter().zip(characters) {
+        for side in [1.0, -1.0] {
+            let unsure: Vec<usize> = rows.iter().copied().filter(|row| found.keeps(*row)).collect();
+            let in_tail = tails::in_tail(found, values, character, blocks, (word, &unsure), side);
+            let Some((tail, natural)) = in_tail else { continue };
+            let mut excess = Excess::over(tail.len(), natural);
+            for row in tail {
+                if excess.takes(1) {
+                    found.mark(row, Fault::FailedRead);
+                }
+            }
         }
     }
 }

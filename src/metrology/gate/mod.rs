@@ -20,6 +20,7 @@ mod held;
 mod mend;
 mod spikes;
 mod stale;
+mod tails;
 #[cfg(test)]
 mod tests;
 
@@ -127,7 +128,7 @@ impl Screening {
         let mut found = Self { faults: vec![None; rows], left_out: LeftOut::default(), clipped_at: None, polled: None };
         let characters: Vec<Character> =
             channels.iter().map(|values| Character::of(&values[..rows], layout.blocks)).collect();
-        failed::at_once(&mut found, channels, &characters, layout.blocks);
+        failed::at_once(&mut found, channels, &characters, layout);
         for (values, character) in channels.iter().zip(&characters) {
             held::search(&mut found, values, character, layout.blocks);
         }

@@ -212,6 +212,48 @@ fn zeros_on_end_go_together() {
     }
 }
 
+/// Zeros within six deviations of the level of a coarse sensor: 600 in 60,000 rows, where its noise gives fewer than 30. Noise
+/// alone, and noise that a range cuts at 0, lose none.
+#[test]
+fn zeros_in_the_tail_of_coarse_noise_are_found() {
+    for (sd, level) in [(1.0, 5.0), (1.0, 4.5), (2.0, 10.0), (5.0, 28.5), (8.0, 40.0)] {
+        let mut values = noise(15, 60_000, level, sd);
+        assert_eq!(counts(&[&values], true), [0; 4], "{sd} codes at {level}");
+        let bad: Vec<usize> = (0..600).map(|at| 50 + at * 99 + at * at % 41).collect();
+        bad.iter().for_each(|row| values[*row] = 0.0);
+        let found = screen(&[&values], &one_stretch(60_000), true);
+        let missed = bad.iter().filter(|row| found.keeps(**row)).count();
+        assert!(missed <= 30, "{sd} codes at {level}: {missed}");
+        assert!(found.left_out().failed_reads >= 570 && found.left_out().total() <= 630, "{:?}", found.left_out());
+    }
+    for (sd, level) in [(1.0, 2.0), (3.0, 9.0), (8.0, 16.0)] {
+        for seed in 0..5 {
+            let values: Vec<f64> = noise(seed, 20_000, level, sd).iter().map(|value| value.max(0.0)).collect();
+            assert_eq!(counts(&[&values], true)[0], 0, "{sd} codes at {level}, cut at 0");
+        }
+    }
+    // Levels that drift, step and walk past the words.
+    for seed in 0..5 {
+        for sd in [0.4, 0.8, 1.0, 2.0] {
+            let mut normal = dice(seed);
+            let mut walk = 0.0;
+            let mut rows = |level: &mut dyn FnMut(usize, f64) -> f64| -> Vec<f64> {
+                (0..20_000).map(|row| (level(row, normal()) + sd * normal()).round()).collect()
+            };
+            let drift = rows(&mut |row, _| row as f64 / 2000.0);
+            let steps = rows(&mut |row, _| [0.0, 3.0, 7.0, -2.5][row / 500 % 4]);
+            let walks = rows(&mut |_, step| {
+                walk += 0.05 * step;
+                walk
+            });
+            let slow = rows(&mut |row, _| 3.0 + 3.0 * (row as f64 / 300.0).sin());
+            for (what, values) in [("drift", drift), ("steps", steps), ("walk", walks), ("slow", slow)] {
+                assert_eq!(counts(&[&values], true)[0], 0, "{what}, {sd} codes, seed {seed}");
+            }
+        }
+    }
+}
+
 /// A sensor that is read eight times for each update shows a 0 of its noise eight times on end.
 #[test]
 fn zeros_of_a_polled_sensor_are_no_failed_reads() {
