@@ -197,7 +197,7 @@ fn is_noisy((turns, pairs): (usize, usize)) -> bool {
     pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
 }
 
-/// A sensor that updates a few times in each block says in none of them what its noise is: all of them say it together.
+/// Where a sensor updates only a few times in each block, no block alone tells its noise. This takes all blocks together.
 fn pool(pieces: &mut [Piece]) {
     if pieces.iter().all(|piece| piece.turns.1 < FEWEST) {
         let turns = pieces.iter().fold((0, 0), |sum, piece| (sum.0 + piece.turns.0, sum.1 + piece.turns.1));

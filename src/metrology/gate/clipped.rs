@@ -81,8 +81,8 @@ fn is_too_often(
     at as f64 > RATIO * inside as f64 / codes + MORE
 }
 
-/// Whether a code at an end has no tail beside it: not the end of the noise, but a word that was read in its place. The
-/// spread is that of the values as well, for many such words spoil the differences.
+/// Whether no value lies near a code at an end. Then the code is a wrong word and not the end of the noise. The spread of
+/// the values limits the scale too, since many such words spoil the differences.
 fn is_word(found: &Screening, values: &[f64], block: &Range<usize>, extreme: f64, scale: f64) -> bool {
     let mut kept: Vec<f64> = block.clone().filter(|row| found.keeps(*row)).map(|row| values[row]).collect();
     let level = stats::median(&mut kept);

@@ -8,10 +8,10 @@ const ROUGH: (f64, f64) = (2.0, 6.0);
 /// Number over what a normal distribution gives from which it is worth a closer look.
 const SUSPECT: (f64, f64) = (1.1, 3.0);
 
-/// Chance in the whole record of a run that is taken for a fault.
+/// A run is a fault where chance gives it in fewer records than this.
 const RARE: f64 = 1e-5;
 
-/// The shortest run of rows that is no chance in a record of so many, where one of them has this chance.
+/// The shortest run that is a fault in a record of `rows` rows, each of which has this chance.
 pub(super) fn shortest_run(chance: f64, rows: usize) -> usize {
     if chance < 1.0 { ((RARE / rows as f64).ln() / chance.ln()) as usize + 1 } else { usize::MAX }
 }

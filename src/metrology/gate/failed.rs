@@ -66,7 +66,7 @@ fn judge(
     let mut unsure = Vec::new();
     for run in rows.chunk_by(|row, next| row + 1 == *next) {
         let at = pieces.partition_point(|piece| piece.rows.end <= run[0]).min(pieces.len().saturating_sub(1));
-        // So many of them on end are no chance, and none of them is right. Of a sensor that is read more often than it
+        // Chance does not give so long a run: all its rows are failed reads. Of a sensor that is read more often than it
         // updates, each word comes several times.
         let (chance, again) = (chance(at), again.max(chance(at)));
         let on_end =

@@ -108,12 +108,12 @@ struct Where<'a> {
     far: f64,
 }
 
-/// A scale from few differences may be half of the true one: the larger of both, in scales.
+/// Factor for the scale of a short block: from few differences it may be half of the true one.
 fn few(block: &Range<usize>) -> f64 {
     1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt()
 }
 
-/// By how much a sample differs from both sides when it is no noise of this scale.
+/// A sample that differs from both sides by more than this is not noise of this scale.
 pub(super) fn limit(character: &Character, scale: f64, block: &Range<usize>) -> f64 {
     FAR * few(block) * scale.max(STEP * character.step)
 }
@@ -186,9 +186,9 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
     }
 }
 
-/// Whether a sample lies far from the level on both sides of it, by more than what the samples of these levels spread: so
-/// are found several spikes on end, which hide each other from the nearest neighbours. `Some(false)` where it lies on the
-/// level, as good samples between such spikes do; `None` where the level does not say, or where too many rows on end leave it.
+/// Whether a sample lies farther from the levels on both sides than their samples spread. This finds spikes on end, which
+/// hide each other from their nearest neighbours. `Some(false)`: the sample lies on the level, as good ones between spikes
+/// do. `None`: the level does not tell, or too many rows on end leave it.
 fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> Option<bool> {
     let side = |rows: &mut dyn Iterator<Item = usize>| -> Vec<f64> {
         rows.filter(|row| found.keeps(*row)).take(LEVEL).map(|row| values[row]).collect()
