@@ -188,6 +188,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         }
         found.push(Found::search(run, r / 2, slow[r / 2], options.rate_hz)?);
     }
+    alive(&runs, options.rate_hz)?;
     let windows = windows(&runs, &found, options.rate_hz)?;
     rest(&runs, &found, slow, options.rate_hz)?;
     let mismatch = cancel(&runs, &found, &windows, slow, dt)?;
@@ -294,6 +295,26 @@ fn noise_at_ends(runs: &[&Run], channel: usize, rate_hz: f64) -> f64 {
     };
     let heads = of(&|values| 0..edge.min(values.len()));
     heads.min(of(&|values| values.len() - edge.min(values.len())..values.len()))
+}
+
+/// No channel stands still through a run that is noisy at rest in another: its cross-coupling there would read 0.
+fn alive(runs: &[&Run], rate_hz: f64) -> Result<(), Refusal> {
+    let edge = (REST_S * rate_hz).ceil() as usize;
+    for (i, name) in AXES.into_iter().enumerate() {
+        let still = |run: &&&Run| run.channels[i].iter().all(|v| *v == run.channels[i][0]);
+        let Some(run) = runs.iter().find(still) else { continue };
+        let rests: Vec<&[f64]> = runs
+            .iter()
+            .map(|run| run.channels[i])
+            .flat_map(|values| [&values[..edge.min(values.len())], &values[values.len() - edge.min(values.len())..]])
+            .collect();
+        if series::noisy(&rests) {
+            let (channel, place) = (name.to_owned(), format!("run {}", run.label));
+            let (value, samples) = (run.channels[i][0], run.channels[i].len());
+            return Err(Refusal::Stuck { channel, place, value, samples });
+        }
+    }
+    Ok(())
 }
 
 /// The moving part of a run, in samples.
