@@ -4,6 +4,7 @@
 
 mod truth;
 
+use gnc_metrology::earth::EARTH_RATE_RPS;
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
 use gnc_metrology::rotation::{self, Axis};
 use gnc_metrology::{Refusal, tilt};
@@ -96,7 +97,10 @@ fn positions_that_move_behind_a_low_pass_are_refused() {
 
 /// Rotations whose sensors stand behind a low-pass, with noise at rest of 5 mrad/s.
 fn rotation_runs(part: f64, seed: u64) -> Vec<(String, [Vec<f64>; 3])> {
-    let mut session = Session::example();
+    runs_of(Session::example(), part, seed)
+}
+
+fn runs_of(mut session: Session, part: f64, seed: u64) -> Vec<(String, [Vec<f64>; 3])> {
     let sd = session.noise * 5.0;
     session.noise *= 0.0;
     let mut dice = Dice::new(seed);
@@ -124,5 +128,34 @@ fn rotations_behind_a_low_pass_rest() {
         runs[0].1[2][850..880].iter_mut().for_each(|v| *v += 300.0);
         let refusal = rotation::calibrate(&borrowed(&runs), &options).unwrap_err().to_string();
         assert!(refusal.contains("run x+ moves outside its rotation: z deviates"), "{refusal}");
+    }
+}
+
+/// With a vertical axis nothing is left over that would tell the noise of the integrals: it comes from the rest.
+#[test]
+fn intervals_of_vertical_rotations_hold_behind_a_low_pass() {
+    const SESSIONS: usize = 300;
+    let latitude_deg: f64 = 34.0;
+    let (sin, cos) = latitude_deg.to_radians().sin_cos();
+    let session = || Session { earth_rps: (EARTH_RATE_RPS * sin, EARTH_RATE_RPS * cos), ..Session::example() };
+    let matrix = session().response.try_inverse().unwrap();
+    let options = session().options(Axis::Vertical { latitude_deg });
+    for part in [0.05, 0.1, 0.2] {
+        let (mut held, mut given) = ([0; 9], 0);
+        for seed in 0..SESSIONS {
+            let runs = runs_of(session(), part, seed as u64);
+            let Ok(found) = rotation::calibrate(&borrowed(&runs), &options) else { continue };
+            given += 1;
+            for (held, k) in held.iter_mut().zip(0..) {
+                let expanded = found.coverage_factor() * found.matrix_sd[(k / 3, k % 3)];
+                *held += usize::from((found.matrix[(k / 3, k % 3)] - matrix[(k / 3, k % 3)]).abs() <= expanded);
+            }
+        }
+        println!("{part} of the rate: {held:?} of {given}");
+        assert!(given * 100 >= SESSIONS * 98, "{part} of the rate: {given} of {SESSIONS} are not refused");
+        // 3.9 standard errors below 95 %.
+        let given = given as f64;
+        let least = (0.95 - 3.9 * (0.0475 / given).sqrt()) * given;
+        assert!(held.iter().all(|held| *held as f64 >= least), "{part} of the rate: {held:?} of {given}");
     }
 }
