@@ -96,7 +96,7 @@ pub(super) struct Stability {
 impl Stability {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let Sampled { values, rate_hz, mut columns, gated } = self.source.read(reading)?;
-        let block_s = self.block_s(rate_hz, &mut columns)?;
+        let block_s = self.block_s(rate_hz, &mut columns);
         let s = stability::stability(&values, rate_hz, block_s)?;
         let mut report = Report::new("stability");
         report
@@ -116,21 +116,15 @@ impl Stability {
         Ok(Outcome { report, panels: vec![panel] })
     }
     /// Length of a block, s, of whole samples: rounded where clocks told the rate, since they tell no whole number.
-    fn block_s(&self, rate_hz: f64, columns: &mut Columns) -> Result<f64, ComputeError> {
+    fn block_s(&self, rate_hz: f64, columns: &mut Columns) -> f64 {
         let whole = (rate_hz * self.block).round();
         let block_s = whole / rate_hz;
         let fits = (block_s / self.block - 1.0).abs() < WHOLE;
-        if fits || whole < 1.0 || !whole.is_finite() {
-            return Ok(self.block);
-        }
-        if self.source.rate.is_some() {
-            return Err(ComputeError::Usage(format!(
-                "block (s) is {} and the rate {rate_hz} Hz, expected a whole number of samples: --rate {} or --block {block_s}",
-                self.block,
-                whole / self.block,
-            )));
+        // A block that does not fit a stated rate is a mistake, and refused.
+        if fits || whole < 1.0 || !whole.is_finite() || self.source.rate.is_some() {
+            return self.block;
         }
         columns.about.understood.push(format!("blocks of {whole} samples, {block_s:.6} s"));
-        Ok(block_s)
+        block_s
     }
 }
