@@ -214,7 +214,7 @@ impl Bench {
         self.can.pop()
     }
 
-    /// Time before `now` in which the host could not speak is no silence of the host.
+    /// The watchdogs do not count `span` before `now`, in which the host could not speak.
     pub(crate) fn excuse(&mut self, span: Duration, now: Duration) {
         self.slave.excuse(span, now);
         self.can_slave.excuse(span, now);

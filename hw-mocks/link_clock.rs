@@ -1,9 +1,8 @@
-//! Link time of a bench that is served on ports: wall time, which the signs of life of host and board go by.
+//! Link time of a bench on ports. It is wall time: host and board time their signs of life by the wall.
 //!
-//! At full speed the board's watchdog is excused the time in which the thread that serves the bench got no processor.
-//! There board time goes by what is asked and not by the wall, and host and bench share a computer: one that is too busy
-//! to run them is no host that fell silent. The board's own signs of life go by the wall all the same, since the host
-//! counts them by the wall.
+//! At full speed the board's watchdog does not count the time in which the bench's thread got no processor. At that speed
+//! requests move board time, and host and bench share a computer. A busy computer does not mean that the host fell
+//! silent. The board's own signs of life go by the wall all the same, since the host counts them by the wall.
 
 use std::time::{Duration, Instant};
 
@@ -12,8 +11,8 @@ use crate::bench::Speed;
 /// Longest wait, so that a computer that stands still is noticed.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// The longest time between two looks at the clock, beside a wait, that is taken for work: a look makes some kilobytes of
-/// samples, or a piece of a memory test, each a few milliseconds of a processor. A busy computer hands its processors
-/// on after some milliseconds, so that what is more was spent waiting for one.
+/// samples, or a piece of a memory test, each a few milliseconds of a processor. A busy computer takes a processor
+/// away after some milliseconds, so in any longer time the thread waited for one.
 const WORK: Duration = Duration::from_millis(20);
 
 /// The clock.
@@ -40,7 +39,7 @@ impl LinkClock {
         self.look(Instant::now(), at_most);
     }
 
-    /// Time in which the computer stood still at full speed, since this was asked last.
+    /// Time in which the computer stood still at full speed since the last call.
     pub(crate) fn take_stood_still(&mut self) -> Duration {
         std::mem::take(&mut self.stood_still)
     }

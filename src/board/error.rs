@@ -174,12 +174,12 @@ impl BoardError {
             Self::Version { .. } => "update the board's firmware or the station so that they share a version",
             Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
             Self::NoHeartbeat { .. } => {
-                "compare the board's firmware with the interface document: a heartbeat each second; a simulated board misses it \
-                 where this computer is too busy to run it: start again with less beside it"
+                "compare the board's firmware with the interface document: a heartbeat each second; if the board is \
+                 simulated, this computer was too busy: close other programs and start again"
             }
             Self::SessionEnded => {
-                "another program may have used the port, or this computer was too busy to run the station: start again with \
-                 less beside it"
+                "another program may have used the port, or this computer was too busy to run the station: close other \
+                 programs and start again"
             }
             Self::Refused { code: NakCode::DoesNotFit, .. } => "lower the rate in the plan or raise the port's rate",
             Self::Refused { code: NakCode::NotPowered, .. } => {

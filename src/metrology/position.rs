@@ -12,6 +12,9 @@ pub const LABELS: [&str; 6] = ["x+", "x-", "y+", "y-", "z+", "z-"];
 /// Fewer rows than this have no block means worth testing for motion.
 const MOTION_ROWS: usize = 64;
 const MOTION_BLOCKS: usize = 8;
+/// Shorter means in each of these blocks, whose scatter says what noise explains of that of the blocks: behind a low-pass it is
+/// more than neighbouring rows say.
+const MEANS_OF_BLOCK: usize = 4;
 
 /// A position with fewer rows than this part of the median position is refused as too short.
 const SHORT_FRACTION: f64 = 0.1;
@@ -46,7 +49,7 @@ pub struct Limits {
     /// Block means of a position may spread by this part of a channel's response (half the range of its position
     /// means). 0.002 is 2 mrad of pose for an accelerometer; 0 where the response is no yardstick (gyroscopes).
     pub motion: f64,
-    /// ... and by this many standard errors that the white noise of the record explains.
+    /// ... and by this many standard errors that the noise of the record explains.
     pub noise_factor: f64,
     /// Output at which a channel is saturated, if known.
     pub saturation: Option<f64>,
@@ -195,6 +198,7 @@ fn stillness(
     let noisy = stats::median(&mut noise.clone()) > 0.0;
     let means = || positions.iter().map(|p| p.mean[axis]);
     let response = (means().fold(f64::MIN, f64::max) - means().fold(f64::MAX, f64::min)) / 2.0;
+    let slow = noise_of_means(named.iter().map(|(_, _, b)| &values[b.clone()]));
     for ((label, _, block), noise) in named.iter().zip(noise) {
         let values = &values[block.clone()];
         if noisy && noise == 0.0 && values.len() >= 8 {
@@ -205,21 +209,29 @@ fn stillness(
             continue;
         }
         series::unsaturated(&format!("{} of position {label}", AXES[axis]), values, None)?;
-        if let Some((spread, noise, limit)) = wander(values, response, limits) {
+        if let Some((spread, noise, limit)) = wander(values, response, slow, limits) {
             return Err(Refusal::Moved { position: label.clone(), channel: AXES[axis], spread, noise, limit });
         }
     }
     Ok(())
 }
 
-/// Spread of the block means of one position, what its white noise explains, and the limit, where that is exceeded.
-pub(crate) fn wander(values: &[f64], response: f64, limits: &Limits) -> Option<(f64, f64, f64)> {
+/// The noise of a channel as its means show it, from all positions: a position that moves does not enter it.
+pub(crate) fn noise_of_means<'a>(positions: impl Iterator<Item = &'a [f64]>) -> f64 {
+    let long = positions.filter(|values| values.len() >= MOTION_ROWS);
+    stats::sd_of_means(&long.map(|values| (values, values.len() / MOTION_BLOCKS / MEANS_OF_BLOCK)).collect::<Vec<_>>())
+}
+
+/// Spread of the block means of one position, what noise explains, and the limit, where that is exceeded. The noise is that of
+/// its rows or, where that is more, that of the means of its channel.
+pub(crate) fn wander(values: &[f64], response: f64, noise_of_means: f64, limits: &Limits) -> Option<(f64, f64, f64)> {
     if values.len() < MOTION_ROWS {
         return None;
     }
     let means: Vec<f64> = values.chunks_exact(values.len() / MOTION_BLOCKS).map(stats::mean).collect();
     let spread = means.iter().copied().fold(f64::MIN, f64::max) - means.iter().copied().fold(f64::MAX, f64::min);
-    let noise = limits.noise_factor * stats::white_sd(values) * (MOTION_BLOCKS as f64 / values.len() as f64).sqrt();
+    let sd = stats::white_sd(values).max(noise_of_means);
+    let noise = limits.noise_factor * sd * (MOTION_BLOCKS as f64 / values.len() as f64).sqrt();
     let limit = noise.max(limits.motion * response);
     // The smallest double of the record's size: a noiseless record is still.
     (spread > limit.max(1e-12 * means[0].abs())).then_some((spread, noise, limit))

@@ -182,9 +182,9 @@ impl Spectrum {
         self.plateau_of(&part, self.level(&part)?)
     }
 
-    /// The same beside a flicker that is too weak to show in the level part and yet raises its level by more than the
-    /// level scatters: the fit has a term `rise / f`, with a rise that is not negative. The standard deviation is half as
-    /// large again and more, and a spike counts more.
+    /// The same with a term `rise / f` in the fit, `rise >= 0`. A flicker too weak to show in the level part still raises its
+    /// level by more than its scatter. This fit's standard deviation is larger, in a level part of 128 bins by a third and of
+    /// 32 bins twofold, and a spike moves its level more.
     #[must_use]
     pub fn plateau_above_flicker(&self) -> Option<Plateau> {
         let part = self.level_part()?;
@@ -195,7 +195,7 @@ impl Spectrum {
         let groups = self.groups();
         let mut best: Option<(f64, usize, usize)> = None;
         for from in 0..groups.len() {
-            for to in from + 3..groups.len() {
+            for to in from + FEWEST_GROUPS - 1..groups.len() {
                 let ratio = groups[to].end() as f64 / groups[from].first as f64;
                 if ratio < NARROWEST || best.is_some_and(|(widest, ..)| ratio <= widest) {
                     continue;
@@ -208,8 +208,9 @@ impl Spectrum {
             }
         }
         let (_, from, to) = best?;
-        let highest = groups[to].end() / 2;
-        Some(groups[from..=to].iter().copied().take_while(|g| to - from < 4 || g.end() <= highest).collect())
+        let part = &groups[from..=to];
+        let below = part.partition_point(|g| g.end() <= groups[to].end() / 2);
+        Some(if below < FEWEST_GROUPS { part } else { &part[..below] }.to_vec())
     }
 
     fn plateau_of(&self, part: &[Group], level: Level) -> Option<Plateau> {
@@ -254,9 +255,6 @@ impl Spectrum {
     /// Weighted fit of `level + bend f^2 + rise / f`; without the rise where it is negative.
     fn level_above_flicker(&self, groups: &[Group]) -> Option<Level> {
         let level = self.level(groups)?;
-        if groups.len() <= 3 {
-            return Some(level);
-        }
         let mut curve = vec![level.density; groups.len()];
         let mut clear = level;
         // The scatter is that of the fitted curve.
@@ -311,6 +309,9 @@ impl Spectrum {
 const LEVEL: f64 = 0.2;
 /// Ratio of the ends of the narrowest part that counts as level.
 const NARROWEST: f64 = 4.0;
+/// Groups of a level part at least: one more than the terms of the widest fit, so that none passes through all of them. Where
+/// the part without its upper octave has fewer, the whole part counts.
+const FEWEST_GROUPS: usize = 4;
 
 /// Neighbouring bins.
 #[derive(Debug, Clone, Copy)]
@@ -449,6 +450,52 @@ mod tests {
         println!("covered {covered} of {records}");
         // 68.3 % of 200 are 137, 3.9 standard errors 25.7.
         assert!((111..=162).contains(&covered), "{covered}");
+    }
+
+    /// Without its upper octave a level part from bin 2 to 8 or 10 has two or three groups, through which a line with a bend
+    /// goes whatever they scatter: the whole part counts. From 12 on the octave is left out.
+    #[test]
+    fn a_plateau_has_more_groups_than_terms() {
+        for (end, to_hz) in [(8, 7.0), (10, 9.0), (12, 5.0)] {
+            // What follows is level nowhere.
+            let density = (0..33).map(|k| if k < end { 3.0 } else { [100.0, 3000.0][k / 2 % 2] }).collect();
+            let spectrum = Spectrum { step_hz: 1.0, density, relative_sd: 0.1 };
+            let plateau = spectrum.plateau().unwrap();
+            assert_eq!((plateau.from_hz, plateau.to_hz), (2.0, to_hz), "{end}");
+            assert!((plateau.density / 3.0 - 1.0).abs() < 1e-12, "{end}");
+            if end == 8 {
+                // Six bins at squares of 4, 9, 16, 25, 36 and 49: least squares of a line know its beginning with a variance
+                // of 4675 / (6 * 4675 - 139^2). Bins 2 and 3 alone would know it with 97 / 25.
+                assert!((plateau.relative_sd - 0.1 * (4675.0_f64 / 8729.0).sqrt()).abs() < 1e-12);
+            }
+        }
+    }
+
+    /// White noise of a level of 3 beside flicker: the level comes back as it is, where the fit without a rise takes the
+    /// mean of the flicker for white noise. Where the density falls towards low frequencies there is no rise.
+    #[test]
+    fn the_plateau_above_a_flicker_is_the_white_level() {
+        let with = |rise: f64, len: usize| {
+            let density = (0..len).map(|k| 3.0 * (1.0 + rise / (k as f64).max(1.0))).collect();
+            Spectrum { step_hz: 0.5, density, relative_sd: 0.1 }
+        };
+        for rise in [0.05, 0.2, 0.4] {
+            // And how much larger the standard deviation is without flicker, from the matrices of both fits in numpy.
+            for (len, wider) in [(17, 4.06), (65, 1.90), (257, 1.31)] {
+                let spectrum = with(rise, len);
+                let (level, clear) = (spectrum.plateau().unwrap(), spectrum.plateau_above_flicker().unwrap());
+                assert_eq!((clear.from_hz, clear.to_hz), (level.from_hz, level.to_hz));
+                assert!((clear.density / 3.0 - 1.0).abs() < 1e-9, "{rise} {len}: {clear:?}");
+                // Every bin of the part holds more flicker than its last one.
+                let last = 1.0 + rise * spectrum.step_hz / level.to_hz;
+                assert!(level.density > 3.0 * last, "{rise} {len}: {level:?}");
+                let ratio = clear.relative_sd / level.relative_sd;
+                assert!(rise > 0.05 || (ratio / wider - 1.0).abs() < 0.03, "{len}: {ratio} {wider}");
+            }
+        }
+        let falling = with(-0.1, 257);
+        assert_eq!(falling.plateau_above_flicker().unwrap(), falling.plateau().unwrap());
+        assert_eq!(with(1000.0, 257).plateau_above_flicker(), None);
     }
 
     #[test]

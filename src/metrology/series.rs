@@ -98,6 +98,17 @@ pub fn unclipped(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// Whether the noise of these stretches is above a step, so that one value all the time is no measurement.
+pub(crate) fn noisy(stretches: &[&[f64]]) -> bool {
+    // Noise of half a step and less differs by one step where it differs at all.
+    const STEPS: f64 = 1.5;
+    let within = |values: &&[f64]| values.windows(2).map(|w| (w[1] - w[0]).abs()).collect::<Vec<_>>();
+    let changes = || stretches.iter().flat_map(within).filter(|change| *change > 0.0);
+    let (squares, count) = changes().fold((0.0, 0), |(s, n), change| (s + change * change, n + 1));
+    let step = changes().fold(f64::INFINITY, f64::min);
+    count > 0 && (squares / f64::from(count)).sqrt() >= STEPS * step
+}
+
 /// Smallest and largest of finite values.
 #[must_use]
 pub fn range(values: &[f64]) -> (f64, f64) {

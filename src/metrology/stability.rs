@@ -51,8 +51,6 @@ pub fn stability(values: &[f64], rate_hz: f64, block_s: f64) -> Result<Stability
 fn alive(values: &[f64], block_samples: usize) -> Result<(), Refusal> {
     // Noise of a step or more leaves neighbours equal in 28 % of all pairs at most: 24 in a row come once in 10^12 times.
     const CHANCE: usize = 24;
-    // Noise of half a step and less differs by one step where it differs at all.
-    const STEPS: f64 = 1.5;
     let Some((first, rest)) = values.split_first() else { return Ok(()) };
     if rest.iter().all(|v| v == first) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: *first });
@@ -63,10 +61,7 @@ fn alive(values: &[f64], block_samples: usize) -> Result<(), Refusal> {
     // A block that moves says so with its first rows; only what stands still is measured.
     let stuck = |block: &[f64]| block.iter().all(|v| *v == block[0]);
     let Some(block) = values.chunks_exact(block_samples).position(stuck) else { return Ok(()) };
-    let changes = || values.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|change| *change > 0.0);
-    let (squares, count) = changes().fold((0.0, 0), |(s, n), change| (s + change * change, n + 1));
-    let step = changes().fold(f64::INFINITY, f64::min);
-    if (squares / f64::from(count.max(1))).sqrt() < STEPS * step {
+    if !series::noisy(&[values]) {
         return Ok(());
     }
     Err(Refusal::Stuck {

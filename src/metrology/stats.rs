@@ -120,6 +120,11 @@ fn rice_probability(length: f64, ratio: f64) -> f64 {
     sum
 }
 
+/// Median of the absolute value of a normal one, in standard deviations.
+pub(crate) const MEDIAN_DEVIATION: f64 = 0.674_49;
+/// Median of the absolute difference of two normal values, in standard deviations: 0.6745 sqrt 2.
+pub(crate) const MEDIAN_DIFFERENCE: f64 = 0.953_87;
+
 /// Mean, with the first value removed before the sum so that an offset costs no digits. NaN when empty.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
@@ -158,8 +163,6 @@ pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
 /// does not enter it. 0 below two values.
 #[must_use]
 pub fn median_step(values: &[f64]) -> f64 {
-    // Of two normal values: 0.6745 sqrt 2 standard deviations.
-    const MEDIAN_DIFFERENCE: f64 = 0.953_87;
     let mut steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     if steps.is_empty() { 0.0 } else { median(&mut steps) / MEDIAN_DIFFERENCE }
 }
@@ -170,6 +173,28 @@ pub fn median_step(values: &[f64]) -> f64 {
 pub fn white_sd(values: &[f64]) -> f64 {
     let sum: f64 = values.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
     (sum / (2.0 * (values.len().max(2) - 1) as f64)).sqrt()
+}
+
+/// Standard deviation of white noise whose means would scatter as those of a record do: from the median absolute difference
+/// of neighbouring means in all its stretches, each with the rows of its means, times the root of these rows. Behind a
+/// low-pass neighbours err alike and means scatter by more than [`white_sd`] says. Motion in less than half of the record does
+/// not enter it. 0 where no stretch holds two means.
+#[must_use]
+pub fn sd_of_means(stretches: &[(&[f64], usize)]) -> f64 {
+    let mut differences = Vec::new();
+    for (values, rows) in stretches {
+        let level = values.first().copied().unwrap_or(0.0);
+        let running = values.iter().scan(0.0, |sum, value| {
+            *sum += value - level;
+            Some(*sum)
+        });
+        let sums: Vec<f64> = std::iter::once(0.0).chain(running).collect();
+        let rows = (*rows).max(1);
+        let root = (rows as f64).sqrt();
+        let pairs = sums.iter().zip(sums.iter().skip(rows)).zip(sums.iter().skip(2 * rows));
+        differences.extend(pairs.map(|((from, middle), to)| (to - 2.0 * middle + from).abs() / root));
+    }
+    if differences.is_empty() { 0.0 } else { median(&mut differences) / MEDIAN_DIFFERENCE }
 }
 
 /// Median of the values, which are reordered. NaN when empty.

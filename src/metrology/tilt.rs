@@ -86,9 +86,11 @@ pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> R
         *side = (mean, sd / (rows.len() as f64).sqrt());
     }
     let found = flip(sides[0], sides[1], gravity)?;
+    let slow = position::noise_of_means(blocks.iter().map(|block| &values[block.clone()]));
     for block in &blocks {
-        let limits = Limits::ACCELEROMETER;
-        if let Some((spread, noise, limit)) = position::wander(&values[block.clone()], found.gain * gravity, &limits) {
+        let rows = &values[block.clone()];
+        let wander = position::wander(rows, found.gain * gravity, slow, &Limits::ACCELEROMETER);
+        if let Some((spread, noise, limit)) = wander {
             let position = labels[block.start].as_ref().to_owned();
             return Err(Refusal::Moved { position, channel: "a", spread, noise, limit });
         }

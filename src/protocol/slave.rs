@@ -186,7 +186,8 @@ impl Slave {
         }
     }
 
-    /// Of the time up to `now`, so much is no silence of the host: a simulator's, that stood still together with its host.
+    /// The watchdog does not count `span` of the time up to `now`. A simulator calls this when it stood still together with
+    /// its host.
     pub fn excuse(&mut self, span: Duration, now: Duration) {
         self.heard = (self.heard + span).min(now).max(self.heard);
     }

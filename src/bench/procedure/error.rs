@@ -130,7 +130,7 @@ pub enum ProcedureError {
         /// Frames of an earlier exchange, or of another node, that came under test ids before any could be sent.
         stale: u64,
     },
-    /// Somebody else uses the ids of the test frames, so that nothing can be said of what is missing or too much.
+    /// Another node uses the ids of the test frames, so the station cannot tell which frames are missing or too many.
     #[error(
         "another node uses the ids of CAN test frames: beside the {sent} frames of this station, of which {lost} did not come \
          back unaltered, {foreign} of another sender passed, and {strange} that are no answer to this station's"

@@ -7,8 +7,9 @@
 //! noise of coefficient N with memory, `var(angle) = N^2 t - C` as soon as the memory is over, and the deviation follows as
 //! `dev^2 = N^2 / tau - 3 C / (2 tau^2)`. So a band limit is a quantisation term of the other sign, whatever its order. Within
 //! the memory the curve differs by what is left of it, which falls exponentially: at twice the time it is squared. So one
-//! octave more than chi-square asks for is left out, and nothing remains of it. Chance may hide what the first of these points
-//! holds of the memory, and then N takes it up: so the first deviation, which every memory lowers, must say that it is over too.
+//! octave more than chi-square asks for is left out, and nothing remains of it. Chance may hide the memory that is left in the
+//! first of these points, and then N absorbs it. Every memory lowers the first deviation, so that deviation must also show that
+//! the memory is over.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -39,8 +40,8 @@ const TOO_GOOD: f64 = 1e-6;
 const MODEL_ERROR: f64 = 0.03;
 /// A band limit is fitted from this many standard deviations on: where one is missed, it bends N.
 const BAND_LIMIT: f64 = 1.5;
-/// Most that a fit may have of the sensor's memory at its first point, in standard deviations of that point, by a low-pass of
-/// the first order. (A steeper one forgets sooner than one of the first order with the same deviation at one sample.)
+/// Most of the sensor's memory, as of a low-pass of the first order, that may be left at a fit's first point, in standard
+/// deviations of that point. (A steeper one forgets sooner than one of the first order with the same deviation at one sample.)
 const REMEMBERED: f64 = 3.0;
 /// Quantisation is fitted from this many on.
 const QUANTISATION: f64 = 3.0;
@@ -369,8 +370,7 @@ impl Solved {
         if self.squares[N] <= 0.0 || left >= 1.0 {
             return 0.0;
         }
-        let b = 2.0 + left;
-        let a = (b - (b * b - 4.0 * (1.0 - left)).sqrt()) / 2.0;
+        let a = (2.0 + left - (left * (left + 8.0)).sqrt()) / 2.0;
         let (c, m) = (2.0 * a / (1.0 - a * a), curve.tau_s[self.start] / dt_s);
         // The memory of a slower one would take more than there is.
         let level = (1.0 - 1.5 * c / m).max(0.0);

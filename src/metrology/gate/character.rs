@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::extremes::Extremes;
+use crate::stats::MEDIAN_DIFFERENCE;
 
 /// Rows of a piece.
 const PIECE: usize = 2048;
@@ -10,8 +11,6 @@ const PIECE: usize = 2048;
 const LOOKS: usize = 128;
 /// Values from which the step between codes is learned.
 const LEARN: usize = 4096;
-/// Median of the absolute difference of two normal values, in standard deviations: 0.6745 sqrt 2.
-const MEDIAN_DIFFERENCE: f64 = 0.953_87;
 /// Of independent values two differences in three change their sign, of low-passed ones a tenth at a twentieth of the
 /// rate; a smooth motion turns once or twice.
 const NOISY: f64 = 0.08;
@@ -198,7 +197,7 @@ fn is_noisy((turns, pairs): (usize, usize)) -> bool {
     pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
 }
 
-/// A sensor that updates a few times in each block says in none of them what its noise is: all of them say it together.
+/// Where a sensor updates only a few times in each block, no block alone tells its noise. This takes all blocks together.
 fn pool(pieces: &mut [Piece]) {
     if pieces.iter().all(|piece| piece.turns.1 < FEWEST) {
         let turns = pieces.iter().fold((0, 0), |sum, piece| (sum.0 + piece.turns.0, sum.1 + piece.turns.1));
@@ -228,12 +227,12 @@ fn step(values: &[f64]) -> f64 {
         return if told { divisor.max(1) as f64 } else { 1.0 };
     }
     let largest = sorted.first().map_or(0.0, |low| low.abs()).max(sorted.last().map_or(0.0, |high| high.abs()));
-    // Below this a distance is rounding.
-    let rounding = 1e-13 * largest;
+    // What two values differ by their rounding is none; each for itself, since one large word says nothing about the others.
+    let rounding = |pair: &[f64]| 1e-13 * pair[0].abs().max(pair[1].abs());
     sorted
         .windows(2)
+        .filter(|pair| pair[1] - pair[0] > rounding(pair))
         .map(|pair| pair[1] - pair[0])
-        .filter(|gap| *gap > rounding)
         .fold(f64::INFINITY, f64::min)
         .min(largest)
 }

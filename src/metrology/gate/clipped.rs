@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::character::Character;
 use super::extremes::PART;
-use super::{Fault, Screening, spikes};
+use super::{Fault, Screening};
 use crate::stats;
 
 /// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
@@ -81,15 +81,15 @@ fn is_too_often(
     at as f64 > RATIO * inside as f64 / codes + MORE
 }
 
-/// Whether a code at an end has no tail beside it: not the end of the noise, but a word that was read in its place. The
-/// spread is that of the values as well, for many such words spoil the differences.
+/// Whether no value lies near a code at an end. Then the code is a wrong word and not the end of the noise. The spread of
+/// the values limits the scale too, since many such words spoil the differences.
 fn is_word(found: &Screening, values: &[f64], block: &Range<usize>, extreme: f64, scale: f64) -> bool {
     let mut kept: Vec<f64> = block.clone().filter(|row| found.keeps(*row)).map(|row| values[row]).collect();
     let level = stats::median(&mut kept);
     let away = |value: &&f64| **value != extreme;
     let nearest = kept.iter().filter(away).map(|value| (value - extreme).abs()).fold(f64::INFINITY, f64::min);
     let mut spread: Vec<f64> = kept.iter().map(|value| (value - level).abs()).collect();
-    let spread = stats::median(&mut spread) / spikes::MEDIAN_DEVIATION;
+    let spread = stats::median(&mut spread) / stats::MEDIAN_DEVIATION;
     spread > 0.0 && nearest.is_finite() && nearest > TAIL * spread.min(scale)
 }
 

@@ -8,12 +8,12 @@ const ROUGH: (f64, f64) = (2.0, 6.0);
 /// Number over what a normal distribution gives from which it is worth a closer look.
 const SUSPECT: (f64, f64) = (1.1, 3.0);
 
-/// Chance in the whole record of a run that is taken for a fault.
+/// A run is a fault where chance gives it in fewer records than this.
 const RARE: f64 = 1e-5;
 
-/// The shortest run of rows that is no chance in a record of so many, where one of them has this chance.
+/// The shortest run that is a fault in a record of `rows` rows, each of which has this chance.
 pub(super) fn shortest_run(chance: f64, rows: usize) -> usize {
-    if chance < 1.0 { (RARE / rows as f64).ln().div_euclid(chance.ln()) as usize + 1 } else { usize::MAX }
+    if chance < 1.0 { ((RARE / rows as f64).ln() / chance.ln()) as usize + 1 } else { usize::MAX }
 }
 
 /// How many rows are too many.
@@ -39,6 +39,14 @@ impl Excess {
         let natural = beside().map(|[one, two]| ((4.0 * one - two) / 3.0).max(expected.min(1.0)));
         let (natural, limit) = natural.map_or((expected, ROUGH), |natural| (natural, CHANCE));
         if above(natural, limit) { Self { share: 1.0 - natural / counted, owed: 0.0 } } else { none }
+    }
+
+    /// `counted` rows, where so many are natural at most.
+    pub(super) fn over(counted: usize, natural: f64) -> Self {
+        let counted = counted as f64;
+        let (times, sigmas) = CHANCE;
+        let above = counted > times * natural + sigmas * natural.sqrt();
+        Self { share: if above { 1.0 - natural / counted } else { 0.0 }, owed: 0.0 }
     }
 
     /// Whether there are too many at all.
@@ -94,6 +102,14 @@ mod tests {
         // Without a closer look twice the number is chance.
         assert_eq!(marked(1000, None).iter().sum::<usize>(), 0);
         assert_eq!(marked(1200, None).iter().sum::<usize>(), 700);
+    }
+
+    /// 20,000 rows times 0.0133^k are 6.3e-4 for four rows and 8.3e-6 for five.
+    #[test]
+    fn the_shortest_run_is_the_first_that_is_rare() {
+        assert_eq!(shortest_run(0.0133, 20_000), 5);
+        assert_eq!(shortest_run(1e-10, 1000), 1);
+        assert_eq!(shortest_run(1.0, 1000), usize::MAX);
     }
 
     /// At 0 the density of a normal distribution of 1.6 steps is 1.216 times that one step beside, and the curvature

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::character::Character;
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
-use super::{Fault, Screening};
+use super::{Fault, Layout, Screening, tails};
 
 /// Rows beside a row from which its level is known.
 const BESIDE: usize = 5;
@@ -13,7 +13,7 @@ const BESIDE: usize = 5;
 const NEAR: f64 = 8.0;
 
 /// Marks rows in which all channels show 0, or all show -1, where that is no chance.
-pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) {
+pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
     let lowest_step = characters.iter().map(|character| character.step).fold(f64::INFINITY, f64::min);
     let mut words = vec![0.0, -1.0];
     if lowest_step.is_finite() && lowest_step > 0.0 {
@@ -25,7 +25,11 @@ pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[
     }
     for (word, rows) in words.iter().zip(rows_of(channels, &words, found.rows())) {
         if !rows.is_empty() {
-            judge(found, channels, characters, blocks, *word, &rows);
+            judge(found, channels, characters, layout.blocks, *word, &rows);
+            // Of a motion, whose turning points may show one code often, nothing is said.
+            if layout.still {
+                judge_tails(found, channels, characters, layout.blocks, *word, &rows);
+            }
         }
     }
 }
@@ -56,21 +60,67 @@ fn judge(
         characters.iter().map(|character| character.chance_of_code(&character.pieces[at])).product()
     };
     let expected: f64 = pieces.iter().enumerate().map(|(at, piece)| piece.rows.len() as f64 * chance(at)).sum();
-    let mut excess = Excess::of(rows.len(), expected, || codes_beside(channels, word, characters));
+    let on_end = rows.windows(2).any(|pair| pair[0] + 1 == pair[1]);
+    let again = if on_end { repeats_of_others(found, channels, word) } else { 0.0 };
     let mut block = 0;
+    let mut unsure = Vec::new();
     for run in rows.chunk_by(|row, next| row + 1 == *next) {
         let at = pieces.partition_point(|piece| piece.rows.end <= run[0]).min(pieces.len().saturating_sub(1));
-        // So many of them on end are no chance, and none of them is right.
-        let on_end = run.len() > 1 && run.len() >= excess::shortest_run(chance(at), found.rows());
+        // Chance does not give so long a run: all its rows are failed reads. Of a sensor that is read more often than it
+        // updates, each word comes several times.
+        let (chance, again) = (chance(at), again.max(chance(at)));
+        let on_end =
+            run.len() > 1 && run.len() >= excess::shortest_run(again, (found.rows() as f64 * chance / again) as usize);
         for row in run {
             while block + 1 < blocks.len() && blocks[block].end <= *row {
                 block += 1;
             }
-            if on_end || is_impossible(channels, characters, &blocks[block], word, *row) || excess.takes(1) {
+            if on_end || is_impossible(channels, characters, &blocks[block], word, *row) {
                 found.mark(*row, Fault::FailedRead);
+            } else {
+                unsure.push(*row);
             }
         }
     }
+    let mut excess = Excess::of(unsure.len(), expected, || codes_beside(channels, word, characters));
+    for row in unsure {
+        if excess.takes(1) {
+            found.mark(row, Fault::FailedRead);
+        }
+    }
+}
+
+/// Rows of a word that lie in the tail of a channel's noise, where that gives fewer.
+fn judge_tails(
+    found: &mut Screening,
+    channels: &[&[f64]],
+    characters: &[Character],
+    blocks: &[Range<usize>],
+    word: f64,
+    rows: &[usize],
+) {
+    for (values, character) in channels.iter().zip(characters) {
+        for side in [1.0, -1.0] {
+            let unsure: Vec<usize> = rows.iter().copied().filter(|row| found.keeps(*row)).collect();
+            let in_tail = tails::in_tail(found, values, character, blocks, (word, &unsure), side);
+            let Some((tail, natural)) = in_tail else { continue };
+            let mut excess = Excess::over(tail.len(), natural);
+            for row in tail {
+                if excess.takes(1) {
+                    found.mark(row, Fault::FailedRead);
+                }
+            }
+        }
+    }
+}
+
+/// Part of the rows in which all channels repeat another value than a word.
+fn repeats_of_others(found: &Screening, channels: &[&[f64]], word: f64) -> f64 {
+    let repeats = (1..found.rows()).filter(|row| {
+        channels.iter().all(|values| values[*row] == values[row - 1])
+            && channels.iter().any(|values| values[*row] != word)
+    });
+    repeats.count() as f64 / found.rows() as f64
 }
 
 /// Whether a channel lies far from the word on both sides of a row.

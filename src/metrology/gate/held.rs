@@ -1,6 +1,6 @@
 //! One word for several rows on end, far from both sides: a chip or a link that hung on a 0 or on the word of an error.
-//! Medians of neighbours do not show it, for its rows are neighbours of each other. An end of the range that is held is no
-//! failed read but a sensor at its end; the methods check for that.
+//! Medians of neighbours do not show it, for its rows are neighbours of each other. A held end of the range is not a failed
+//! read. The sensor is at its end, and the methods check for that.
 
 use std::ops::Range;
 

@@ -83,9 +83,9 @@ pub(super) fn bridge(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
 ///
 /// Of a value between two neighbours the prediction is `m + a (l + r - 2 m)` with `a = r1 / (1 + r2)`, where r1, r2 are the
 /// correlations of rows one and two apart and m is what the level beside it says: `M + b (L - M)`, with the mean M of the
-/// block, the mean L of the rows beside, and the regression b of a value on L. White noise has b = 0: a value that took L
-/// as it is would be like its neighbours, and raise every deviation at longer times by its share. With their own
-/// correlations the values then vary as those that they replace.
+/// block, the mean L of the rows beside, and the regression b of a value on L. White noise has b = 0. With b = 1 the value
+/// would follow its neighbours and raise every deviation at longer times. With their own correlations the values then vary
+/// as those that they replace.
 pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<usize>]) -> Vec<f64> {
     let mut mended = bridge(values, faults, blocks);
     for block in blocks {
@@ -142,7 +142,9 @@ fn regression(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) ->
     let mut sums = vec![(0.0, 0_usize)];
     for row in rows.clone() {
         let (sum, bad) = sums[sums.len() - 1];
-        sums.push((sum + values[row] - mean, bad + usize::from(faults[row].is_some())));
+        // A row that is left out adds nothing: a large word would take the digits of all sums behind it.
+        let is_bad = faults[row].is_some();
+        sums.push((sum + if is_bad { 0.0 } else { values[row] - mean }, bad + usize::from(is_bad)));
     }
     let (mut squares, mut products) = (0.0, 0.0);
     for row in BESIDE..rows.len().saturating_sub(BESIDE) {
@@ -154,7 +156,7 @@ fn regression(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) ->
             products += beside * own;
         }
     }
-    // A short block says nothing; its level is that of the rows beside.
+    // A block too short for a regression takes the level of the rows beside.
     (mean, if squares > 0.0 { (products / squares).clamp(0.0, 1.0) } else { 1.0 })
 }
 

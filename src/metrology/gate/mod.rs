@@ -20,6 +20,7 @@ mod held;
 mod mend;
 mod spikes;
 mod stale;
+mod tails;
 #[cfg(test)]
 mod tests;
 
@@ -127,7 +128,7 @@ impl Screening {
         let mut found = Self { faults: vec![None; rows], left_out: LeftOut::default(), clipped_at: None, polled: None };
         let characters: Vec<Character> =
             channels.iter().map(|values| Character::of(&values[..rows], layout.blocks)).collect();
-        failed::at_once(&mut found, channels, &characters, layout.blocks);
+        failed::at_once(&mut found, channels, &characters, layout);
         for (values, character) in channels.iter().zip(&characters) {
             held::search(&mut found, values, character, layout.blocks);
         }
@@ -226,7 +227,8 @@ impl Screening {
         let limit_percent = if rows == Rows::Samples { MOST_OF_MEANS_PERCENT } else { MOST_OF_SERIES_PERCENT };
         let above = |count: usize, limit_percent: f64| count as f64 * 100.0 > limit_percent * total as f64;
         let LeftOut { failed_reads, spikes, stale, clipped } = self.left_out;
-        // Where one row in four is bad, some of the bad ones are left and look like an end: the larger number is the cause.
+        // Where one row in four is bad, the scale is spoilt and the end of the noise looks clipped. The refusal names the
+        // larger number.
         let mostly_bad = above(failed_reads + spikes, limit_percent) && failed_reads + spikes > clipped;
         if let Some((channel, value)) = self.clipped_at.as_ref().filter(|_| !mostly_bad) {
             let (channel, value) = (channel.clone(), *value);

@@ -31,12 +31,10 @@ pub(super) const CURVED: f64 = 8.0;
 const LEVEL: usize = 32;
 /// Scale of the rows that move over that of all rows, above which most rows do not move.
 const POLLED: f64 = 1.5;
-/// Part of the limit within which a sample lies on the level.
+/// Part of the limit within which a sample lies on the level, or on the chord between its neighbours.
 const ON_LEVEL: f64 = 0.5;
 /// Most rows on end that are spikes by that level. More of them are a level of their own: the module or its field moved.
 const LONGEST: usize = 8;
-/// Median of the absolute value of a normal one, in standard deviations.
-pub(super) const MEDIAN_DEVIATION: f64 = 0.674_49;
 /// Spikes hide each other; each pass finds what the one before laid open.
 const PASSES: usize = 5;
 
@@ -110,12 +108,12 @@ struct Where<'a> {
     far: f64,
 }
 
-/// A scale from few differences may be half of the true one: the larger of both, in scales.
+/// Factor for the scale of a short block: from few differences it may be half of the true one.
 fn few(block: &Range<usize>) -> f64 {
     1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt()
 }
 
-/// By how much a sample differs from both sides when it is no noise of this scale.
+/// A sample that differs from both sides by more than this is not noise of this scale.
 pub(super) fn limit(character: &Character, scale: f64, block: &Range<usize>) -> f64 {
     FAR * few(block) * scale.max(STEP * character.step)
 }
@@ -188,9 +186,9 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
     }
 }
 
-/// Whether a sample lies far from the level on both sides of it, by more than what the samples of these levels spread: so
-/// are found several spikes on end, which hide each other from the nearest neighbours. `Some(false)` where it lies on the
-/// level, as good samples between such spikes do; `None` where the level does not say, or where too many rows on end leave it.
+/// Whether a sample lies farther from the levels on both sides than their samples spread. This finds spikes on end, which
+/// hide each other from their nearest neighbours. `Some(false)`: the sample lies on the level, as good ones between spikes
+/// do. `None`: the level does not tell, or too many rows on end leave it.
 fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> Option<bool> {
     let side = |rows: &mut dyn Iterator<Item = usize>| -> Vec<f64> {
         rows.filter(|row| found.keeps(*row)).take(LEVEL).map(|row| values[row]).collect()
@@ -216,7 +214,7 @@ fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: us
         return None;
     }
     let mut spread: Vec<f64> = left.iter().chain(&right).map(|value| (value - level).abs()).collect();
-    (off.abs() > FAR * stats::median(&mut spread) / MEDIAN_DEVIATION).then_some(true)
+    (off.abs() > FAR * stats::median(&mut spread) / stats::MEDIAN_DEVIATION).then_some(true)
 }
 
 /// The smaller of two differences of one sign; 0 where their signs differ.
@@ -230,22 +228,34 @@ fn one_sided(left: f64, right: f64) -> f64 {
 
 /// Whether a sample leaves the lines through its neighbours on both sides, where these move so fast that medians hide it: by
 /// more than noise does, and by far more than the samples beside it, which a curved motion leaves as well.
+///
+/// A motion that bends leaves both lines to one side too, as where a low-pass rounds the beginning of a ramp, but lies on the
+/// other side of the chord between the nearest neighbours. A spike leaves lines and chord to the same side.
 fn leaves_motion(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> bool {
     let sides = |row: usize| {
         let left = line(found, values, (row.saturating_sub(REACH).max(block.start)..row).rev(), row)?;
         Some((values[row] - left, values[row] - line(found, values, row + 1..(row + 1 + REACH).min(block.end), row)?))
     };
     let Some((left, right)) = sides(row) else { return false };
-    let off = one_sided(left, right).abs();
-    if off <= LINES * limit {
+    let off = one_sided(left, right);
+    let from_chord = chord(found, values, block, row).map_or(off, |chord| values[row] - chord);
+    if off.abs() <= LINES * limit || from_chord * off.signum() < ON_LEVEL * limit {
         return false;
     }
+    let off = off.abs();
     let beside = row.saturating_sub(CURVE).max(block.start)..(row + CURVE + 1).min(block.end);
     let mut usual: Vec<f64> = beside
         .filter(|other| *other != row && found.keeps(*other))
         .filter_map(|other| sides(other).map(|(left, right)| f64::midpoint(left, right).abs()))
         .collect();
     !usual.is_empty() && off > CURVED * stats::median(&mut usual)
+}
+
+/// The value at a row of the line between the nearest rows that are used on both sides.
+fn chord(found: &Screening, values: &[f64], block: &Range<usize>, row: usize) -> Option<f64> {
+    let left = (row.saturating_sub(REACH).max(block.start)..row).rev().find(|other| found.keeps(*other))?;
+    let right = (row + 1..(row + 1 + REACH).min(block.end)).find(|other| found.keeps(*other))?;
+    Some(values[left] + (values[right] - values[left]) * (row - left) as f64 / (right - left) as f64)
 }
 
 /// The value at a row of the line through the next rows that are used: median of their slopes, median of what is left.

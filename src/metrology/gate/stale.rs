@@ -1,4 +1,5 @@
-//! Rows that repeat the row before on all channels, more often or longer than noise does by chance.
+//! Rows that repeat the row before, more often or longer than noise does by chance: on all channels at once, and then on one
+//! channel alone.
 
 use std::ops::Range;
 
@@ -22,26 +23,35 @@ pub(super) fn search(
     characters: &[Character],
     blocks: &[Range<usize>],
 ) -> Option<f64> {
-    let rows = found.rows();
+    let before = found.left_out.stale;
+    on_all(found, channels, characters, blocks);
+    // Behind the search on all channels: what they repeat together is no news on one of them.
     if channels.len() > 1 {
         for (values, character) in channels.iter().zip(characters) {
             frozen(found, values, character, blocks);
         }
     }
+    polled(found, found.left_out.stale - before, blocks)
+}
+
+/// Marks rows that repeat the row before on all channels.
+fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) {
+    let rows = found.rows();
     let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
     let mut repeats: Vec<usize> = Vec::new();
     let ends: Vec<usize> = pieces
         .iter()
         .map(|piece| {
-            note(found, channels, piece, &blocks[piece.block], &mut repeats);
+            note(channels, piece, &blocks[piece.block], |row| found.keeps(row), &mut repeats);
             repeats.len()
         })
         .collect();
     if repeats.is_empty() {
-        return None;
+        return;
     }
+    let alone: Vec<f64> = channels.iter().map(|values| repeats_alone(&values[..rows], repeats.len())).collect();
     let of_piece = |at: usize| &repeats[at.checked_sub(1).map_or(0, |before| ends[before])..ends[at]];
-    let chances: Vec<f64> = (0..pieces.len()).map(|at| chance(characters, at)).collect();
+    let chances: Vec<f64> = (0..pieces.len()).map(|at| chance(characters, &alone, at)).collect();
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| of_piece(at).len()).sum();
@@ -51,40 +61,66 @@ pub(super) fn search(
     if counted as f64 > MANY * rows as f64 {
         excess = excess.all();
     }
-    let mut marked = 0;
     for at in judged().filter(|at| !of_piece(*at).is_empty()) {
         let shortest = excess::shortest_run(chances[at], rows);
         let block = &blocks[pieces[at].block];
         for run in of_piece(at).chunk_by(|row, next| row + 1 == *next) {
             if pauses(channels, characters, at, block, run[0]) {
-                marked += usize::from(found.mark(run[0], Fault::Stale));
+                found.mark(run[0], Fault::Stale);
             }
             if run.len() >= shortest || excess.takes(run.len()) {
-                marked += run.iter().filter(|row| found.mark(**row, Fault::Stale)).count();
+                for row in run {
+                    found.mark(*row, Fault::Stale);
+                }
             }
         }
     }
-    polled(found, marked, blocks)
 }
 
 /// Marks rows in which one channel alone repeats itself for longer than chance lets it, while the others go on.
+///
+/// A channel that is read more often than it updates, as a temperature beside rates, does so all the time: for it an update
+/// counts as one row.
 fn frozen(found: &mut Screening, values: &[f64], character: &Character, blocks: &[Range<usize>]) {
+    let judged = || character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON);
+    // Repeats on end, by piece, with how many of them nothing is known of yet.
+    let mut runs: Vec<(&Piece, Vec<usize>, usize)> = Vec::new();
     let mut repeats = Vec::new();
-    for piece in &character.pieces {
-        let chance = character.chance_of_repeat(piece);
-        if chance >= COMMON {
-            continue;
-        }
+    for piece in judged() {
         repeats.clear();
-        note(found, &[values], piece, &blocks[piece.block], &mut repeats);
-        let shortest = excess::shortest_run(chance, found.rows());
-        for run in repeats.chunk_by(|row, next| row + 1 == *next).filter(|run| run.len() >= shortest) {
-            // A sensor at the end of its range is not frozen.
-            for row in run.iter().filter(|row| !is_code_end(values[**row])) {
-                found.mark(*row, Fault::Stale);
+        note(&[values], piece, &blocks[piece.block], |_| true, &mut repeats);
+        for run in repeats.chunk_by(|row, next| row + 1 == *next) {
+            let unknown = run.iter().filter(|row| found.keeps(**row)).count();
+            if unknown > 0 {
+                runs.push((piece, run.to_vec(), unknown));
             }
         }
     }
+    if runs.is_empty() {
+        return;
+    }
+    let rows: usize = judged().map(|piece| piece.rows.clone().filter(|row| found.keeps(*row)).count()).sum();
+    let chance = judged().map(|piece| character.chance_of_repeat(piece)).fold(0.0, f64::max);
+    let each = update(runs.iter().map(|(.., unknown)| *unknown).collect(), rows, chance);
+    for (piece, run, unknown) in runs {
+        let shortest = excess::shortest_run(character.chance_of_repeat(piece), found.rows());
+        if unknown + 1 < each.saturating_mul(shortest.saturating_add(1)) {
+            continue;
+        }
+        // A sensor at the end of its range is not frozen.
+        for row in run.into_iter().filter(|row| !is_code_end(values[*row])) {
+            found.mark(row, Fault::Stale);
+        }
+    }
+}
+
+/// Rows for each update of a channel, from its repeats on end: the length that one update in ten exceeds, beside those that
+/// chance makes longer.
+fn update(mut repeats: Vec<usize>, rows: usize, chance: f64) -> usize {
+    let updates = rows.saturating_sub(repeats.iter().sum());
+    let longer = (updates as f64 * (MANY + chance)) as usize;
+    repeats.sort_unstable_by(|a, b| b.cmp(a));
+    1 + repeats.get(longer).copied().unwrap_or(0)
 }
 
 /// Whether a channel moves fast before and after a repeat, and not in it: no chance, however coarse the noise.
@@ -109,8 +145,14 @@ fn steps_beside(channels: &[&[f64]], characters: &[Character], blocks: &[Range<u
     Some(beside(blocks.iter().flat_map(within).map(|pair| (pair[1] - pair[0]) / character.step)))
 }
 
-/// Adds the rows of a piece that repeat the row before on all channels and are not known to be bad already.
-fn note(found: &Screening, channels: &[&[f64]], piece: &Piece, block: &Range<usize>, repeats: &mut Vec<usize>) {
+/// Adds the rows of a piece that repeat the row before on all channels and are to be noted.
+fn note(
+    channels: &[&[f64]],
+    piece: &Piece,
+    block: &Range<usize>,
+    is_noted: impl Fn(usize) -> bool,
+    repeats: &mut Vec<usize>,
+) {
     let start = piece.rows.start.max(block.start + 1);
     let Some((first, others)) = channels.split_first() else { return };
     if start >= piece.rows.end {
@@ -120,14 +162,23 @@ fn note(found: &Screening, channels: &[&[f64]], piece: &Piece, block: &Range<usi
     for (part, (now, before)) in now.chunks(PART).zip(before.chunks(PART)).enumerate() {
         let rows = places(now.iter().zip(before).map(|(a, b)| a == b)).map(|place| start + part * PART + place);
         let on_all = |row: &usize| others.iter().all(|values| values[*row] == values[row - 1]);
-        repeats.extend(rows.filter(|row| found.keeps(*row) && on_all(row)));
+        repeats.extend(rows.filter(|row| is_noted(*row) && on_all(row)));
     }
 }
 
-/// Chance of a repeat on all channels in a piece; of a piece that stands still, the larger one of those beside it.
-fn chance(characters: &[Character], at: usize) -> f64 {
+/// Part of the rows in which a channel repeats itself, where it mostly does so while others go on; 0 elsewhere.
+fn repeats_alone(values: &[f64], on_all: usize) -> f64 {
+    let repeats = values.windows(2).map(|pair| usize::from(pair[0] == pair[1])).sum::<usize>();
+    if repeats > 2 * on_all { repeats as f64 / values.len() as f64 } else { 0.0 }
+}
+
+/// Chance of a repeat on all channels in a piece; of a piece that stands still, the larger one of those beside it. A channel
+/// that repeats itself alone gives its part of such rows, whatever its noise.
+fn chance(characters: &[Character], alone: &[f64], at: usize) -> f64 {
     let of_piece = |at: usize| -> f64 {
-        characters.iter().map(|character| character.chance_of_repeat(&character.pieces[at])).product()
+        let of_channel =
+            |(character, alone): (&Character, &f64)| character.chance_of_repeat(&character.pieces[at]).max(*alone);
+        characters.iter().zip(alone).map(of_channel).product()
     };
     let speaks = |at: &usize| characters.iter().any(|character| character.pieces[*at].speaks());
     if speaks(&at) {

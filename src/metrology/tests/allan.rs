@@ -10,10 +10,10 @@
 
 mod truth;
 
-use gnc_metrology::Refusal;
 use gnc_metrology::allan::{Absence, Coefficient, Input, Kind, Noise, Taus, analyse};
-use truth::Dice;
+use gnc_metrology::{Refusal, psd};
 use truth::noise::{Coverage, LowPass, SENSORS, Sensor};
+use truth::{Dice, chi_square};
 
 /// The 1000-point test suite of NIST SP 1065 (NBS14): a Lehmer generator.
 fn nbs14() -> Vec<f64> {
@@ -510,4 +510,44 @@ fn white_noise_stays_white() {
             }
         }
     }
+}
+
+/// Simulated with numpy: 400,000 sums of squares of white, flicker and random-walk noise, averaged over a fifth and a quarter
+/// of the record; their standard error is 0.0007.
+#[test]
+fn coverage_of_a_chi_square() {
+    type Sum = fn(usize) -> f64;
+    let white: Sum = |n| n as f64;
+    let flicker: Sum = |n| if n == 0 { 0.0 } else { -(n as f64).powi(2) * (n as f64).ln() };
+    let walk: Sum = |n| -(n as f64).powi(3) / 6.0;
+    let kinds = [(white, [0.718, 0.730]), (flicker, [0.705, 0.710]), (walk, [0.714, 0.728])];
+    for (of_sum, expected) in kinds {
+        for (parts, expected) in [5, 4].into_iter().zip(expected) {
+            let found = chi_square::coverage(&of_sum, 1024 * parts, 1024);
+            println!("{found} {expected}");
+            assert!((found - expected).abs() < 0.003, "{found} {expected}");
+        }
+    }
+}
+
+/// A flicker of B = 0.3 N, which the first bins of a Welch spectrum hardly show: the fit with a rise finds N with an interval that
+/// holds it as often as it says, and the fit without takes some of the flicker for white noise.
+#[test]
+fn white_level_beside_a_weak_flicker() {
+    const SEED: u64 = 67;
+    const RECORDS: usize = 200;
+    println!("seed {SEED}");
+    let mut dice = Dice::new(SEED);
+    let sensor = Sensor { b: 0.03, samples: 200_000, ..Sensor::WHITE };
+    let (mut level, mut above) = (0, 0);
+    for _ in 0..RECORDS {
+        let found = psd::welch(&sensor.record(&mut dice), sensor.rate_hz, 512).unwrap();
+        let spectrum = psd::Spectrum::of_welch(&found).without_lines();
+        let holds = |n: Coefficient| usize::from((n.low..=n.high).contains(&sensor.n));
+        level += holds(spectrum.plateau().unwrap().n());
+        above += holds(spectrum.plateau_above_flicker().unwrap().n());
+    }
+    println!("covered {above} of {RECORDS}, without a rise {level}");
+    // 68.3 % of 200 are 137, 3.9 standard errors 25.7.
+    assert!((111..=162).contains(&above) && level < 111, "{above} {level}");
 }

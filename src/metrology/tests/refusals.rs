@@ -167,6 +167,27 @@ fn rotations() {
     rotation_refused(no, |o| o.turns = 0.0, "turns is 0");
 }
 
+/// A channel that froze through a run says that it does not answer there. Noise below a code repeats as well, rightly.
+#[test]
+fn a_channel_that_froze_through_a_run() {
+    let frozen = |names: &'static [&'static str]| {
+        move |runs: &mut Runs| {
+            runs.iter_mut().filter(|run| names.contains(&run.0.as_str())).for_each(|run| run.1[1].fill(-8.0));
+        }
+    };
+    let expected = "y stands still at -8 for 1000 samples of run x+ while it is noisy elsewhere";
+    rotation_refused(frozen(&["x+"]), |_| {}, expected);
+    rotation_refused(frozen(&["x+", "x-", "z+", "z-"]), |_| {}, expected);
+    let mut session = Session::example();
+    // Steps of 60 LSB, noise of a twentieth of them, no cross-coupling: y shows one value in the runs of x and z.
+    session.response = nalgebra::Matrix3::from_diagonal(&session.response.diagonal());
+    let mut runs = session.runs(&mut Dice::new(2));
+    runs.iter_mut().flat_map(|run| &mut run.1).flatten().for_each(|v| *v = (*v / 60.0).round() * 60.0);
+    assert!(runs[0].1[1].iter().all(|v| *v == runs[0].1[1][0]));
+    let found = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar));
+    assert!(!matches!(found, Err(Refusal::Stuck { .. })), "{found:?}");
+}
+
 /// Unequal scale factors are no reason to refuse, and the ranges of this session are.
 #[test]
 fn unequal_scale_factors_are_normal() {

@@ -28,6 +28,9 @@ struct Source {
     gate: GateColumns,
 }
 
+/// Part of a block within which it is a whole number of samples.
+const WHOLE: f64 = 1e-6;
+
 /// The column that was read.
 struct Sampled {
     values: Vec<f64>,
@@ -92,8 +95,9 @@ pub(super) struct Stability {
 
 impl Stability {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
-        let Sampled { values, rate_hz, columns, gated } = self.source.read(reading)?;
-        let s = stability::stability(&values, rate_hz, self.block)?;
+        let Sampled { values, rate_hz, mut columns, gated } = self.source.read(reading)?;
+        let block_s = self.block_s(rate_hz, &mut columns);
+        let s = stability::stability(&values, rate_hz, block_s)?;
         let mut report = Report::new("stability");
         report
             .record(&columns)
@@ -106,9 +110,21 @@ impl Stability {
             .put("tail_samples", "dropped", s.tail_samples)
             .put("block_means", "", json!(s.block_means))
             .put("gate", "rows", gated.json());
-        let points = s.block_means.iter().enumerate().map(|(i, m)| ((i as f64 + 0.5) * self.block, *m));
+        let points = s.block_means.iter().enumerate().map(|(i, m)| ((i as f64 + 0.5) * block_s, *m));
         let title = format!("Block means of {}", self.source.column);
         let panel = Panel::new(title, "time, s", "mean of a block", vec![Series::dots("blocks", points)]);
         Ok(Outcome { report, panels: vec![panel] })
+    }
+    /// Length of a block, s, of whole samples: rounded where clocks told the rate, since they tell no whole number.
+    fn block_s(&self, rate_hz: f64, columns: &mut Columns) -> f64 {
+        let whole = (rate_hz * self.block).round();
+        let block_s = whole / rate_hz;
+        let fits = (block_s / self.block - 1.0).abs() < WHOLE;
+        // A block that does not fit a stated rate is a mistake, and refused.
+        if fits || whole < 1.0 || !whole.is_finite() || self.source.rate.is_some() {
+            return self.block;
+        }
+        columns.about.understood.push(format!("blocks of {whole} samples, {block_s:.6} s"));
+        block_s
     }
 }

@@ -461,6 +461,28 @@ fn the_record_tells_its_rate() {
     gives("rotation --turns 3 --rate 100", &record, "matrix");
 }
 
+/// Stamps with jitter tell 100 Hz to some parts in a million: blocks have whole samples all the same.
+#[test]
+fn blocks_of_a_rate_that_stamps_tell() {
+    let row = |k: usize| format!("{:.6},{}", (k as f64 + 0.05 * noise(3 * k)) * 0.01, 7.0 + noise(k));
+    let record = table("t,w", (0..2000).map(row));
+    let mut told = gives("stability --column w --block 1", &record, "understood block_samples");
+    assert_eq!((told["block_samples"].as_f64(), told["blocks"].as_f64()), (Some(100.0), Some(20.0)));
+    let understood = told["understood"].take().to_string();
+    assert!(understood.contains("blocks of 100 samples, 1.0000"), "{understood}");
+    // The jitter of 0.4 ms leaves 1e-5 Hz or so open over 20 s: no digits beyond.
+    let rate = understood.split(" Hz of column").next().unwrap().rsplit('"').next().unwrap();
+    assert!((rate.parse::<f64>().unwrap() - 100.0).abs() < 0.01 && rate.len() <= 9, "{understood}");
+    let stated = gives("stability --column w --block 1 --rate 100", &record, "understood");
+    assert_eq!(told["block_means"], stated["block_means"]);
+    let plain = table("w", (0..2000).map(|k| noise(k).to_string()));
+    refuses(
+        "stability --column w --block 1 --rate 99.98",
+        &plain,
+        "block (s) is 1, expected a whole number of samples",
+    );
+}
+
 /// What people type is judged by the command line itself.
 #[test]
 fn usage() {

@@ -144,7 +144,7 @@ struct Line<'a> {
     tap: &'a Tap,
     mark: Mark,
     ledger: Ledger,
-    /// Frames with the mark of this exchange that are none of its frames.
+    /// Frames with the mark of this exchange that are none of its frames, nor one of them once more.
     marked: u64,
 }
 
@@ -224,12 +224,16 @@ impl Line<'_> {
         Ok(Alone { out_of_order, altered: altered + alone.marked })
     }
 
-    /// Whether a frame is one of this exchange.
+    /// Files a frame. Whether it is one of this exchange that was waited for.
     fn note(&mut self, frame: &CanFrame) -> bool {
-        let is_fence = Phase::ALL.iter().any(|phase| self.mark.is_fence(*phase, frame));
-        let is_ours = !is_fence && self.ledger.note(frame);
-        self.marked += u64::from(!is_ours && !is_fence && is_echo(frame.id()) && self.mark.is_single(frame));
-        is_ours
+        if Phase::ALL.iter().any(|phase| self.mark.is_fence(*phase, frame)) {
+            return false;
+        }
+        let is_waited_for = self.ledger.note(frame);
+        // An adapter may tell of a frame twice, and the second one is as good as the first.
+        let is_altered = !is_waited_for && is_echo(frame.id()) && !self.ledger.holds(frame);
+        self.marked += u64::from(is_altered && self.mark.is_single(frame));
+        is_waited_for
     }
 
     /// The next frame, up to a moment.

@@ -119,6 +119,11 @@ impl Ledger {
         was_missing
     }
 
+    /// Whether a frame is one that was sent, come back as it was: for the first time or once more.
+    pub(super) fn holds(&self, frame: &CanFrame) -> bool {
+        self.entries.iter().any(|entry| entry.fate != Fate::ToSend && entry.echo == Some(*frame))
+    }
+
     /// What happened up to now.
     pub(super) fn seen(&self) -> Seen {
         let Self { out_of_order, twice, strange, foreign, .. } = *self;

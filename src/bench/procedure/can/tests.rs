@@ -36,6 +36,10 @@ struct Unusual {
     /// The adapter repeats to its computer what that sends.
     adapter_repeats: bool,
     line_loses_every: u32,
+    /// The adapter tells its computer of a frame twice.
+    line_doubles_every: u32,
+    /// The adapter lets a frame pass the one before it.
+    line_swaps_every: u32,
     module_flips_every: u32,
     /// The module sends a frame back under the next id.
     module_shifts_every: u32,
@@ -98,8 +102,17 @@ impl World {
             self.carried += 1;
             let delay = late.filter(|(_, when)| winner == 2 && when.contains(&ms)).map_or(0, |(delay, _)| delay);
             let due = self.to_host.back().map_or(Duration::ZERO, |(due, _)| *due);
-            if winner != 2 || !every(self.carried, self.unusual.line_loses_every) {
-                self.to_host.push_back((due.max(now + Duration::from_millis(delay)), frame));
+            if winner == 2 && every(self.carried, self.unusual.line_loses_every) {
+                return;
+            }
+            let came = (due.max(now + Duration::from_millis(delay)), frame);
+            self.to_host.push_back(came);
+            let last = self.to_host.len() - 1;
+            if winner == 2 && last > 0 && every(self.carried, self.unusual.line_swaps_every) {
+                self.to_host.swap(last - 1, last);
+            }
+            if winner == 2 && every(self.carried, self.unusual.line_doubles_every) {
+                self.to_host.push_back(came);
             }
         }
     }
@@ -304,5 +317,20 @@ async fn what_the_line_loses_is_errored() {
     for line_loses_every in [1, 2, 10, 50, 200] {
         let [first, _] = check(Unusual { line_loses_every, ..Unusual::default() }, ["errored"; 2]).await;
         assert!(matches!(first.doubt, Some(ProcedureError::FramesLost { lost: 1.., .. })), "{first:?}");
+    }
+}
+
+/// An adapter or its driver that tells of frames twice and in another order does so to the frames that are sent one by one
+/// as well: none of them is altered.
+#[tokio::test(start_paused = true)]
+async fn what_the_line_doubles_and_swaps_is_errored() {
+    for line_doubles_every in [0, 2, 10, 50] {
+        for line_swaps_every in [3, 11, 40] {
+            let unusual = Unusual { line_doubles_every, line_swaps_every, ..Unusual::default() };
+            let ended = attempts(unusual.clone()).await;
+            assert!(ended.iter().all(|attempt| attempt.outcome != "failed"), "{unusual:?}\n{ended:#?}");
+            let [first, _] = ended;
+            assert!(first.outcome == "errored" && first.observed.seen.out_of_order > 0, "{unusual:?}\n{first:?}");
+        }
     }
 }

@@ -12,7 +12,7 @@
     reason = "a simulation may end with a panic"
 )]
 
-mod chi_square;
+pub mod chi_square;
 mod magnetometer;
 pub mod noise;
 

@@ -3,6 +3,7 @@
 //! Everything follows from the autocovariance of each part, written down apart from the code under test.
 
 use gnc_metrology::allan::{Absence, Analysis, Coefficient, Input, Kind, Taus, analyse};
+use gnc_metrology::stats::ONE_SIGMA;
 
 use super::{Dice, chi_square};
 
@@ -363,8 +364,8 @@ impl Coverage {
                 ));
             }
         };
-        check("N".into(), self.n_covered, self.n_given, chi_square::ONE_SIGMA);
-        check("B".into(), self.b_covered, self.b_given, chi_square::ONE_SIGMA);
+        check("N".into(), self.n_covered, self.n_given, ONE_SIGMA);
+        check("B".into(), self.b_covered, self.b_given, ONE_SIGMA);
         // Held samples are not stationary, so that within the hold no spectrum says how they scatter.
         let shortest = if let LowPass::Held(times) = self.sensor.low_pass { 2 * times } else { 1 };
         let of_sum = self.sensor.of_sum();

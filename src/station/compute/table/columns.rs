@@ -254,7 +254,11 @@ impl<'a> Plan<'a> {
         let is_whole = self.export || (rate.rate_hz / whole_hz - 1.0).abs() < ARITHMETIC;
         let rate_hz = if is_whole { whole_hz } else { rate.rate_hz };
         if self.wanted.time.needs_rate() {
-            self.understood.push(format!("{rate_hz} Hz of column {column}"));
+            // As many digits as the stamps know.
+            let decimals = (1.0 - rate.rate_u_hz.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+            let known = format!("{rate_hz:.decimals$}");
+            let known = if known.contains('.') { known.trim_end_matches('0').trim_end_matches('.') } else { &known };
+            self.understood.push(format!("{known} Hz of column {column}"));
         }
         Ok(rate_hz)
     }

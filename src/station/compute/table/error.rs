@@ -87,12 +87,12 @@ impl TableError {
                 "the rows have one field each; if commas divide them into several numbers, say so: --decimal point",
             ),
             Self::NoColumn { .. } => Some(
-                "name the column so in the header; `gnc-station compute METHOD --help` says which columns the method reads, \
-                 and whether an option names another",
+                "write this name in the header; `gnc-station compute METHOD --help` lists the columns of the method and the \
+                 options that choose others",
             ),
             Self::NoHeader { .. } => Some("write a line with the column names above the rows"),
             Self::NoRows { .. } => Some("record again, or name the file that has the rows"),
-            Self::Doubled { .. } => Some("rename or remove one of the two; is the file a table?"),
+            Self::Doubled { .. } => Some("rename or remove one of the two, and check that the file is a table"),
             Self::NoRate { .. } => Some("say it: --rate HZ"),
             Self::Units { .. } => Some("correct the unit in the header, or leave out the option that contradicts it"),
             Self::Fields { .. } => Some(

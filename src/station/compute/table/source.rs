@@ -17,6 +17,10 @@ const MOST_UNPACKED: u64 = 400;
 /// Unpacked bytes that are never refused.
 const FREE_UNPACKED: u64 = 64 << 20;
 
+/// A serial line may slip and leave a control character in so many bytes, and a few in a short file; no text has more.
+const SLIP_EVERY: usize = 50;
+const FEW_SLIPS: usize = 3;
+
 /// What a file is.
 pub(super) enum Source {
     /// Text in UTF-8 (or in one byte a letter), without a byte-order mark; what was understood of its packing.
@@ -87,6 +91,9 @@ pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableErro
             understood.push("UTF-16 without a mark".to_owned());
             Box::new(Utf16::new(source, false))
         }
+        _ if is_binary(&head) => {
+            return foreign("binary", "name a table as text, .npy or Parquet, or raw samples as .mcap");
+        }
         _ => source,
     };
     if head.contains(&b'\r') && !head.contains(&b'\n') {
@@ -94,6 +101,12 @@ pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableErro
         return Ok(Source::Text(Box::new(Returns(text)), understood));
     }
     Ok(Source::Text(text, understood))
+}
+
+/// Whether the first bytes of a file hold too many control characters for a text in one byte a letter or in UTF-8.
+fn is_binary(head: &[u8]) -> bool {
+    let controls = head.iter().filter(|byte| byte.is_ascii_control() && !byte.is_ascii_whitespace()).count();
+    controls > (head.len() / SLIP_EVERY).max(FEW_SLIPS)
 }
 
 /// The first bytes of a source, and the source with them still before it.
@@ -268,5 +281,12 @@ mod tests {
         assert!(text(cut[..cut.len() / 2].to_vec()).is_err());
         assert!(text(b"PK\x03\x04rest".to_vec()).unwrap_err().contains("zip archive"));
         assert!(text(b"\x28\xb5\x2f\xfdrest".to_vec()).unwrap_err().contains("zstd"));
+        let program = std::fs::read(std::env::current_exe().unwrap()).unwrap();
+        assert!(text(program).unwrap_err().contains("is binary, not a table"));
+        let every_byte: Vec<u8> = (0..4096_usize).map(|at| (at * 151 % 256) as u8).collect();
+        assert!(text(every_byte).unwrap_err().contains("is binary, not a table"));
+        // A serial line that slipped is a text with a bad row.
+        let slipped = format!("t,w\n0,1\n0.1\0,\u{1b}2\n{}", "0.2,3\n".repeat(100));
+        assert_eq!(text(slipped.clone().into_bytes()).unwrap().0, slipped);
     }
 }

@@ -1,0 +1,391 @@
+//! What a plan may get wrong, each as its writer reads it.
+
+use super::*;
+
+/// The mistakes that plans really have, each as its writer reads it.
+#[test]
+fn all_mistakes_of_meaning_at_once() {
+    let text = r#"name = "Functional Test"
+on_fail = "halt"
+verison = "1.0"
+
+[[item]]
+id = "sdram"
+atempts = 3
+attempts = 99
+timeout = "30"
+requires = ["cpu", "imu", "sdram", "spdram"]
+params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+[item.limits]
+mismatches_sold = "== 0"
+mismatches_address = "== 0"
+test_time = "<= 2 V"
+words_tested = 5
+"foo_*" = "== 0"
+
+[[item]]
+id = "imu"
+phase = "before"
+optional = "yes"
+retry_failed = true
+prompt = ""
+params = { samples = 10, rate = "5 kHz", speed = 1 }
+[item.limits]
+gyro_x = "2 deg/s"
+gyro_y = "<= 2"
+gyro_z = "2 .. 1 deg/s"
+accel_x = "<= 1 gs"
+"gyro_*" = "<= 9 deg/s"
+accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
+stuck_channels = "<= 0"
+
+[[item]]
+id = "imu"
+[item.limits]
+
+[[item]]
+id = "gnss"
+params = { start = "warmish", timeout = 60 }
+[item.limits]
+fix_type = "=="
+
+[[item]]
+id = "imu"
+requires = ["imu"]
+name = "imu-again"
+[item.limits]
+gyro_x = "<= 1 deg/s"
+"#;
+    insta::assert_snapshot!(mistakes(text), @r#"
+    plan.toml:1:1: "version" is missing
+     1 | name = "Functional Test"
+       | ^
+       = try: write version = "1.0" at the top
+
+    plan.toml:1:8: "Functional Test" is not fit for a folder's name
+     1 | name = "Functional Test"
+       |        ^^^^^^^^^^^^^^^^^
+       = try: small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first
+
+    plan.toml:2:11: on_fail is "halt"
+     2 | on_fail = "halt"
+       |           ^^^^^^
+       = try: "continue" runs the remaining items, "stop" skips them
+
+    plan.toml:3:1: unknown key "verison"
+     3 | verison = "1.0"
+       | ^^^^^^^
+       = try: did you mean "version"?
+
+    plan.toml:7:1: unknown key "atempts"
+     7 | atempts = 3
+       | ^^^^^^^
+       = try: did you mean "attempts"?
+
+    plan.toml:8:12: attempts is 99, and must be 1 to 10
+     8 | attempts = 99
+       |            ^^
+
+    plan.toml:9:11: "30" has no unit
+     9 | timeout = "30"
+       |           ^^^^
+       = try: a time is written in ns, us, ms, s, min, h
+
+    plan.toml:10:13: no item has the name "cpu"
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
+        |             ^^^^^
+        = try: add that item before this one, or remove the name here
+
+    plan.toml:10:20: "imu" runs after the item that requires it
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
+        |                    ^^^^^
+        = try: move it up: items run in the order of the plan, setup first and teardown last
+
+    plan.toml:10:27: "sdram" requires itself
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
+        |                           ^^^^^^^
+
+    plan.toml:10:36: no item has the name "spdram"
+     10 | requires = ["cpu", "imu", "sdram", "spdram"]
+        |                                    ^^^^^^^^
+        = try: did you mean "sdram"?
+
+    plan.toml:11:33: patterns cannot hold "marchc"
+     11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+        |                                 ^^^^^^^^
+        = try: did you mean "march-c"?
+
+    plan.toml:11:43: "solid" stands twice in patterns
+     11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+        |                                           ^^^^^^^
+
+    plan.toml:11:53: sdram has no parameter "pattern"
+     11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
+        |                                                     ^^^^^^^
+        = try: did you mean "patterns"?
+
+    plan.toml:13:1: sdram does not measure "mismatches_sold"
+     13 | mismatches_sold = "== 0"
+        | ^^^^^^^^^^^^^^^
+        = try: did you mean "mismatches_solid"?
+
+    plan.toml:14:1: "mismatches_address" is not measured with these parameters
+     14 | mismatches_address = "== 0"
+        | ^^^^^^^^^^^^^^^^^^
+        = try: change the parameters, or leave the limit out
+
+    plan.toml:15:13: 2 V is a voltage, but this measurement is a time
+     15 | test_time = "<= 2 V"
+        |             ^^^^^^^^
+        = try: a time is written in ns, us, ms, s, min, h
+
+    plan.toml:16:16: the limit of "words_tested" is not a text in quotes
+     16 | words_tested = 5
+        |                ^
+        = try: a limit is one of: "<= Q", ">= Q", "Q .. Q", "Q +- Q", "Q +- N %", "== text"
+
+    plan.toml:17:1: "foo_*" matches no measurement of sdram
+     17 | "foo_*" = "== 0"
+        | ^^^^^^^
+        = try: it measures mismatches_solid, mismatches_checkerboard, mismatches_walking_ones, mismatches_address, mismatches_march_c, words_tested, test_time
+
+    plan.toml:21:9: unknown phase "before"
+     21 | phase = "before"
+        |         ^^^^^^^^
+        = try: "setup" comes before all tests, "teardown" after them, and "test" is the usual one
+
+    plan.toml:22:12: "optional" is a text, and must be true or false
+     22 | optional = "yes"
+        |            ^^^^^
+
+    plan.toml:23:16: retry_failed without further attempts changes nothing
+     23 | retry_failed = true
+        |                ^^^^
+        = try: write attempts = 2 beside it
+
+    plan.toml:24:10: the prompt has 0 characters
+     24 | prompt = ""
+        |          ^^
+        = try: write 1 to 500, or leave it out
+
+    plan.toml:25:22: samples is 10, and must be 50 to 10000
+     25 | params = { samples = 10, rate = "5 kHz", speed = 1 }
+        |                      ^^
+
+    plan.toml:25:33: rate is 5 kHz
+     25 | params = { samples = 10, rate = "5 kHz", speed = 1 }
+        |                                 ^^^^^^^
+        = try: it may be 1 Hz to 1000 Hz
+
+    plan.toml:25:42: imu has no parameter "speed"
+     25 | params = { samples = 10, rate = "5 kHz", speed = 1 }
+        |                                          ^^^^^
+        = try: its parameters are samples, rate
+
+    plan.toml:27:10: "2 deg/s" is not a limit
+     27 | gyro_x = "2 deg/s"
+        |          ^^^^^^^^^
+        = try: a limit is one of: <= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text
+
+    plan.toml:28:10: 2 has no unit
+     28 | gyro_y = "<= 2"
+        |          ^^^^^^
+        = try: write "2 deg/s", if that is the unit you mean
+
+    plan.toml:29:10: the low bound 2 deg/s is above the high bound 1 deg/s
+     29 | gyro_z = "2 .. 1 deg/s"
+        |          ^^^^^^^^^^^^^^
+        = try: write the smaller one first
+
+    plan.toml:30:11: unknown unit "gs"
+     30 | accel_x = "<= 1 gs"
+        |           ^^^^^^^^^
+        = try: an acceleration is written in ug, mg, g, m/s^2
+
+    plan.toml:31:12: "gyro_*" is for gyro_temperature too, and there 9 deg/s is an angular rate, but this measurement is a temperature
+     31 | "gyro_*" = "<= 9 deg/s"
+        |            ^^^^^^^^^^^^
+        = try: a temperature is written in degC
+
+    plan.toml:32:49: 1 deg/s is an angular rate, but this measurement is an acceleration
+     32 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
+        |                                                 ^^^^^^^^^
+        = try: an acceleration is written in ug, mg, g, m/s^2
+
+    plan.toml:32:60: unknown key "margin"
+     32 | accel_norm = { limit = "1 g +- 5 %", marginal = "1 deg/s", margin = 1 }
+        |                                                            ^^^^^^
+        = try: did you mean "marginal"?
+
+    plan.toml:33:18: "<= 0" is a limit for numbers, but this measurement is a text
+     33 | stuck_channels = "<= 0"
+        |                  ^^^^^^
+        = try: write == and the text, or == $serial_number for the scanned one
+
+    plan.toml:36:6: "imu" has no limits: nothing would be judged
+     36 | id = "imu"
+        |      ^^^^^
+        = try: write them below a line [item.limits]
+
+    plan.toml:36:6: the name "imu" stands twice, first at plan.toml:20
+     36 | id = "imu"
+        |      ^^^^^
+        = try: give one of them a name of its own: name = "..."
+
+    plan.toml:41:20: start cannot be "warmish"
+     41 | params = { start = "warmish", timeout = 60 }
+        |                    ^^^^^^^^^
+        = try: it may be "hot", "warm", "cold", "as-is"
+
+    plan.toml:41:41: "timeout" is a whole number, and must be a number and its unit in quotes, such as "1 s"
+     41 | params = { start = "warmish", timeout = 60 }
+        |                                         ^^
+
+    plan.toml:43:12: nothing stands after ==
+     43 | fix_type = "=="
+        |            ^^^^
+        = try: write == and the text, or == $serial_number for the scanned one
+    "#);
+}
+
+/// What cannot be read must not make mistakes of what depends on it.
+#[test]
+fn one_slip_is_one_mistake() {
+    let text = FUNCTIONAL.replace("id = \"identity\"", "id = \"idnetity\"");
+    insta::assert_snapshot!(mistakes(&text), @r#"
+    plan.toml:7:6: unknown item "idnetity"
+     7 | id = "idnetity"
+       |      ^^^^^^^^^^
+       = try: did you mean "identity"?
+    "#);
+}
+
+#[test]
+fn syntax_errors_stand_alone() {
+    let mut out = String::new();
+    for text in [
+        "name = functional\nverison = 1",
+        "name = \"a\"\nname = \"b\"",
+        "[[item]\nid = \"imu\"",
+        "name = \"unclosed\nversion = \"1\"",
+        "a = \u{1b}[31m",
+        "a = 1\u{0}",
+        &format!("a = {}", "[".repeat(1000)),
+        &format!("{}x = 1", "a.".repeat(1000)),
+    ] {
+        out.push_str(&mistakes(text));
+        out.push_str("\n\n");
+    }
+    insta::assert_snapshot!(out, @r#"
+    plan.toml:1:8: this is no text in quotes, no number, and neither true nor false
+     1 | name = functional
+       |        ^^^^^^^^^^
+       = try: texts stand in quotes: name = "functional"
+
+    plan.toml:2:1: this key stands twice
+     2 | name = "b"
+       | ^^^^
+       = try: remove one of them, or begin the next item with [[item]]
+
+    plan.toml:1:8: unclosed array table, expected `]`
+     1 | [[item]
+       |        ^
+       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+
+    plan.toml:1:17: invalid basic string, expected `"`
+     1 | name = "unclosed
+       |                 ^
+       = try: a text ends with the quote that it began with, in the same line
+
+    plan.toml:1:6: unexpected key or value, expected newline, `#`
+     1 | a =  [31m
+       |      ^
+       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+
+    plan.toml:1:5: this is no text in quotes, no number, and neither true nor false
+     1 | a = 1 
+       |     ^^
+       = try: texts stand in quotes: name = "functional"
+
+    plan.toml:1:85: values lie too deep in each other
+     1 | [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[
+       |                          ^
+       = try: at most 80 levels are read
+
+    plan.toml:1:1: values lie too deep in each other
+     1 | a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.
+       | ^
+       = try: at most 80 levels are read
+    "#);
+}
+
+#[test]
+fn what_is_no_plan_at_all() {
+    let mut out = mistakes("");
+    for bytes in [vec![b'#'; MAX_PLAN_BYTES + 1], b"name = \"a\"\nversion = \"\xff1\"".to_vec(), vec![0xff, 0xfe, 0, 0]]
+    {
+        out.push_str("\n\n");
+        out.push_str(&Plan::read("pl\u{1b}an.toml", bytes, &mut |_| Err(String::new())).unwrap_err().to_string());
+    }
+    let crlf = "name = \"a\"\r\nversion = \"1\"\r\nitem = 5\r\ninclude = \"b.toml\"\r\n";
+    out.push_str("\n\n");
+    out.push_str(&mistakes(crlf));
+    let long = format!("name = \"a\"\nversion = \"1\"\n{} = 1\n", "x".repeat(100_000));
+    out.push_str("\n\n");
+    out.push_str(&mistakes(&long));
+    let far = format!("name = \"a\"\nversion = \"1\"\nx = [{}], unexpected = 2\n", "1, ".repeat(1000));
+    out.push_str("\n\n");
+    out.push_str(&mistakes(&far));
+    insta::assert_snapshot!(out, @r#"
+    plan.toml:1:1: "name" is missing
+     1 | 
+       | ^
+       = try: write name = "functional" at the top
+
+    plan.toml:1:1: "version" is missing
+     1 | 
+       | ^
+       = try: write version = "1.0" at the top
+
+    plan.toml:1:1: the plan has no items
+     1 | 
+       | ^
+       = try: begin each item with a line [[item]]
+
+    "pl\u{1b}an.toml" has more than 4194304 bytes
+      try: is this the right file?
+
+    pl\u{1b}an.toml:2:12: byte 0xff is not UTF-8
+     2 | version = "�1"
+       |            ^
+       = try: save the file with the encoding UTF-8
+
+    pl\u{1b}an.toml:1:1: byte 0xff is not UTF-8
+     1 | ��  
+       | ^
+       = try: save the file with the encoding UTF-8
+
+    plan.toml:3:8: "item" is a whole number, and must be a list of tables, each beginning with [[item]]
+     3 | item = 5
+       |        ^
+
+    plan.toml:4:11: "include" is a text, and must be a list of texts in brackets
+     4 | include = "b.toml"
+       |           ^^^^^^^^
+
+    plan.toml:1:1: the plan has no items
+     1 | name = "a"
+       | ^
+       = try: begin each item with a line [[item]]
+
+    plan.toml:3:1: unknown key "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx…"
+     3 | xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx
+       | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+       = try: the keys are description, include, item, name, on_fail, version
+
+    plan.toml:3:3007: unexpected key or value, expected newline, `#`
+     3 | 1, 1, 1, 1, 1, 1, 1, 1, ], unexpected = 2
+       |                          ^
+       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+    "#);
+}
