@@ -41,11 +41,11 @@ const MOST_POLLED: f64 = 10.0;
 /// What is wrong with a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// 0, -1 or an end of the range where the sensor cannot have been.
+    /// A word in place of a sample: 0, -1, an end of the range, or any word where the sensor cannot have been.
     FailedRead,
     /// Far from its neighbours on both sides.
     Spike,
-    /// The row before once more, on all channels.
+    /// The row before once more, on all channels, or for long on one.
     Stale,
     /// Cut at one value.
     Clipped,
@@ -132,7 +132,7 @@ impl Screening {
         for (values, character) in channels.iter().zip(&characters) {
             held::search(&mut found, values, character, layout.blocks);
         }
-        found.polled = stale::search(&mut found, channels, &characters, layout.blocks);
+        found.polled = stale::search(&mut found, channels, &characters, layout);
         for (values, character) in channels.iter().zip(&characters) {
             spikes::search(&mut found, values, character, layout);
         }

@@ -7,7 +7,7 @@ use super::character::{Character, Piece};
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
 use super::spikes::is_code_end;
-use super::{Fault, Screening};
+use super::{Fault, Layout, Screening};
 
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
@@ -21,10 +21,11 @@ pub(super) fn search(
     found: &mut Screening,
     channels: &[&[f64]],
     characters: &[Character],
-    blocks: &[Range<usize>],
+    layout: &Layout<'_>,
 ) -> Option<f64> {
+    let blocks = layout.blocks;
     let before = found.left_out.stale;
-    on_all(found, channels, characters, blocks);
+    on_all(found, channels, characters, layout);
     // Behind the search on all channels: what they repeat together is no news on one of them.
     if channels.len() > 1 {
         for (values, character) in channels.iter().zip(characters) {
@@ -35,7 +36,8 @@ pub(super) fn search(
 }
 
 /// Marks rows that repeat the row before on all channels.
-fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) {
+fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
+    let blocks = layout.blocks;
     let rows = found.rows();
     let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
     let mut repeats: Vec<usize> = Vec::new();
@@ -65,7 +67,8 @@ fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], 
         let shortest = excess::shortest_run(chances[at], rows);
         let block = &blocks[pieces[at].block];
         for run in of_piece(at).chunk_by(|row, next| row + 1 == *next) {
-            if pauses(channels, characters, at, block, run[0]) {
+            // What lies still moves before and after a repeat where two spikes stand beside it.
+            if !layout.still && pauses(channels, characters, at, block, run[0]) {
                 found.mark(run[0], Fault::Stale);
             }
             if run.len() >= shortest || excess.takes(run.len()) {

@@ -45,13 +45,15 @@ pub(super) fn in_tail(
     if tail.is_empty() {
         return None;
     }
-    let (mut one, mut two, mut beyond) = (0.0, 0.0, false);
+    // Whole counts as wide as the values, which the compiler turns into vectors.
+    let (mut one, mut two, mut beyond) = (0_u64, 0_u64, 0_u64);
     for value in &values[..found.rows()] {
-        let steps = side * (value - word) / step;
-        one += f64::from(u8::from((steps - 1.0).abs() < 0.25));
-        two += f64::from(u8::from((steps - 2.0).abs() < 0.25));
-        beyond |= steps < -0.25;
+        let off = side * (value - word);
+        one += u64::from((off - step).abs() < 0.25 * step);
+        two += u64::from((off - 2.0 * step).abs() < 0.25 * step);
+        beyond |= u64::from(off < -0.25 * step);
     }
+    let (one, two, beyond) = (one as f64, two as f64, beyond != 0);
     // Two deviations more at the code beside the word.
     let ratio = (one + 2.0 * one.sqrt() + 1.0) / f64::max(two, 1.0);
     let natural = (one + 2.0 * one.sqrt() + 1.0) * ratio;

@@ -464,3 +464,15 @@ fn a_word_that_is_left_out_takes_no_digits() {
     assert!(mended(1e14) == usual, "1e14");
     assert!(mended(3e38) == usual, "3e38");
 }
+
+/// An honest repeat between two spikes, as it comes once in some ten thousand rows, is no pause of a motion.
+#[test]
+fn a_repeat_between_spikes_is_not_stale() {
+    let mut values = noise(17, 4000, 8000.0, 30.0);
+    for row in (100..4000).step_by(500) {
+        values[row + 1] = values[row];
+        (values[row - 1], values[row + 2]) = (-12_000.0, 28_000.0);
+    }
+    let [failed_reads, spikes, others @ ..] = counts(&[&values], true);
+    assert_eq!((failed_reads + spikes, others), (16, [0, 0]));
+}

@@ -8,6 +8,7 @@
 
 A second of processor time is not the same on a machine that has other work, so that the programs of a pair run one right
 after the other, each first in every second pair. Ends with 1 where a ratio is above its bound.
+A program from before the data gate does not look for bad rows: its ratios on spoilt records tell nothing.
 """
 import argparse, os, resource, statistics, subprocess, sys, tempfile
 import numpy as np, pandas as pd
