@@ -7,8 +7,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use gnc_protocol::can::endpoint::{Endpoint, Role};
-use gnc_protocol::can::slcan;
-use gnc_protocol::can::{BIT_RATE, CanFrame, CanId};
+use gnc_protocol::can::{BIT_RATE, CanFrame, CanId, slcan};
 use gnc_protocol::frame::{Frame, FrameError};
 use gnc_protocol::serial::LineCounters;
 

@@ -9,6 +9,7 @@ use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use gnc_rig::Along;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
@@ -19,7 +20,6 @@ use crate::link_clock::{LOOK_EVERY, LinkClock};
 use crate::port::Tty;
 use crate::turntable::TableRefusal;
 use crate::world::{Axis, Sign};
-use gnc_rig::Along;
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);

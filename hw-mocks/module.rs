@@ -1,6 +1,6 @@
 //! The module in the socket, with what the slave board keeps around it.
 
-use gnc_protocol::message::{IdentityReply, PowerReply, Ram};
+use gnc_protocol::message::{Flash, IdentityReply, PowerReply, Ram};
 use gnc_protocol::wire::text;
 
 use crate::devices::ad::Ad;
@@ -17,7 +17,6 @@ use crate::devices::supply::SupplyModel;
 use crate::devices::timer::Timers;
 use crate::noise::{Dice, Source};
 use crate::personality::Personality;
-use gnc_protocol::message::Flash;
 
 /// The module with all its devices.
 #[derive(Debug, Clone)]

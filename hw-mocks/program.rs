@@ -10,13 +10,13 @@ use std::sync::mpsc::{self, Sender};
 use std::time::Duration;
 
 use clap::Parser;
+use gnc_rig::Along;
 use nix::sys::signal::{SigSet, Signal};
 
 use crate::bench::{Options, Speed, Truth};
 use crate::driver::{BenchGone, RunningBench, TableError};
 use crate::personality::{Personality, beside, boards};
 use crate::world::{Axis, Sign};
-use gnc_rig::Along;
 
 /// Largest personality file that is read: they are a page long.
 const LARGEST_FILE: u64 = 1024 * 1024;

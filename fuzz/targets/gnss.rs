@@ -5,14 +5,14 @@
 
 use std::sync::LazyLock;
 
+use gnc_analysis::capture::{About, Capture, Pose, Receiver, Said, Timing};
+use gnc_analysis::figures::{Question, analyse};
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
-use gnc_protocol::stream::Losses;
-use gnc_analysis::capture::{About, Capture, Pose, Receiver, Said, Timing};
-use gnc_analysis::figures::{Question, analyse};
 use gnc_nmea::{Counts, Epoch, Sentences};
+use gnc_protocol::stream::Losses;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: (u16, &[u8])| {

@@ -7,12 +7,12 @@
 mod mistakes;
 
 use chrono::DateTime;
+use gnc_analysis::motion;
 use gnc_executive::event::{Bench, Event, EventKind, PlanInfo, Program, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job, Next};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{MAX_PLAN_FILES, Plan};
 use gnc_executive::state::RunState;
-use gnc_analysis::motion;
 use libfuzzer_sys::fuzz_target;
 
 const OUTCOMES: [Outcome; 4] = [Outcome::Passed, Outcome::Failed, Outcome::Errored, Outcome::Marginal];

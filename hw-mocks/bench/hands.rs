@@ -3,10 +3,11 @@
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
+use gnc_rig::Along;
+
 use super::Bench;
 use crate::turntable::TableRefusal;
 use crate::world::{Axis, Sign};
-use gnc_rig::Along;
 
 /// Somebody who waits for bench time to pass.
 #[derive(Debug)]

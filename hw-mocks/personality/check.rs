@@ -16,8 +16,7 @@ use crate::devices::flash::{BadBit, FlashFaults, FlashPart, INTERNAL_FLASH, SPI_
 use crate::devices::gnss::{EPOCHS_HZ, GnssFaults, Playback};
 use crate::devices::inertial::{SensorFaults, SensorModels};
 use crate::devices::lines::LineFaults;
-use crate::devices::memory::MemoryFaults;
-use crate::devices::memory::{INTERNAL_WORDS, SDRAM_WORDS};
+use crate::devices::memory::{INTERNAL_WORDS, MemoryFaults, SDRAM_WORDS};
 use crate::devices::playback::{LONGEST, Recording};
 use crate::devices::sci::SciFaults;
 use crate::devices::supply::SupplyModel;

@@ -3,11 +3,9 @@
 use gnc_metrology::AXES;
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
-use gnc_protocol::stream::ImuSample;
-use serde::{Deserialize, Serialize};
-
-use gnc_protocol::stream::Losses;
+use gnc_protocol::stream::{ImuSample, Losses};
 use gnc_rig::Along;
+use serde::{Deserialize, Serialize};
 
 /// Samples of the IMU without a gap, on the board's clock.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,9 +10,11 @@ pub mod watch;
 
 use std::fmt;
 
-use crate::capture::{About, Pose};
-pub use check::mistakes;
 use gnc_rig::Orientation;
+
+use crate::capture::{About, Pose};
+
+pub use check::mistakes;
 pub use programs::OFF_S;
 pub use programs::program;
 pub use resume::Action;

@@ -2,9 +2,8 @@
 //!
 //! A [`Control`] is a handle that may be copied: whoever holds one asks, and the runner listens.
 
-use tokio::signal::unix::{SignalKind, signal};
-
 use gnc_board::latest::Latest;
+use tokio::signal::unix::{SignalKind, signal};
 
 /// How often somebody asked for a stop, and who was the last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

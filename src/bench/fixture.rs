@@ -4,13 +4,12 @@ use std::fmt;
 use std::io::BufRead as _;
 use std::sync::Arc;
 
+use gnc_records::store::StoreError;
+use gnc_rig::{DriverError, Orientation, Rig};
 use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::sync::{Mutex, oneshot};
 
 use crate::recorder::Recorder;
-use gnc_records::store::StoreError;
-use gnc_rig::Orientation;
-use gnc_rig::{DriverError, Rig};
 
 /// Lines typed ahead that are kept; more is somebody leaning on the keyboard.
 const TYPED_AHEAD: usize = 16;

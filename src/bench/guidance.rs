@@ -9,15 +9,15 @@ pub mod field;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use gnc_analysis::capture::Pose;
+use gnc_analysis::motion::{Program, Step, Uses};
+use gnc_board::Desk;
 use gnc_protocol::stream::ImuSample;
+use gnc_rig::Orientation;
 use tokio::sync::watch;
 
 use allan::{Allan, AllanSoFar};
 use field::{Field, FieldSoFar};
-use gnc_analysis::capture::Pose;
-use gnc_analysis::motion::{Program, Step, Uses};
-use gnc_board::Desk;
-use gnc_rig::Orientation;
 
 /// How often it is handed on while samples come: a screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(50);

@@ -6,9 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use chrono::{DateTime, FixedOffset, Local, TimeDelta};
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
-use tokio::time::Instant;
-
 use gnc_records::store::{RawFile, Scribe, StoreError};
+use tokio::time::Instant;
 
 /// Emits the events of one run.
 #[derive(Debug)]

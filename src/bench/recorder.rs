@@ -2,16 +2,16 @@
 
 use std::cell::RefCell;
 
+use gnc_analysis::capture::Capture;
+use gnc_analysis::figures::Findings;
 use gnc_executive::event::{EventKind, Level, Power};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::plan::PlanItem;
 use gnc_executive::quantity::Unit;
-
-use crate::journal::Journal;
-use gnc_analysis::capture::Capture;
-use gnc_analysis::figures::Findings;
 use gnc_records::store::captures::CapturesError;
 use gnc_records::store::{RawFile, StoreError, captures};
+
+use crate::journal::Journal;
 
 /// Why the captures of another item cannot be read back.
 #[derive(Debug, thiserror::Error)]

@@ -9,11 +9,11 @@ use std::cell::Cell;
 use std::time::Duration;
 
 use futures_util::future::LocalBoxFuture;
+use gnc_rig::Orientation;
 
 use crate::fixture::{Ask, Fixture, FixtureError};
 use crate::recorder::Recorder;
 use driven::Driven;
-use gnc_rig::Orientation;
 
 /// A turntable.
 pub trait Turntable {

@@ -9,13 +9,13 @@ use std::pin::pin;
 use std::task::Poll;
 use std::time::Duration;
 
+use gnc_link::{Link, NoFrame};
 use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, event};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use gnc_protocol::stream::{StreamFrame, StreamId};
-use gnc_protocol::timing;
 use gnc_protocol::wire::Wire as _;
-use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
+use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
@@ -23,7 +23,6 @@ use super::{Absent, Advance, BoardError, Pulse, Readings};
 use crate::latest::Latest;
 use crate::readings::Gauges;
 use crate::stream::{AHEAD, Newest};
-use gnc_link::{Link, NoFrame};
 
 /// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);

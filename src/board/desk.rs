@@ -3,6 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
 
+use gnc_link::can::Tap;
 use gnc_protocol::message::{Abort, Call, StreamStop};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
@@ -13,7 +14,6 @@ use crate::conversation::{Answer, Command};
 use crate::error::{BoardError, gone};
 use crate::status::Advance;
 use crate::stream::{AHEAD, Closed, Stream, WAITING};
-use gnc_link::can::Tap;
 
 /// What one attempt of an item asks of the board. Several items may do so at once.
 #[derive(Debug)]

@@ -3,14 +3,13 @@
 use std::time::Duration;
 
 use gnc_metrology::ellipse::Correction;
+use gnc_nmea::{Epoch, Sentences};
 use gnc_protocol::calibration::{CalibrationRead, CalibrationReadReply, CalibrationState, CompensatedSample};
 use gnc_protocol::message::{AdRead, AdReadReply, Call as _};
 use gnc_protocol::stream::{COMPENSATED_SAMPLE, IMU_SAMPLE, ImuSample, PpsCapture, StreamFrame, StreamId};
 use gnc_protocol::wire::{Reader, Wire};
 use tokio::sync::watch;
 use tokio::time::Instant;
-
-use gnc_nmea::{Epoch, Sentences};
 
 /// How often they are handed on: a screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(20);

@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 use std::task::Poll;
 use std::time::Duration;
 
+use gnc_link::Link;
+use gnc_link::can::{CanLink, MemoryEnd};
 use gnc_protocol::can::endpoint::{Endpoint, Role};
 use gnc_protocol::can::id::KEEP_ALIVE;
 use gnc_protocol::can::{CanFrame, CanId};
@@ -17,8 +19,6 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::*;
-use gnc_link::Link;
-use gnc_link::can::{CanLink, MemoryEnd};
 
 /// A board that has this many pieces of the receiver's bytes to say before it answers a request.
 async fn talkative_board(mut end: MemoryEnd, pieces: u32) {

@@ -29,6 +29,7 @@
 
 mod fixture;
 
+use gnc_text::quoted;
 use serde::{Deserialize, Serialize};
 
 pub use fixture::Fixture;
@@ -36,7 +37,6 @@ pub use fixture::Fixture;
 use crate::mistake::{Mistakes, Source};
 use crate::quantity::{Dimension, Quantity, Unit};
 use crate::spanned::{Table, Walk, parse};
-use gnc_text::quoted;
 
 /// Bytes of a bench file; one has about 1 kB.
 pub const MAX_BENCH_BYTES: usize = 64 << 10;

@@ -1,5 +1,7 @@
 //! A plan on a bench: what can be run, what is chosen, and what comes next.
 
+use gnc_text::quoted;
+
 use crate::catalogue::{Device, Resource};
 use crate::event::{PlannedItem, StopHow};
 use crate::mistake::{Mistake, Mistakes};
@@ -7,7 +9,6 @@ use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
 use crate::state::{Attempt, Row, RunState};
 use crate::suggest::nearest;
-use gnc_text::quoted;
 
 /// What a bench can do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

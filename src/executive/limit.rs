@@ -8,10 +8,11 @@
 
 use std::fmt;
 
+use gnc_text::{printable, quoted};
+
 use crate::number;
 use crate::outcome::Outcome;
 use crate::quantity::{Dimension, Quantity, QuantityError, Unit, number_and_unit, with_unit};
-use gnc_text::{printable, quoted};
 
 /// Stands in a limit for the serial number that was scanned for this run.
 pub const SERIAL_NUMBER: &str = "$serial_number";

@@ -1,5 +1,6 @@
 //! A measured value and its judgement, in the form in which events and records carry them.
 
+use gnc_text::printable;
 use serde::{Deserialize, Serialize};
 
 use crate::limit::{self, Limit};
@@ -7,7 +8,6 @@ use crate::number;
 use crate::outcome::Outcome;
 use crate::quantity::{Quantity, Unit, with_unit};
 use crate::uncertainty::{Decision, Uncertainty};
-use gnc_text::printable;
 
 /// What a procedure measured.
 #[derive(Clone, Debug, PartialEq)]

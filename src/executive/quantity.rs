@@ -9,9 +9,10 @@ mod unit;
 
 use std::fmt;
 
+use gnc_text::quoted;
+
 use crate::number;
 use crate::suggest::nearest;
-use gnc_text::quoted;
 
 pub use unit::Unit;
 

@@ -6,13 +6,13 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use gnc_text::quoted;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::mistake::{Mistakes, Source, syntax_message};
 use crate::quantity::{Dimension, Quantity, Unit};
 use crate::suggest::nearest;
-use gnc_text::quoted;
 
 /// Bytes of a file that are marked at a mistake.
 pub(crate) type Span = Range<usize>;

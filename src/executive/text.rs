@@ -7,11 +7,12 @@ mod log;
 
 use std::fmt::Write as _;
 
+use gnc_text::{printable, shortened};
+
 use crate::event::BenchKind;
 use crate::measurement::{Measurement, Reading};
 use crate::outcome::{Outcome, words};
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
-use gnc_text::{printable, shortened};
 
 pub use log::log_txt;
 

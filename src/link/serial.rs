@@ -5,9 +5,8 @@ mod port;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use gnc_protocol::Frame;
 use gnc_protocol::serial::{Decoder, LineCounters, MAX_ON_WIRE, encode, on_wire};
-use gnc_protocol::timing;
+use gnc_protocol::{Frame, timing};
 use nix::errno::Errno;
 use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::Buf as _;

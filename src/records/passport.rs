@@ -8,9 +8,8 @@
 mod of_run;
 mod xml;
 
-use serde::{Deserialize, Serialize};
-
 use gnc_analysis::figures::calibration::Mag;
+use serde::{Deserialize, Serialize};
 
 pub use of_run::{NoPassport, of_run};
 pub use xml::{XmlError, xml};

@@ -18,9 +18,9 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::text::{banners, duration};
 use gnc_executive::uncertainty::Decision;
+use gnc_plot::svg;
 
 use crate::passport::{NoPassport, Passport};
-use gnc_plot::svg;
 use markup::Page;
 
 /// Name of the report in a run's folder.

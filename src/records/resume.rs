@@ -7,12 +7,12 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gnc_analysis::capture::Capture;
 use gnc_executive::event::{Bench, EarlierRun, Event, EventKind, RunHeader};
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
 use crate::store::{DIGESTS, JOURNAL, digest, reader};
-use gnc_analysis::capture::Capture;
 
 /// Why a run cannot be taken up again.
 #[derive(Debug, thiserror::Error)]

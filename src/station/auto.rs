@@ -11,25 +11,23 @@ use std::sync::mpsc;
 use std::time::Instant;
 
 use chrono::Local;
-use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
-use gnc_executive::job::Job;
-use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::{OnFail, Plan};
-use gnc_text::with_causes;
-
-use crate::args::{OnFailArg, RunArgs};
-use crate::files;
-use crate::records;
-use crate::refusal::{Refusal, complain, refuse};
-use crate::serial_number;
-use crate::setup::{self, Setup};
-use face::Face;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::{Fixture, Operator};
 use gnc_bench::journal::Journal;
 use gnc_bench::runner::{self, Ending, Live, Order};
+use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
+use gnc_executive::job::Job;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::{OnFail, Plan};
 use gnc_records::resume::Resumed;
 use gnc_records::store::{RunFolder, Scribe, StationKey, Watcher, digest, seal_interrupted};
+use gnc_text::with_causes;
+
+use crate::args::{OnFailArg, RunArgs};
+use crate::refusal::{Refusal, complain, refuse};
+use crate::setup::{self, Setup};
+use crate::{files, records, serial_number};
+use face::Face;
 
 /// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;

@@ -4,13 +4,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use gnc_analysis::motion;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::plan::Plan;
 
-use crate::refusal::Refusal;
-use crate::refusal::{USAGE, refuse};
+use crate::refusal::{Refusal, USAGE, refuse};
 use crate::{files, setup};
-use gnc_analysis::motion;
 
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCode {
     let abilities = match abilities(bench, sim) {

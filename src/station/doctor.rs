@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_executive::bench::{BenchFile, Socket};
+use gnc_link::can::{CanTarget, slcan};
 use gnc_text::printable;
 
 use crate::files;
 use crate::setup::{BENCH_FILE, RECORDS};
-use gnc_link::can::{CanTarget, slcan};
 
 /// Exit code when something keeps a module from being tested.
 const ILL: u8 = 1;

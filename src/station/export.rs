@@ -10,16 +10,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use gnc_text::printable;
-use gnc_text::with_causes;
-
-use self::table::{Kind, Table};
-use crate::records;
-use crate::refusal::{complain, refuse};
 use gnc_analysis::capture::Capture;
 use gnc_records::raw::RawRecord;
 use gnc_records::store::captures::{self, CapturesError};
 use gnc_records::store::{StoreError, on};
+use gnc_text::{printable, with_causes};
+
+use self::table::{Kind, Table};
+use crate::records;
+use crate::refusal::{complain, refuse};
 
 /// The form of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

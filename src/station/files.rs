@@ -4,11 +4,11 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
+use gnc_analysis::motion;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
 
 use crate::refusal::Refusal;
-use gnc_analysis::motion;
 
 /// Reads and checks a plan with all that it includes.
 pub(crate) fn plan(path: &Path) -> Result<Plan, Refusal> {

@@ -12,14 +12,12 @@ use std::process::ExitCode;
 use gnc_executive::event::{EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
-use gnc_text::printable;
-use gnc_text::with_causes;
-
-use crate::files;
-use crate::records;
-use crate::refusal::{complain, refuse};
-use again::Again;
 use gnc_records::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
+use gnc_text::{printable, with_causes};
+
+use crate::refusal::{complain, refuse};
+use crate::{files, records};
+use again::Again;
 use source::{Run, RunError};
 
 /// Exit code where something is not as it was.

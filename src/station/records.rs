@@ -7,11 +7,11 @@ use std::process::ExitCode;
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
+use gnc_records::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
 use crate::refusal::{complain, refuse};
-use gnc_records::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;

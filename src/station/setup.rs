@@ -2,19 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use gnc_bench::fixture::Fixture;
 use gnc_executive::bench::{BenchFile, Site, Socket};
 use gnc_executive::event::Bench;
 use gnc_executive::job::BenchAbilities;
+use gnc_link::Target;
+use gnc_link::can::CanTarget;
+use gnc_records::store::StationKey;
 
 use crate::args::RunArgs;
 #[cfg(feature = "sim")]
 use crate::args::SimLink;
 use crate::files;
 use crate::refusal::Refusal;
-use gnc_bench::fixture::Fixture;
-use gnc_link::Target;
-use gnc_link::can::CanTarget;
-use gnc_records::store::StationKey;
 
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";

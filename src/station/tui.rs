@@ -26,14 +26,13 @@ use std::io::{self, IsTerminal as _};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use gnc_bench::runner::Live;
 use gnc_executive::outcome::Outcome;
 use tokio::sync::{mpsc, watch};
 
 use crate::args::{OnFailArg, RunArgs};
-use crate::refusal::Refusal;
-use crate::refusal::{complain, refuse};
+use crate::refusal::{Refusal, complain, refuse};
 use crate::serial_number;
-use gnc_bench::runner::Live;
 use model::{AfterFailure, Loaded, Model, Rounds};
 use session::{Session, Signals};
 use show::{Clock, Inbox};

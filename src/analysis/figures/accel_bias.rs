@@ -14,8 +14,7 @@ use super::budget::Budget;
 use super::calibration::{Calibration, Force};
 use super::captures::{self, AXES, Triad};
 use super::mean::{self, BLOCKS};
-use super::place;
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, place};
 use crate::capture::Capture;
 
 const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;

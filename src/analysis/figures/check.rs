@@ -10,11 +10,9 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::captures::{self, AXES};
-use super::clock;
 use super::json::vector;
 use super::mean::{self, BLOCKS};
-use super::place;
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, clock, place};
 use crate::capture::{Capture, Pose};
 
 /// Fewest samples of a capture.

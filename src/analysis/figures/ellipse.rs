@@ -15,8 +15,7 @@ use super::mean::MeanVariance;
 use super::roll::{self, Roll};
 use super::spin_blocks::{self, FIGURES};
 use super::still_fit::rare_ratio;
-use super::thin;
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, thin};
 use crate::capture::{Capture, Pose};
 
 /// A table that turns more slowly or faster than this (relative) did not do what it was told.

@@ -4,7 +4,6 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::ParamError;
 use gnc_metrology::Refusal;
 use gnc_metrology::sample_clock::ClockFault;
-
 use gnc_protocol::stream::Losses;
 
 /// Why no figure comes from captures. What can be tried stands apart, in [`FigureError::try_this`].

@@ -5,13 +5,11 @@ use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
 use gnc_metrology::stats;
+use gnc_nmea::{Epoch, Sentences};
 use serde_json::json;
 
 use super::clock::{BoardClock, SECOND_NS};
-use super::mean;
-use super::thin;
-use super::{FigureError, Findings, Question};
-use gnc_nmea::{Epoch, Sentences};
+use super::{FigureError, Findings, Question, mean, thin};
 
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;

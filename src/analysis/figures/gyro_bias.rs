@@ -11,8 +11,7 @@ use super::calibration::Calibration;
 use super::captures::{self, AXES, Triad};
 use super::json::vector;
 use super::mean::{self, BLOCKS};
-use super::place;
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, place};
 use crate::capture::Pose;
 
 /// What is taken out of the rotation of the earth, and what is left.

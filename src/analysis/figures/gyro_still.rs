@@ -12,10 +12,9 @@ use super::calibration::{self, Calibration, GyroStill};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, of_rows, rows, vector};
 use super::mean::MeanVariance;
-use super::place;
 use super::six_position::temperatures;
 use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, place};
 
 /// Before a rotation the scale factors and axes are known to this part only.
 const NOMINAL_BAND: f64 = 0.01;

@@ -8,10 +8,9 @@ use nalgebra::Matrix3;
 use serde_json::json;
 
 use super::captures::{AXES, Triad};
-use super::clock;
 use super::json::matrix;
 use super::six_position::temperatures;
-use super::{FigureError, Findings, Question, rotation, six_position};
+use super::{FigureError, Findings, Question, clock, rotation, six_position};
 use crate::capture::{Capture, Pose};
 
 /// The calibrations of one triad, oldest first.

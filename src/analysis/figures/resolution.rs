@@ -8,9 +8,8 @@ use serde_json::json;
 
 use super::budget::{Budget, finite};
 use super::captures::{self, AXES, Triad};
-use super::place;
 use super::stability::{Compensation, unit};
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, place};
 use crate::capture::{Capture, Pose};
 
 /// Fewest steps of a sense, so that their scatter says something.

@@ -4,6 +4,7 @@ use gnc_executive::bench::Site;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::rotation;
 use gnc_protocol::stream::{GYRO_LSB_PER_DPS, SATURATION};
+use gnc_rig::Along;
 use nalgebra::Vector3;
 use serde_json::json;
 
@@ -11,15 +12,11 @@ use super::axes::Frames;
 use super::budget::Budget;
 use super::calibration::{self, Calibration, GyroScale};
 use super::captures::{self, AXES, Triad};
-use super::clock;
 use super::json::{matrix, rows, vector};
-use super::place;
 use super::rest_noise::{Rest, RestNoise};
 use super::six_position::temperatures;
-use super::thin;
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, clock, place, thin};
 use crate::capture::{Capture, Pose};
-use gnc_rig::Along;
 
 /// What the budgets need from the plan.
 #[derive(Debug, Clone, Copy)]

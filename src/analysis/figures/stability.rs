@@ -9,9 +9,8 @@ use serde_json::json;
 
 use super::calibration::{Calibration, Force, Rate};
 use super::captures::{self, AXES, Triad};
-use super::mean;
 use super::six_position::temperatures;
-use super::{FigureError, Findings, Question};
+use super::{FigureError, Findings, Question, mean};
 use crate::capture::Capture;
 
 /// Compensation of the triads that the plan wants.

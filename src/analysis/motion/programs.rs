@@ -4,11 +4,10 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::{ParamError, Params};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::AXES;
+use gnc_rig::{Along, Orientation};
 
 use super::{Program, Step, Uses};
 use crate::capture::{About, Pose};
-use gnc_rig::Along;
-use gnc_rig::Orientation;
 
 /// Time without power where an item has none of its own: capacitors are empty and every register is forgotten.
 pub const OFF_S: f64 = 10.0;

@@ -1,10 +1,10 @@
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::{Params, Plan};
 use gnc_protocol::stream::{ImuSample, SATURATION};
+use gnc_rig::Along;
 
 use super::watch::{Spoilt, TurnWatch, Watch, turned_deg};
 use super::*;
-use gnc_rig::Along;
 
 fn params(id: &str, params: &str) -> Params {
     plan(id, params).items()[3].params.clone()

@@ -1,12 +1,12 @@
 //! Items of calibration and performance: they capture, and what the samples say is worked out from the captures alone.
 
+use gnc_analysis::capture::Capture;
+use gnc_analysis::figures::{self, Findings, Question};
+use gnc_analysis::motion;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
 
 use super::{Bench, ProcedureError, Recorder, capturing};
-use gnc_analysis::capture::Capture;
-use gnc_analysis::figures::{self, Findings, Question};
-use gnc_analysis::motion;
 
 pub(super) async fn run(
     item: ItemId,

@@ -10,13 +10,13 @@ mod verdict;
 use std::hash::{BuildHasher as _, RandomState};
 use std::io;
 
+use gnc_link::NoFrame;
+use gnc_link::can::{CanLink, Tap};
 use gnc_protocol::message::{CanCounters, CanState};
 
 use super::{Bench, ProcedureError, Recorder};
 use exchange::observe;
 use frames::Mark;
-use gnc_link::NoFrame;
-use gnc_link::can::{CanLink, Tap};
 
 pub(super) async fn run(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     if let Some(tap) = bench.board.tap() {

@@ -6,23 +6,22 @@ mod receiver;
 
 use std::time::Duration;
 
+use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
+use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
+use gnc_analysis::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
+use gnc_board::stream::{Closed, Stream};
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{ModulePower, StreamStart};
-use gnc_protocol::stream::{ImuSample, StreamFrame, StreamId};
+use gnc_protocol::stream::{ImuSample, Losses, StreamFrame, StreamId};
 use gnc_protocol::wire::{Reader, Wire};
+use gnc_records::raw::{Piece, pieces};
+use gnc_records::store::RawFile;
 
 use super::sampling::{ClockWatch, samples_per_frame};
 use super::{Bench, ProcedureError, Recorder};
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
-use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
-use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use gnc_analysis::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
-use gnc_board::stream::{Closed, Stream};
-use gnc_protocol::stream::Losses;
-use gnc_records::raw::{Piece, pieces};
-use gnc_records::store::RawFile;
 
 /// A turn that takes longer than so many times its span, and so many seconds, is not the one that was asked for.
 const LONGEST_TURN: f64 = 2.0;

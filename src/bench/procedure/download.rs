@@ -1,6 +1,8 @@
 //! The coefficients go to the module, are stored there, and are read back after the module was without power.
 
 use chrono::Utc;
+use gnc_analysis::figures::calibration::Coefficients;
+use gnc_analysis::motion::OFF_S;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
@@ -11,8 +13,6 @@ use gnc_protocol::wire::Wire as _;
 
 use super::{Bench, ProcedureError, Recorder, calibration, capturing};
 use crate::turntable;
-use gnc_analysis::figures::calibration::Coefficients;
-use gnc_analysis::motion::OFF_S;
 
 /// Bytes of a coefficient on the wire.
 const COEFFICIENT: usize = size_of::<f64>();

@@ -4,16 +4,16 @@ mod figures;
 
 use std::time::Duration;
 
+use gnc_board::stream::{Closed, Stream};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
+use gnc_nmea::{DIMENSIONS_AFTER, Epoch, Fix, Sentences};
 use gnc_protocol::message::{GnssRestart, GnssStart, StreamStart};
 use gnc_protocol::stream::{PpsCapture, StreamId};
 use gnc_protocol::wire::{Reader, Wire as _};
 use tokio::time::Instant;
 
 use super::{Bench, ProcedureError, Recorder};
-use gnc_board::stream::{Closed, Stream};
-use gnc_nmea::{DIMENSIONS_AFTER, Epoch, Fix, Sentences};
 
 /// Longest time beyond the window for a GSA, which some receivers say with every fifth epoch or so.
 const DIMENSIONS_WITHIN_S: f64 = 10.0;

@@ -2,6 +2,11 @@
 
 use std::time::Duration;
 
+use gnc_analysis::capture::Timing;
+use gnc_analysis::figures::clock::sample_rate_error;
+use gnc_analysis::figures::{self, SAMPLE_RATE_ERROR};
+use gnc_analysis::statistics::{mean, standard_deviation};
+use gnc_board::stream::Closed;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::AXES;
@@ -11,11 +16,6 @@ use gnc_protocol::wire::{Reader, Wire as _};
 
 use super::sampling::{ClockWatch, samples_per_frame};
 use super::{Bench, ProcedureError, Recorder};
-use gnc_analysis::capture::Timing;
-use gnc_analysis::figures::clock::sample_rate_error;
-use gnc_analysis::figures::{self, SAMPLE_RATE_ERROR};
-use gnc_analysis::statistics::{mean, standard_deviation};
-use gnc_board::stream::Closed;
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let wanted = u32::try_from(params.integer("samples")?).unwrap_or(u32::MAX);

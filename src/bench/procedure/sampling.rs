@@ -1,13 +1,13 @@
 //! The clock of a capture while it goes on: the samples' times by the board, and the board's clock against the host's.
 
+use gnc_analysis::capture::Timing;
+use gnc_analysis::host_clock::HostWatch;
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::can::stream::MARK_EVERY;
 use gnc_protocol::stream::{MAX_COMPENSATED_SAMPLES, StreamHead};
 use tokio::time::Instant;
 
 use super::Bench;
-use gnc_analysis::capture::Timing;
-use gnc_analysis::host_clock::HostWatch;
 
 /// A rate is judged from so many seconds on, and at the end: a fault is known to a ppm then, and an hour with a wrong clock
 /// is not waited for.

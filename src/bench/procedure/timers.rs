@@ -1,11 +1,11 @@
 //! Intervals of the module's timers against the slave's reference clock.
 
+use gnc_analysis::statistics::{mean, standard_deviation};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::TimerMeasure;
 
 use super::{Bench, ProcedureError, Recorder};
-use gnc_analysis::statistics::{mean, standard_deviation};
 
 const PERIODS: [(u32, &str); 4] = [(500, "500us"), (1000, "1ms"), (2000, "2ms"), (5000, "5ms")];
 

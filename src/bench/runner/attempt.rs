@@ -1,5 +1,9 @@
 //! One attempt of an item, from its first request to whatever ended it.
 
+use gnc_analysis::figures::Findings;
+use gnc_analysis::host_clock::HostClock;
+use gnc_board::latest::Follower;
+use gnc_board::{Advance, Board, Desk, Pulse};
 use gnc_executive::catalogue::Resource;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_protocol::message::ModulePower;
@@ -12,10 +16,6 @@ use crate::guidance::Guide;
 use crate::procedure::{self, Bench, ProcedureError};
 use crate::recorder::Recorder;
 use crate::turntable;
-use gnc_analysis::figures::Findings;
-use gnc_analysis::host_clock::HostClock;
-use gnc_board::latest::Follower;
-use gnc_board::{Advance, Board, Desk, Pulse};
 
 impl Run<'_> {
     pub(super) async fn attempt(

@@ -3,19 +3,19 @@
 use std::time::Duration;
 
 use chrono::Utc;
+use gnc_board::{Board, BoardError, Desk, Readings};
 use gnc_executive::event::{Board as BoardEvent, EventKind, Level, Power};
+use gnc_link::{Link, LinkError, Target};
 use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{MakeSafe, ModulePower, capability};
+use gnc_records::resume::ResumeError;
+use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 use tokio::sync::watch;
 use tokio::time::timeout;
 
 use super::Run;
-use gnc_board::{Board, BoardError, Desk, Readings};
-use gnc_link::{Link, LinkError, Target};
-use gnc_records::resume::ResumeError;
-use gnc_records::store::StoreError;
 
 /// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
 pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);

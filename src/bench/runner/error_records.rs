@@ -1,12 +1,12 @@
 //! What the board itself wrote down about a fault.
 
+use gnc_board::Board;
 use gnc_executive::event::{ErrorRecord as RecordEvent, EventKind, Level};
 use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecords};
+use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 
 use super::{Landed, Run};
-use gnc_board::Board;
-use gnc_records::store::StoreError;
 
 /// Error records read at the end of one attempt: as many as the board keeps.
 const MAX_RECORDS: usize = 64;

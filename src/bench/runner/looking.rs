@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use gnc_board::{Advance, Board, BoardError, Desk, Readings};
+use gnc_link::Target;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{AdRead, GnssRestart, GnssStart, MakeSafe, ModulePower, StreamStart};
 use gnc_protocol::stream::StreamId;
@@ -10,8 +12,6 @@ use tokio::time::{interval, timeout};
 
 use super::connection::{ConnectError, SAFE_WITHIN, by_chance, connect};
 use crate::control::Control;
-use gnc_board::{Advance, Board, BoardError, Desk, Readings};
-use gnc_link::Target;
 
 /// Samples a second of the IMU: what an eye can follow, and a slow line carries.
 const IMU_RATE_HZ: u16 = 50;

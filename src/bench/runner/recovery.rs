@@ -2,16 +2,16 @@
 
 use futures_util::future::FutureExt as _;
 use futures_util::stream::StreamExt as _;
+use gnc_board::{Absent, Board, BoardError};
 use gnc_executive::event::{AttemptError, EventKind, Level};
 use gnc_executive::outcome::Outcome;
+use gnc_link::RETURNS_WITHIN;
+use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 
 use super::verdict::judge;
 use super::{End, Flight, Landed, Run};
 use crate::procedure::ProcedureError;
-use gnc_board::{Absent, Board, BoardError};
-use gnc_link::RETURNS_WITHIN;
-use gnc_records::store::StoreError;
 
 impl Run<'_> {
     /// The session is gone, and with it the work of all items in flight. Whose fault was it? The item whose request

@@ -1,5 +1,7 @@
 //! The outcome of an attempt: by its measurements, and by the trouble that ended it.
 
+use gnc_analysis::motion::watch::Spoilt;
+use gnc_board::BoardError;
 use gnc_executive::event::AttemptError;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
@@ -8,8 +10,6 @@ use gnc_protocol::FaultCode;
 use gnc_text::with_causes;
 
 use crate::procedure::ProcedureError;
-use gnc_analysis::motion::watch::Spoilt;
-use gnc_board::BoardError;
 
 /// A restart, a device that does not work and a sensor at the end of its range are the module's; everything else leaves the station unable to tell.
 pub(super) fn judge(

@@ -2,9 +2,8 @@
 
 use gnc_protocol::message::{Accept, BoardHello, Heartbeat, MAGIC, Nak, Progress, ResultHead, event};
 use gnc_protocol::stream::{StreamFrame, StreamId};
-use gnc_protocol::timing;
 use gnc_protocol::wire::{Reader, Text, Wire as _};
-use gnc_protocol::{FaultCode, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload};
+use gnc_protocol::{FaultCode, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::mpsc;
 use tokio::time::{Duration, Instant};
 

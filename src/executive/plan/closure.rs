@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
+use gnc_text::{printable, quoted};
+
 use super::item::{self, RawItem};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
 use crate::catalogue::ParamKind;
 use crate::mistake::{Mistake, Mistakes, Source};
 use crate::spanned::{Span, Table, Walk, parse};
 use crate::suggest::nearest;
-use gnc_text::{printable, quoted};
 
 /// Characters of a name, which becomes a folder.
 const NAME_CHARACTERS: usize = 64;

@@ -1,5 +1,7 @@
 //! One `[[item]]` of a plan.
 
+use gnc_text::quoted;
+
 use super::closure::check_name;
 use super::{ItemPlace, Phase, PlanItem, limits, params};
 use crate::catalogue::{ItemId, ParamKind};
@@ -7,7 +9,6 @@ use crate::quantity::Dimension;
 use crate::spanned::{Span, Table, Walk};
 use crate::suggest::nearest;
 use crate::uncertainty::Decision;
-use gnc_text::quoted;
 
 /// Tries of an item: one that fails ten times will fail again.
 const MAX_ATTEMPTS: i64 = 10;

@@ -1,5 +1,6 @@
 //! The `[item.limits]` of a plan.
 
+use gnc_text::quoted;
 use toml::Spanned;
 use toml::de::DeValue;
 
@@ -9,7 +10,6 @@ use crate::limit::{Kind, Limit, LimitError};
 use crate::quantity::Unit;
 use crate::spanned::{Entry, Span, Table, Walk};
 use crate::suggest::nearest;
-use gnc_text::quoted;
 
 /// How exactly a key names a measurement; the more exact one counts.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use gnc_text::quoted;
 use toml::Spanned;
 use toml::de::DeValue;
 
@@ -9,7 +10,6 @@ use crate::catalogue::{ItemId, ParamKind, When};
 use crate::quantity::{Quantity, Unit};
 use crate::spanned::{Table, Walk, integer, quantity, texts};
 use crate::suggest::nearest;
-use gnc_text::quoted;
 
 /// Every parameter of an item.
 #[derive(Clone, Debug, Default, PartialEq)]

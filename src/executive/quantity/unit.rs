@@ -3,10 +3,10 @@
 use std::f64::consts::PI;
 use std::fmt;
 
+use gnc_text::quoted;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use super::{Dimension, spelling};
-use gnc_text::quoted;
 
 /// A unit that plans and measurements may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

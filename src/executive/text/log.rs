@@ -3,12 +3,12 @@
 use std::fmt::Write as _;
 
 use chrono::{DateTime, FixedOffset};
+use gnc_text::printable;
 
 use super::{banners, duration, error_record, failing_rows, item_line, measurement_line, verdict_line};
 use crate::event::{BenchKind, Level};
 use crate::outcome::words;
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
-use gnc_text::printable;
 
 /// The run as a text file; every line ends with a line feed.
 pub fn log_txt(record: &RunRecord) -> String {

@@ -6,8 +6,7 @@ use std::io::Cursor;
 use std::time::Instant;
 
 use gnc_analysis::capture::{About, HostView, Pose};
-use gnc_protocol::stream::ImuSample;
-use gnc_protocol::stream::Losses;
+use gnc_protocol::stream::{ImuSample, Losses};
 use gnc_records::raw::{Piece, RawWriter, read};
 
 const SAMPLES: u32 = 1_000_000;

@@ -1,5 +1,6 @@
 //! The passport of a run, or why it has none.
 
+use gnc_analysis::figures::{Calibration, FigureError, Findings};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::BenchKind;
 use gnc_executive::measurement::Value;
@@ -13,7 +14,6 @@ use nalgebra::Matrix3;
 use serde::Deserialize;
 
 use super::{Accel, Alignment, Budget, Conditions, Contribution, Gyro, Origin, Passport, TempCoeff, Uncertainty};
-use gnc_analysis::figures::{Calibration, FigureError, Findings};
 
 /// A passport needs all of them.
 const NEEDED: [ItemId; 3] = [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation];

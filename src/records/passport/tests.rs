@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may end with a panic")]
 
+use gnc_analysis::figures::{FigureError, Findings};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
@@ -8,7 +9,6 @@ use serde_json::json;
 
 use super::of_run::of;
 use super::*;
-use gnc_analysis::figures::{FigureError, Findings};
 
 fn estimate(value: f64, unit: Unit, u: f64, k: f64) -> Value {
     Value::estimate(value, unit, Known::symmetric(value, u, k, 0.95))

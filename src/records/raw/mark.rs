@@ -1,9 +1,10 @@
 //! `gnc.CaptureMark`: where a capture begins and ends.
 
-use super::proto::{Fields, next};
 use gnc_analysis::capture::{About, HostView, Pose};
 use gnc_protocol::stream::Losses;
 use gnc_rig::Along;
+
+use super::proto::{Fields, next};
 
 /// A mark.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 
+use gnc_analysis::capture::{About, Capture, HostView, Receiver, Said, Timing};
+use gnc_protocol::stream::Losses;
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -12,8 +14,6 @@ use super::Topic;
 use super::ending::CutOff;
 use super::mark::Mark;
 use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
-use gnc_analysis::capture::{About, Capture, HostView, Receiver, Said, Timing};
-use gnc_protocol::stream::Losses;
 
 /// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
 const LONGEST_RECORD: usize = 64 << 20;

@@ -2,13 +2,12 @@ use std::cell::RefCell;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::rc::Rc;
 
+use gnc_analysis::capture::{About, Capture, HostView, Pose, Receiver, Said, Timing};
 use gnc_protocol::calibration::CompensatedSample;
-use gnc_protocol::stream::{ImuSample, SATURATION};
+use gnc_protocol::stream::{ImuSample, Losses, SATURATION};
+use gnc_rig::Along;
 
 use super::*;
-use gnc_analysis::capture::{About, Capture, HostView, Pose, Receiver, Said, Timing};
-use gnc_protocol::stream::Losses;
-use gnc_rig::Along;
 
 /// Noise of a live sensor around its output, by a generator of its own (xorshift64*, Vigna 2016).
 fn samples(count: usize, seed: u64) -> Vec<ImuSample> {

@@ -2,8 +2,9 @@
 
 use std::io::{Cursor, Seek, Write};
 
+use gnc_analysis::capture::{About, Capture, HostView, Said};
 use gnc_protocol::calibration::CompensatedSample;
-use gnc_protocol::stream::ImuSample;
+use gnc_protocol::stream::{ImuSample, Losses};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions};
 
@@ -11,8 +12,6 @@ use super::Topic;
 use super::mark::Mark;
 use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
 use super::schema::descriptor_set;
-use gnc_analysis::capture::{About, Capture, HostView, Said};
-use gnc_protocol::stream::Losses;
 
 /// What comes of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
 #[derive(Debug, Clone, PartialEq)]

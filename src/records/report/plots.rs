@@ -12,10 +12,9 @@ mod wander;
 
 use gnc_executive::catalogue::ItemId;
 use gnc_metrology::AXES;
+use gnc_plot::Panel;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-
-use gnc_plot::Panel;
 
 /// Keys of details that are drawn and not listed: the numbers are in run.json.
 const DRAWN: [&str; 6] = ["curves", "field", "records", "scatter", "series", "spectra"];

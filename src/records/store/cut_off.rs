@@ -10,8 +10,7 @@ use std::fs::{self, File};
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use gnc_text::printable;
-use gnc_text::with_causes;
+use gnc_text::{printable, with_causes};
 use serde::{Deserialize, Serialize};
 
 use super::{RunFolder, StoreError, captures, closing, digest, on};

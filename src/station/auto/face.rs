@@ -6,6 +6,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use gnc_bench::control::Control;
+use gnc_bench::runner::{Doing, Live};
 use gnc_executive::event::{Event, EventKind, Level};
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::state::RunState;
@@ -13,9 +15,6 @@ use gnc_executive::text;
 use gnc_text::printable;
 use terminal_size::terminal_size_of;
 use tokio::sync::watch;
-
-use gnc_bench::control::Control;
-use gnc_bench::runner::{Doing, Live};
 
 /// How often a bar moves.
 const BAR_EVERY: Duration = Duration::from_millis(100);

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use gnc_analysis::figures::fit_json;
 use gnc_metrology::allan::{self, Absence, Analysis, Coefficient, Input, Kind, Taus};
+use gnc_plot::{Mark, Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
@@ -11,8 +13,6 @@ use super::record::{Record, Triad};
 use super::report::Report;
 use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_analysis::figures::fit_json;
-use gnc_plot::{Mark, Panel, Series};
 
 /// Which deviation.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use gnc_executive::quantity::Dimension;
 use gnc_metrology::{ellipse, ellipsoid};
+use gnc_plot::{Panel, Series};
 use nalgebra::Vector3;
 use serde_json::json;
 
@@ -13,7 +14,6 @@ use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
 use super::table::{Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 #[derive(Debug, Args)]
 pub(super) struct Ellipse {

@@ -26,10 +26,10 @@ use std::process::ExitCode;
 
 use clap::{Args as ClapArgs, Subcommand};
 use gnc_metrology::Refusal;
+use gnc_plot::Panel;
 use gnc_text::printable;
 use thiserror::Error;
 
-use gnc_plot::Panel;
 use report::Report;
 use table::{Reading, TableError};
 

@@ -7,12 +7,12 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use gnc_analysis::capture::{Capture, Pose};
+use gnc_records::store::captures::{self, CapturesError};
 use thiserror::Error;
 
 use super::ComputeError;
 use super::table::{About, Clock, Columns, Reading, Table, Wanted};
-use gnc_analysis::capture::{Capture, Pose};
-use gnc_records::store::captures::{self, CapturesError};
 
 /// Three sensors of one kind, whose outputs are `x`, `y`, `z`.
 #[derive(Debug, Clone, Copy)]

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_metrology::{Refusal, series, stability, stats};
+use gnc_plot::{Panel, Series};
 use serde_json::json;
 
 use super::gate::GateColumns;
 use super::report::Report;
 use super::table::{Columns, Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 /// A run of so many equal rows beside noisy ones is no chance.
 const STUCK_ROWS: usize = 8;

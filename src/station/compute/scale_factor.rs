@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options, Rows};
+use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
 use super::report::Report;
 use super::table::{Columns, Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 /// Relative figures are given in parts per million.
 const PPM: f64 = 1e6;

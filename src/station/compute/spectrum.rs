@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_metrology::{psd, stability};
+use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::{GateColumns, Gated};
@@ -11,7 +12,6 @@ use super::record::{Record, Triad};
 use super::report::Report;
 use super::table::{Columns, Reading, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 /// One column of a record with a rate.
 #[derive(Debug, Args)]

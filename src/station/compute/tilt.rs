@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_metrology::tilt;
+use gnc_plot::{Panel, Series};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -11,7 +12,6 @@ use super::gate::GateColumns;
 use super::report::Report;
 use super::table::{Reading, Table, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 /// Labels of a flip.
 const SIDES: [&str; 2] = ["+", "-"];

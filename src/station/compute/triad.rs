@@ -6,6 +6,7 @@ use clap::Args;
 use gnc_executive::quantity::{Dimension, Unit};
 use gnc_metrology::position::{self, LABELS, Limits, Position};
 use gnc_metrology::{AXES, Refusal, earth, gyro_still, rotation, series, six_position};
+use gnc_plot::{Panel, Series};
 use nalgebra::Vector3;
 use serde_json::json;
 
@@ -14,7 +15,6 @@ use super::record::{Record, Triad};
 use super::report::{Report, matrix, vector};
 use super::table::{Columns, Named, Reading, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 /// Gravity, given or from the place.
 #[derive(Debug, Args)]

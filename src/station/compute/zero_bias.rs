@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 use gnc_metrology::zero_bias::{Eliminator, Kalman, Model, Settings, StillDetector, Stored};
 use gnc_metrology::{series, stats};
+use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::{GateColumns, stretches};
 use super::report::Report;
 use super::table::{Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-use gnc_plot::{Panel, Series};
 
 #[derive(Debug, Args)]
 pub(super) struct ZeroBias {

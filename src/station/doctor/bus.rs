@@ -4,7 +4,6 @@ use std::process::{Command, Stdio};
 
 use nix::errno::Errno;
 use nix::sys::socket::{AddressFamily, SockFlag, SockType, socket};
-
 use serde_json::Value;
 
 use super::{Finding, Health, Sys};

@@ -4,11 +4,11 @@ use std::io::IsTerminal as _;
 use std::path::Path;
 
 use chrono::{Local, NaiveDate};
+use gnc_records::store::reader;
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 
 use super::Finding;
-use gnc_records::store::reader;
 
 /// Below this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
 const LITTLE_MB: u64 = 2000;

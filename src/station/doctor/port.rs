@@ -3,10 +3,10 @@
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::path::Path;
 
+use gnc_link::serial::{self, OpenError};
 use nix::unistd::{AccessFlags, Gid, Group, access};
 
 use super::{Finding, Sys};
-use gnc_link::serial::{self, OpenError};
 
 /// FTDI adapters keep a byte for so long to fill a packet; the ICD's waits bear one that waits a little.
 const LATENCY_MS: i64 = 2;

@@ -1,9 +1,8 @@
 //! The columns of an export, whatever form it takes.
 
+use gnc_analysis::capture::Capture;
 use gnc_protocol::calibration::{FIELD_PER_GAUSS, FORCE_PER_MPS2, RATE_PER_RPS, ROLL_PER_RAD};
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, MAG_LSB_PER_GAUSS};
-
-use gnc_analysis::capture::Capture;
 
 /// What a table holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,19 +2,19 @@
 
 use std::collections::BTreeMap;
 
+use gnc_analysis::capture::Capture;
+use gnc_analysis::figures::{self, FigureError, Findings, Question};
+use gnc_analysis::motion::{self, Step};
 use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, Program};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
+use gnc_records::store::captures;
 use gnc_text::with_causes;
 
 use super::differences::{of_details, of_measurements};
 use super::source::{Run, RunError};
 use super::{fold, info};
-use gnc_analysis::capture::Capture;
-use gnc_analysis::figures::{self, FigureError, Findings, Question};
-use gnc_analysis::motion::{self, Step};
-use gnc_records::store::captures;
 
 /// A run, judged again.
 pub(super) struct Again {

@@ -6,12 +6,12 @@ use std::path::Path;
 
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
-
-use super::differences;
-use super::source::RunError;
 use gnc_records::passport::{self, NoPassport, PASSPORT, PASSPORT_XML, Passport};
 use gnc_records::store::digest::Sums;
 use gnc_records::store::{DIGESTS, StoreError, pretty};
+
+use super::differences;
+use super::source::RunError;
 
 /// What is not as it was, and a word for the summary.
 pub(super) struct Checked {

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use gnc_executive::event::{Event, EventKind, RunHeader};
 use gnc_executive::plan::{MAX_PLAN_FILES, ParamError, Plan};
 use gnc_executive::state::OutOfOrder;
-
-use super::info;
 use gnc_records::store::captures::CapturesError;
 use gnc_records::store::{JOURNAL, PLAN, StoreError, reader};
+
+use super::info;
 
 /// Why a run cannot be recomputed.
 #[derive(Debug, thiserror::Error)]

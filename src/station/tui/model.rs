@@ -6,6 +6,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
+use gnc_analysis::motion::{self, Step};
+use gnc_bench::fixture::Ask;
+use gnc_bench::guidance::Guidance;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
@@ -15,9 +18,6 @@ use super::field::Field;
 use super::keymap::Place;
 use super::lang::{Lang, Texts};
 use super::records::Records;
-use gnc_analysis::motion::{self, Step};
-use gnc_bench::fixture::Ask;
-use gnc_bench::guidance::Guidance;
 
 /// The time, passed in so that every screen can be drawn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

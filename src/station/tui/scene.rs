@@ -6,6 +6,7 @@ mod captures;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
+use gnc_board::{Readings, StreamReading};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
     Bench, BenchKind, Board, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Power, Program, RunHeader,
@@ -14,6 +15,7 @@ use gnc_executive::measurement::{Measurement, Reading};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Phase;
 use gnc_executive::quantity::Unit;
+use gnc_nmea::{Epoch, Fix};
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS, StreamId};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -23,8 +25,6 @@ use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
 use super::update::{Command, Msg, update};
 use super::view;
-use gnc_board::{Readings, StreamReading};
-use gnc_nmea::{Epoch, Fix};
 
 /// A screen in memory.
 #[derive(Debug)]

@@ -9,15 +9,15 @@ use std::future::pending;
 use std::path::PathBuf;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
+use gnc_bench::control::Control;
+use gnc_bench::fixture::Question;
+use gnc_bench::runner::Live;
 use gnc_executive::outcome::Outcome;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 
 use super::update::{Command, Msg};
 use crate::args::RunArgs;
-use gnc_bench::control::Control;
-use gnc_bench::fixture::Question;
-use gnc_bench::runner::Live;
 use rounds::{Finished, Handles};
 
 /// Questions that may wait: one of each item that runs.

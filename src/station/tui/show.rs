@@ -4,6 +4,8 @@
 use std::time::{Duration, Instant};
 
 use chrono::Local;
+use gnc_bench::runner::Doing;
+use gnc_board::Readings;
 use ratatui::Terminal;
 use ratatui::backend::Backend;
 use ratatui::layout::{Position, Rect};
@@ -13,8 +15,6 @@ use super::decode::Key;
 use super::model::{Model, Now, Progress};
 use super::update::{Command, Msg, update};
 use super::view;
-use gnc_bench::runner::Doing;
-use gnc_board::Readings;
 
 /// Time between two drawings.
 const FRAME: Duration = Duration::from_millis(33);

@@ -4,8 +4,10 @@ mod captures;
 
 use std::time::Duration;
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, Level};
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;
 use super::lang::Lang;
@@ -14,9 +16,6 @@ use super::records::{Day, Mark, RunLine, Runs};
 use super::scene::{Scene, measured};
 use super::update::{Command, Msg};
 use super::view::text_width;
-use gnc_bench::fixture::Ask;
-use gnc_rig::Along;
-use gnc_rig::Orientation;
 
 const SIZES: [(u16, u16); 2] = [(80, 24), (160, 50)];
 

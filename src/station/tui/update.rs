@@ -5,6 +5,8 @@ mod run;
 
 use std::path::PathBuf;
 
+use gnc_bench::fixture::Ask;
+use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::state::RunState;
 
@@ -13,8 +15,6 @@ use super::lang::{Lang, fill};
 use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
 use super::records::{Check, Day, Mark, OpenRun, Runs};
 use super::setup_form::Choices;
-use gnc_bench::fixture::Ask;
-use gnc_board::Readings;
 
 /// Something that happened.
 #[derive(Debug)]

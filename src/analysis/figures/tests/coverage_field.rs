@@ -5,13 +5,13 @@ use gnc_executive::bench::{Fixture, Site};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
 use gnc_protocol::stream::ImuSample;
+use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::coverage::{Found, Tally, params, tally};
 use super::world::{Dice, capture};
 use crate::capture::{Capture, Pose};
 use crate::figures::{Question, analyse};
-use gnc_rig::Along;
 
 const PLAN: &str = r#"
 name = "coverage"

@@ -6,13 +6,13 @@
 
 use gnc_executive::catalogue::ItemId;
 use gnc_protocol::calibration::CompensatedSample;
+use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::coverage::{AXES, Calibrated, Found, PLAN, Tally, params, seed_of, tally};
 use super::world::{EARTH_DPH, GRAVITY, LATITUDE_DEG, World};
 use crate::capture::{Capture, Pose};
 use crate::figures::calibration::Coefficients;
-use gnc_rig::Along;
 
 /// The items behind the calibration, in this order.
 const LEFT: &str = r#"

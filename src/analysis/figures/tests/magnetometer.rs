@@ -1,12 +1,12 @@
 //! Spins in the earth's field, and attitudes over the sphere.
 
 use gnc_protocol::stream::ImuSample;
+use gnc_rig::Along;
 use nalgebra::{Matrix3, Vector3};
 
 use super::world::{Dice, capture};
 use super::*;
 use crate::capture::Pose;
-use gnc_rig::Along;
 
 /// A magnetometer in its plane of rotation, gauss.
 #[derive(Clone, Copy)]

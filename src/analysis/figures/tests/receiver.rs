@@ -1,8 +1,9 @@
 //! Satellite receiver: sentences made by hand.
 
+use gnc_protocol::stream::Losses;
+
 use super::sky::{Sky, sentence};
 use super::*;
-use gnc_protocol::stream::Losses;
 
 /// So many epochs over the site's antenna; the board's clock is 8 ppm fast.
 fn listened(epochs: usize, deviation_m: [f64; 3], memory: f64, seed: u64) -> Capture {

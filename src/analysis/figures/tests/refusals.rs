@@ -1,11 +1,11 @@
 //! What gives no figure, and says why.
 
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
+use gnc_protocol::stream::Losses;
 
 use super::calibrating::{SIX, calibrated};
 use super::world::World;
 use super::*;
-use gnc_protocol::stream::Losses;
 
 fn six(captures: &[Capture]) -> FigureError {
     ask(ItemId::SixPosition, SIX, captures, &[]).unwrap_err()

@@ -1,11 +1,10 @@
 //! A small world of its own: attitudes, the earth, a module with known errors, seeded noise.
 
-use gnc_protocol::stream::ImuSample;
+use gnc_protocol::stream::{ImuSample, Losses};
+use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::capture::{About, Capture, Pose, Receiver, Timing};
-use gnc_protocol::stream::Losses;
-use gnc_rig::Along;
 
 pub(super) const LATITUDE_DEG: f64 = 34.2;
 pub(super) const GRAVITY: f64 = 9.7954;

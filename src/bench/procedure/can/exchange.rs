@@ -8,6 +8,7 @@
 use std::io;
 use std::time::Duration;
 
+use gnc_link::can::{Tap, Traffic};
 use gnc_protocol::can::id::is_echo;
 use gnc_protocol::can::{BIT_RATE, CanFrame};
 use gnc_protocol::message::CanCountersReply;
@@ -15,7 +16,6 @@ use tokio::time::{Instant, timeout_at};
 
 use super::frames::{Mark, Phase};
 use super::ledger::{Ledger, Seen};
-use gnc_link::can::{Tap, Traffic};
 
 /// Frames under way: the oldest controllers hold 64 bytes, which are four frames, and a host that is late loses a fifth.
 const IN_FLIGHT: usize = 4;

@@ -6,6 +6,7 @@ use std::io;
 use std::ops::Range;
 use std::time::Duration;
 
+use gnc_link::can::{CanLink, MemoryEnd};
 use gnc_protocol::can::id::echo_of;
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::message::{CanCountersReply, CanState};
@@ -15,7 +16,6 @@ use super::drive;
 use super::exchange::{Observed, observe};
 use super::frames::Mark;
 use crate::procedure::ProcedureError;
-use gnc_link::can::{CanLink, MemoryEnd};
 
 /// Frames of eight bytes that a bus of 500 kbit/s carries in a tick, the shortest time that a paused clock knows.
 const SLOTS: usize = 4;

@@ -1,8 +1,9 @@
 //! Words for samples that are missing.
 
-use super::ProcedureError;
 use gnc_analysis::capture::About;
 use gnc_protocol::stream::Losses;
+
+use super::ProcedureError;
 
 /// Samples are missing between two that came.
 pub(super) fn gap(about: &About, after: usize, losses: Losses) -> ProcedureError {

@@ -1,15 +1,14 @@
 //! What the satellite receiver says, byte by byte, and its pulses.
 
-use gnc_protocol::message::StreamStart;
-use gnc_protocol::stream::{PpsCapture, StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Wire as _};
-
-use super::{Captor, ProcedureError};
 use gnc_analysis::capture::{About, Capture, HostView, Receiver, Said, Timing};
 use gnc_board::stream::Stream;
 use gnc_nmea::Sentences;
-use gnc_protocol::stream::Losses;
+use gnc_protocol::message::StreamStart;
+use gnc_protocol::stream::{Losses, PpsCapture, StreamFrame, StreamId};
+use gnc_protocol::wire::{Reader, Wire as _};
 use gnc_records::raw::Piece;
+
+use super::{Captor, ProcedureError};
 
 /// Listens until so much board time after the first fix is over, or the time for a fix is; what it means is for the
 /// analysis.

@@ -1,16 +1,16 @@
 //! What is measured of what the receiver said. A figure that does not exist is not given, and the reason is.
 
 use chrono::NaiveDate;
+use gnc_analysis::figures::Findings;
+use gnc_analysis::figures::clock::BoardClock;
+use gnc_analysis::statistics::mean;
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::quantity::Unit;
+use gnc_nmea::{Epoch, Fault, Fix};
 
 use super::Heard;
 use crate::procedure::ProcedureError;
 use crate::recorder::Recorder;
-use gnc_analysis::figures::Findings;
-use gnc_analysis::figures::clock::BoardClock;
-use gnc_analysis::statistics::mean;
-use gnc_nmea::{Epoch, Fault, Fix};
 
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;

@@ -1,3 +1,4 @@
+use gnc_analysis::capture::Capture;
 use mcap::Summary;
 use mcap::read::Options;
 use mcap::records::Statistics;
@@ -5,7 +6,6 @@ use mcap::records::Statistics;
 use super::*;
 use crate::raw::tests::{Shared, cut, file, short_captures, write};
 use crate::raw::{RawRecord, read};
-use gnc_analysis::capture::Capture;
 
 /// Few samples of each, so that every length can be tried.
 fn few() -> Vec<Capture> {

@@ -1,11 +1,11 @@
 //! The field in the plane of rotation: raw with its ellipse, corrected with its circle, and what is left.
 
 use gnc_metrology::ellipse::Correction;
+use gnc_plot::{Panel, Series};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::{MOST_CURVES, part};
-use gnc_plot::{Panel, Series};
 
 /// Points of an ellipse as it is drawn.
 const CORNERS: u32 = 120;

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use gnc_plot::{Mark, Panel, Series};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::{AXES, part, thinned};
-use gnc_plot::{Mark, Panel, Series};
 
 /// Flat part of a deviation over the bias instability: sqrt(2 ln 2 / pi).
 const FLAT: f64 = 0.664;

@@ -1,12 +1,12 @@
 //! What a fit leaves in each position, and how the means follow a step.
 
 use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
+use gnc_plot::{Mark, Panel, Series};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::super::number;
 use super::{AXES, part};
-use gnc_plot::{Mark, Panel, Series};
 
 /// Beside each other in one position.
 const OFFSET: f64 = 0.2;

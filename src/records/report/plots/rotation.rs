@@ -1,10 +1,10 @@
 //! Records of the turns, with the windows over which they were summed.
 
+use gnc_plot::{Panel, Series};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::{MOST_CURVES, part};
-use gnc_plot::{Panel, Series};
 
 #[derive(Deserialize)]
 struct Record {

@@ -1,10 +1,10 @@
 //! Fixes about the surveyed antenna.
 
+use gnc_plot::{Panel, Series};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::part;
-use gnc_plot::{Panel, Series};
 
 #[derive(Deserialize)]
 struct Scatter {

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use gnc_plot::{Panel, Series};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::{AXES, part, thinned};
-use gnc_plot::{Panel, Series};
 
 #[derive(Deserialize)]
 struct Channel {

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use super::TableError;
 use super::columns::{Gathered, Plan};
 use super::rows::Role;
-use super::time;
+use super::{TableError, time};
 
 /// Cells of a column.
 #[derive(Debug)]

@@ -8,6 +8,7 @@ mod ru_look_at;
 mod zh;
 mod zh_look_at;
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::Level;
 use gnc_executive::outcome::{Cause, Outcome};
@@ -15,7 +16,6 @@ use gnc_executive::text::duration;
 
 use super::keymap::Action;
 pub use crate::args::Lang;
-use gnc_bench::fixture::Ask;
 
 impl Lang {
     /// All languages.

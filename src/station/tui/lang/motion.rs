@@ -1,12 +1,11 @@
 //! How the module lies and moves, in words.
 
-use gnc_executive::text::duration;
-
-use super::{Texts, fill};
 use gnc_analysis::capture::Pose;
 use gnc_bench::guidance::{Guidance, Stage};
-use gnc_rig::Along;
-use gnc_rig::{AXES, Orientation};
+use gnc_executive::text::duration;
+use gnc_rig::{AXES, Along, Orientation};
+
+use super::{Texts, fill};
 
 impl Texts {
     /// "+X up, +Y to 0° clockwise from north".

@@ -3,6 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use gnc_analysis::motion;
+use gnc_bench::guidance::allan::AllanSoFar;
+use gnc_bench::guidance::field::FieldSoFar;
+use gnc_bench::guidance::{Guidance, Picture, Stage};
 use gnc_executive::event::{EventKind, PlannedItem};
 use gnc_executive::plan::{Phase, Plan, PlanItem};
 use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS};
@@ -11,10 +15,6 @@ use super::Scene;
 use crate::tui::lang::Lang;
 use crate::tui::model::{Loaded, PlanView, ProgramView, Progress};
 use crate::tui::update::{Msg, update};
-use gnc_analysis::motion;
-use gnc_bench::guidance::allan::AllanSoFar;
-use gnc_bench::guidance::field::FieldSoFar;
-use gnc_bench::guidance::{Guidance, Picture, Stage};
 
 /// Captured board time of the capture in the middle of which a scene stands.
 const CAPTURED_S: f64 = 87.4;

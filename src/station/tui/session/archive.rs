@@ -6,12 +6,12 @@ use chrono::Local;
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
+use gnc_records::store::{DIGESTS, reader};
 use gnc_text::with_causes;
 
 use crate::tui::model::Earlier;
 use crate::tui::records::{Day, MAX_RUNS, Mark, RunLine, Runs};
 use crate::tui::update::Msg;
-use gnc_records::store::{DIGESTS, reader};
 
 /// Runs that are opened to learn how long a plan takes; if none of them is of it, nobody knows.
 const MAX_LOOKED_AT: usize = 100;

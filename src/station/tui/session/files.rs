@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use gnc_bench::fixture::Fixture;
 use gnc_executive::event::BenchKind;
 use gnc_executive::job::Job;
 use gnc_executive::limit::Limit;
+use gnc_records::store::digest;
 use tokio::sync::mpsc;
 
 use super::archive;
@@ -15,8 +17,6 @@ use crate::setup::{self, BENCH_FILE, Setup};
 use crate::tui::model::{BenchView, Loaded, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;
 use crate::tui::update::Msg;
-use gnc_bench::fixture::Fixture;
-use gnc_records::store::digest;
 
 /// What stands before the name of a simulated module.
 pub(crate) const SIM: &str = "sim:";

@@ -4,25 +4,24 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use chrono::Local;
-use gnc_executive::event::{Event, Loop};
-use gnc_executive::job::Job;
-use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::OnFail;
-use gnc_text::with_causes;
-use tokio::sync::mpsc;
-
-use crate::args::RunArgs;
-use crate::auto;
-use crate::files;
-use crate::refusal::Refusal;
-use crate::setup::{self, Setup};
-use crate::tui::model::{AfterFailure, Rounds};
-use crate::tui::update::{Msg, Start};
 use gnc_bench::control::Control;
 use gnc_bench::fixture::{Fixture, Question};
 use gnc_bench::journal::Journal;
 use gnc_bench::runner::{self, Live, Order, looking};
+use gnc_executive::event::{Event, Loop};
+use gnc_executive::job::Job;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::OnFail;
 use gnc_records::store::{RunFolder, Scribe, Watcher, seal_interrupted};
+use gnc_text::with_causes;
+use tokio::sync::mpsc;
+
+use crate::args::RunArgs;
+use crate::refusal::Refusal;
+use crate::setup::{self, Setup};
+use crate::tui::model::{AfterFailure, Rounds};
+use crate::tui::update::{Msg, Start};
+use crate::{auto, files};
 
 /// How the run is reached from outside.
 pub(super) struct Handles {

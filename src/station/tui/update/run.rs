@@ -1,12 +1,12 @@
 //! What a run tells the screen.
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
 
 use super::{Command, Start, earlier_words, words};
 use crate::tui::live::History;
 use crate::tui::model::{Earlier, Loaded, Model, Over, Pause, Pending, Prompt, RunView, Weight};
-use gnc_bench::fixture::Ask;
 
 /// Folds an event as every other observer does.
 pub(super) fn event(model: &mut Model, event: &Event) -> Option<Command> {

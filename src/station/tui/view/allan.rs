@@ -1,5 +1,6 @@
 //! Allan deviations over the averaging time, both by their logarithms, as they grow.
 
+use gnc_bench::guidance::allan::Allan;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::symbols::Marker;
@@ -8,7 +9,6 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 use super::live::names_of_curves;
 use super::style;
 use crate::tui::model::{Glyphs, Model};
-use gnc_bench::guidance::allan::Allan;
 
 /// Cells of one label of the averaging time, with a gap.
 const LABEL: u16 = 8;

@@ -1,9 +1,7 @@
 //! Where the axes of a module point that lies on the table, and how that looks from beside it.
 
+use gnc_rig::{Along, Orientation};
 use nalgebra::Vector3;
-
-use gnc_rig::Along;
-use gnc_rig::Orientation;
 
 /// East, north, up.
 pub(super) type Direction = Vector3<f64>;

@@ -1,5 +1,6 @@
 //! The page of an item that captures: how the module lies and turns, how far each capture is, what is still to go.
 
+use gnc_bench::guidance::{Guidance, Picture, Planned, Stage};
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -12,7 +13,6 @@ use super::rows::first_shown;
 use super::{WIDE, allan, field, live, module, style, text};
 use crate::tui::lang::fill;
 use crate::tui::model::{Model, ProgramView};
-use gnc_bench::guidance::{Guidance, Picture, Planned, Stage};
 
 /// Width of the guidance beside the captures.
 const GUIDANCE: u16 = 40;

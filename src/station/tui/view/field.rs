@@ -1,5 +1,7 @@
 //! The field across the axis of a spin: raw points with the ellipse through them, and what its correction makes of them.
 
+use gnc_bench::guidance::field::{Ellipse, Field, roll_deg};
+use gnc_protocol::calibration::ROLL_PER_RAD;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;
@@ -11,8 +13,6 @@ use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 use super::panels::block;
 use super::{style, text};
 use crate::tui::model::{Glyphs, Model};
-use gnc_bench::guidance::field::{Ellipse, Field, roll_deg};
-use gnc_protocol::calibration::ROLL_PER_RAD;
 
 /// Rows of the figures below the plots.
 const FIGURES: u16 = 3;

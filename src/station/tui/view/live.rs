@@ -2,6 +2,11 @@
 
 use std::time::Duration;
 
+use gnc_bench::guidance::field::roll_deg;
+use gnc_board::StreamReading;
+use gnc_nmea::Fix;
+use gnc_protocol::calibration::ROLL_PER_RAD;
+use gnc_protocol::stream::StreamId;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -14,11 +19,6 @@ use super::{WIDE, style, text};
 use crate::tui::lang::fill;
 use crate::tui::live::{Imu, Point};
 use crate::tui::model::{Glyphs, Model};
-use gnc_bench::guidance::field::roll_deg;
-use gnc_board::StreamReading;
-use gnc_nmea::Fix;
-use gnc_protocol::calibration::ROLL_PER_RAD;
-use gnc_protocol::stream::StreamId;
 
 /// Time that the curves cover.
 const SPAN: Duration = Duration::from_secs(60);

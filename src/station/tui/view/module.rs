@@ -1,5 +1,6 @@
 //! The module on the table, drawn from beside it: a box with its axes, the way to the north, and the sense of a turn.
 
+use gnc_rig::{AXES, Orientation};
 use nalgebra::Vector3;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -11,7 +12,6 @@ use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 use super::attitude::{Attitude, Direction, seen, towards_eye};
 use super::style;
 use crate::tui::model::{Glyphs, Model};
-use gnc_rig::{AXES, Orientation};
 
 /// Half of the module's edges, in halves of its height: 26 x 26 x 32 mm.
 const HALF: [f64; 3] = [0.81, 0.81, 1.0];

@@ -1,5 +1,6 @@
 //! Drawn pictures of what is asked for: the DIP switches, the table from above, the module on it.
 
+use gnc_bench::fixture::Ask;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Color;
@@ -10,7 +11,6 @@ use ratatui::widgets::canvas::{Canvas, Circle, Line as Stroke};
 
 use super::{module, style};
 use crate::tui::model::{Glyphs, Model};
-use gnc_bench::fixture::Ask;
 
 /// Rows that the picture of a request needs.
 pub(super) fn rows(ask: &Ask) -> u16 {

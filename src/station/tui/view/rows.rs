@@ -1,5 +1,6 @@
 //! The items as a list: ticks, marks, outcomes, times, what decided; under a bad one what to look at.
 
+use gnc_bench::guidance::{Guidance, Stage};
 use gnc_executive::event::Level;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
@@ -16,7 +17,6 @@ use super::panels::bar;
 use super::{style, text};
 use crate::tui::lang::{Texts, fill};
 use crate::tui::model::{Model, PlanView, Progress, order};
-use gnc_bench::guidance::{Guidance, Stage};
 
 /// Bad items whose values are listed under them; of more the cursor shows the details.
 const EXPLAINED: usize = 20;
