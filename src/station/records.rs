@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
-use gnc_records::store::{DIGESTS, JOURNAL, PublicKey, RECORD, StationKey, StoreError, chain, reader};
+use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
@@ -145,9 +145,7 @@ fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usiz
 /// The runs that the user named, oldest first: by a folder, from here or below the records folder, or by a serial
 /// number.
 pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    // Any of them: a run whose journal was taken away is to be found out.
-    let is_run = |folder: &PathBuf| [JOURNAL, RECORD, DIGESTS].iter().any(|file| folder.join(file).exists());
-    if let Some(folder) = [named.to_owned(), records.join(named)].into_iter().find(is_run) {
+    if let Some(folder) = [named.to_owned(), records.join(named)].into_iter().find(|folder| reader::is_run(folder)) {
         return Ok(vec![folder]);
     }
     let of_module = |found: &reader::FoundRun| {

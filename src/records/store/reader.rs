@@ -3,12 +3,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gnc_executive::event::Event;
 use gnc_executive::journal;
+use gnc_executive::plan::MAX_PLAN_FILES;
 use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
 
 use super::digest::Sums;
 use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
+use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
 
 /// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
@@ -87,7 +90,19 @@ pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
 }
 
 fn found(path: PathBuf) -> FoundRun {
-    FoundRun { run: read(&path), sealed: path.join(DIGESTS).is_file(), path }
+    FoundRun { run: read(&path), sealed: is_sealed(&path), path }
+}
+
+/// Whether a folder holds a run, be it only a part of one: a run whose journal was taken away is to be found out.
+#[must_use]
+pub fn is_run(folder: &Path) -> bool {
+    [JOURNAL, RECORD, DIGESTS].iter().any(|file| folder.join(file).exists())
+}
+
+/// Whether a run's folder was closed with its digests.
+#[must_use]
+pub fn is_sealed(folder: &Path) -> bool {
+    folder.join(DIGESTS).is_file()
 }
 
 fn name_of(folder: &Path) -> String {
@@ -113,14 +128,55 @@ pub fn read(folder: &Path) -> Result<RunRecord, String> {
 ///
 /// # Errors
 /// A sentence for people.
-pub fn fold(folder: &Path) -> Result<gnc_executive::state::RunState, String> {
+pub fn fold(folder: &Path) -> Result<RunState, String> {
+    let bytes = journal_of(folder)?;
+    journal::fold(&bytes).map(|journal| journal.state).map_err(|error| format!("the journal is damaged: {error}"))
+}
+
+/// The events of a run whose journal [`fold`] found good, in their order.
+///
+/// # Errors
+/// A sentence for people.
+pub fn events(folder: &Path) -> Result<Vec<Event>, String> {
+    let bytes = journal_of(folder)?;
+    // Of an interrupted run the last line may be cut off; the fold found all others good.
+    Ok(bytes.split_inclusive(|byte| *byte == b'\n').map_while(|line| serde_json::from_slice(line).ok()).collect())
+}
+
+/// The files of a run's plan, each with its name and content, in the order in which the plan included them.
+///
+/// # Errors
+/// A sentence for people.
+pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, String> {
+    let in_words = |error: std::io::Error| format!("{PLAN}/: {error}");
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder.join(PLAN)).map_err(in_words)?.take(MAX_PLAN_FILES + 1) {
+        files.push(entry.map_err(in_words)?.path());
+    }
+    // Their names begin with a number of two digits and a mark.
+    files.sort();
+    if files.is_empty() {
+        return Err(format!("{PLAN}/ is empty"));
+    }
+    let named = |path: &PathBuf| name_of(path).get(3..).unwrap_or_default().to_owned();
+    files.iter().map(|path| Ok((named(path), fs::read(path).map_err(in_words)?))).collect()
+}
+
+/// A paper as it was filed.
+///
+/// # Errors
+/// What the system says.
+pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
+    fs::read(folder.join(name))
+}
+
+fn journal_of(folder: &Path) -> Result<Vec<u8>, String> {
     let path = folder.join(JOURNAL);
     let in_words = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
     if fs::metadata(&path).map_err(in_words)?.len() > MAX_JOURNAL_BYTES {
         return Err(format!("{} is longer than any journal", path.display()));
     }
-    let bytes = fs::read(&path).map_err(in_words)?;
-    journal::fold(&bytes).map(|journal| journal.state).map_err(|error| format!("the journal is damaged: {error}"))
+    fs::read(&path).map_err(in_words)
 }
 
 /// What is wrong with a run's folder; nothing if all is as it was written.

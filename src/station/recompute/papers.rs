@@ -1,6 +1,5 @@
 //! The passport that was filed with a run, against that of the run judged again.
 
-use std::fs;
 use std::io;
 use std::path::Path;
 
@@ -8,7 +7,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use gnc_records::passport::{self, NoPassport, PASSPORT, PASSPORT_XML, Passport};
 use gnc_records::store::digest::Sums;
-use gnc_records::store::{DIGESTS, StoreError, pretty};
+use gnc_records::store::{StoreError, pretty, reader};
 
 use super::differences;
 use super::source::RunError;
@@ -22,11 +21,12 @@ pub(super) struct Checked {
 /// Compares the files in a run's folder with what its events say now.
 pub(super) fn check(folder: &Path, state: &RunState) -> Result<Checked, RunError> {
     let mut checked = Checked { differences: Vec::new(), summary: String::new() };
-    let Some(record) = RunRecord::from_state(state).filter(|_| folder.join(DIGESTS).exists()) else {
+    let Some(record) = RunRecord::from_state(state).filter(|_| reader::is_sealed(folder)) else {
         return Ok(checked);
     };
     let (sums, _) = Sums::read(folder)?;
-    let is_filed = |name: &str| sums.get(name).is_some() || folder.join(name).exists();
+    let is_missing = |error: io::Error| error.kind() == io::ErrorKind::NotFound;
+    let is_filed = |name: &str| sums.get(name).is_some() || !reader::paper(folder, name).is_err_and(is_missing);
     let filed = is_filed(PASSPORT) || is_filed(PASSPORT_XML);
     match passport::of_run(&record, &sums.of_record()) {
         Ok(passport) if filed => {
@@ -53,7 +53,7 @@ fn compare(folder: &Path, passport: &Passport) -> Result<Vec<String>, RunError> 
     pretty(&mut json, passport).map_err(memory)?;
     let xml = passport::xml(passport).map_err(StoreError::from)?;
     for (name, now) in [(PASSPORT, json), (PASSPORT_XML, xml)] {
-        match fs::read(folder.join(name)) {
+        match reader::paper(folder, name) {
             Err(error) => found.push(format!("{name} cannot be read: {error}")),
             Ok(was) if was == now => {}
             Ok(was) => {

@@ -1,14 +1,12 @@
 //! The run as it was recorded: events, plan.
 
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::event::{Event, EventKind, RunHeader};
-use gnc_executive::plan::{MAX_PLAN_FILES, ParamError, Plan};
+use gnc_executive::plan::{ParamError, Plan};
 use gnc_executive::state::OutOfOrder;
 use gnc_records::store::captures::CapturesError;
-use gnc_records::store::{JOURNAL, PLAN, StoreError, reader};
+use gnc_records::store::{StoreError, reader};
 
 use super::info;
 
@@ -61,13 +59,10 @@ pub(super) struct Run {
 
 impl Run {
     pub(super) fn read(folder: &Path) -> Result<Self, RunError> {
+        let unreadable = |what| RunError::Unreadable { what };
         // Folding it finds what is damaged.
-        reader::fold(folder).map_err(|what| RunError::Unreadable { what })?;
-        let unreadable = |error: io::Error| RunError::Unreadable { what: error.to_string() };
-        let bytes = fs::read(folder.join(JOURNAL)).map_err(unreadable)?;
-        // Of an interrupted run the last line may be cut off; the fold found all others good.
-        let lines = bytes.split_inclusive(|byte| *byte == b'\n');
-        let events: Vec<Event> = lines.map_while(|line| serde_json::from_slice(line).ok()).collect();
+        reader::fold(folder).map_err(unreadable)?;
+        let events = reader::events(folder).map_err(unreadable)?;
         let Some(EventKind::RunStarted { header, .. }) = events.first().map(|event| &event.kind) else {
             return Err(RunError::Unreadable { what: "the journal holds no whole event".into() });
         };
@@ -80,23 +75,16 @@ impl Run {
 
     /// The plan as it was run, and nothing else.
     pub(super) fn recorded_plan(&self) -> Result<Plan, RunError> {
-        let unreadable = |error: io::Error| RunError::Unreadable { what: format!("{PLAN}/: {error}") };
-        let mut files = Vec::new();
-        for entry in fs::read_dir(self.folder.join(PLAN)).map_err(unreadable)?.take(MAX_PLAN_FILES + 1) {
-            files.push(entry.map_err(unreadable)?.path());
-        }
-        files.sort();
-        // They are numbered in the order of reading, which is that in which they are asked for.
+        let files = reader::plan(&self.folder).map_err(|what| RunError::Unreadable { what })?;
+        // They come in the order of reading, which is that in which they are asked for.
         let mut files = files.into_iter();
-        let first = files.next().ok_or_else(|| RunError::Unreadable { what: format!("{PLAN}/ is empty") })?;
-        let bytes = fs::read(&first).map_err(unreadable)?;
+        let (name, bytes) = files.next().unwrap_or_default();
         let mut load = |_: &str| match files.next() {
-            Some(path) => fs::read(path).map_err(|error| error.to_string()),
+            Some((_, bytes)) => Ok(bytes),
             None => Err("it is not in the record".to_owned()),
         };
-        let name = first.file_name().unwrap_or_default().to_string_lossy();
-        let plan = Plan::read(name.get(3..).unwrap_or_default(), bytes, &mut load)
-            .map_err(|mistakes| RunError::Plan { what: mistakes.to_string() })?;
+        let plan =
+            Plan::read(&name, bytes, &mut load).map_err(|mistakes| RunError::Plan { what: mistakes.to_string() })?;
         if info(&plan).sha256 == self.header.plan.sha256 { Ok(plan) } else { Err(RunError::OtherPlan) }
     }
 }

@@ -6,7 +6,7 @@ use chrono::Local;
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
-use gnc_records::store::{DIGESTS, reader};
+use gnc_records::store::reader;
 use gnc_text::with_causes;
 
 use crate::tui::model::Earlier;
@@ -86,7 +86,7 @@ fn mark(run: &RunRecord, sealed: bool) -> Mark {
 pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, Mark)>, String> {
     let state = reader::fold(&path)?;
     let run = RunRecord::from_state(&state).ok_or("the journal holds no whole event")?;
-    let mark = mark(&run, path.join(DIGESTS).is_file());
+    let mark = mark(&run, reader::is_sealed(&path));
     Ok(Box::new((path, state, mark)))
 }
 
