@@ -1,6 +1,6 @@
 //! What raw captures cost: samples a second written and read on one core, and bytes on disk.
 //!
-//! `cargo bench -p gnc-station --bench raw`; the bounds are 250,000 samples/s written and 50 MB a million.
+//! `cargo bench -p gnc-records --bench raw`; the bounds are 250,000 samples/s written and 50 MB a million.
 
 use std::io::Cursor;
 use std::time::Instant;

@@ -1,7 +1,7 @@
 //! Do the intervals hold the truth as often as they say? Modules are calibrated in worlds whose noise, attitudes,
 //! gravity, headings, angles and clocks err as the plan says that they do.
 //!
-//! A short run here; `cargo bench -p gnc-station --bench coverage` makes the long one from this same file.
+//! A short run here; `cargo bench -p gnc-analysis --bench coverage` makes the long one from this same file.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;

@@ -230,7 +230,7 @@ fn left_deg(spin: &serde_json::Value, periods: usize) -> f64 {
     cosine.hypot(sine).to_degrees()
 }
 
-/// The long run is `cargo bench -p gnc-station --bench coverage`.
+/// The long run is `cargo bench -p gnc-analysis --bench coverage`.
 #[cfg(test)]
 #[test]
 fn intervals_of_the_magnetometer_hold_the_truth_as_often_as_they_say() {

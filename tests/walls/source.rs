@@ -1,0 +1,242 @@
+//! The source of a crate as modules, and what each names by path. Code that only tests see is left out.
+
+use std::path::{Path, PathBuf};
+
+use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
+
+/// Reads a file of the crate; `None`: there is none.
+pub(crate) type Load<'a> = &'a dyn Fn(&Path) -> Option<String>;
+
+/// A path that code names, such as `crate::link::Target`, and where it stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Named {
+    /// Its segments; the last one of a glob is `*`.
+    pub path: Vec<String>,
+    /// The line of its first segment.
+    pub line: usize,
+    /// By what a `use` makes it known here.
+    pub known_as: Option<String>,
+    /// Whether that `use` is only for others (`pub use`).
+    pub passed_on: bool,
+}
+
+/// A module with its own code, without that of the modules in it.
+#[derive(Debug)]
+pub(crate) struct Module {
+    /// Names from the root of the crate, which itself has none.
+    pub path: Vec<String>,
+    /// The file it stands in.
+    pub file: PathBuf,
+    /// All that it names by path, and at the root single words too.
+    pub named: Vec<Named>,
+}
+
+/// All modules of the crate whose root is the file `root`.
+///
+/// # Errors
+/// A file that is missing or that is no Rust.
+pub(crate) fn modules(root: &Path, load: Load<'_>) -> Result<Vec<Module>, String> {
+    let mut found = Vec::new();
+    let folder = root.parent().unwrap_or(Path::new(""));
+    read(Module { path: Vec::new(), file: root.to_owned(), named: Vec::new() }, folder, load, &mut found)?;
+    Ok(found)
+}
+
+/// Reads the module's file and those of the modules in it, which lie in `folder`.
+fn read(module: Module, folder: &Path, load: Load<'_>, found: &mut Vec<Module>) -> Result<(), String> {
+    let text = load(&module.file).ok_or_else(|| format!("{}: no such file", module.file.display()))?;
+    let tokens: TokenStream = text.parse().map_err(|error| format!("{}: {error}", module.file.display()))?;
+    walk(module, tokens, folder, load, found)
+}
+
+fn walk(
+    mut module: Module,
+    tokens: TokenStream,
+    folder: &Path,
+    load: Load<'_>,
+    found: &mut Vec<Module>,
+) -> Result<(), String> {
+    let mut inside = Inside { named: Vec::new(), files: Vec::new(), inline: Vec::new(), words: module.path.is_empty() };
+    inside.tokens(&tokens.into_iter().collect::<Vec<_>>());
+    module.named = inside.named;
+    let child = |name: &str| [module.path.clone(), vec![name.to_owned()]].concat();
+    for name in inside.files {
+        let path = child(&name);
+        let beside = folder.join(format!("{name}.rs"));
+        let file = if load(&beside).is_some() { beside } else { folder.join(&name).join("mod.rs") };
+        read(Module { path, file, named: Vec::new() }, &folder.join(&name), load, found)?;
+    }
+    for (name, body) in inside.inline {
+        let inner = Module { path: child(&name), file: module.file.clone(), named: Vec::new() };
+        walk(inner, body, &folder.join(&name), load, found)?;
+    }
+    found.push(module);
+    Ok(())
+}
+
+/// What is found in the code of one module.
+struct Inside {
+    named: Vec<Named>,
+    /// Modules in files of their own.
+    files: Vec<String>,
+    /// Modules in place.
+    inline: Vec<(String, TokenStream)>,
+    /// Whether single words count too.
+    words: bool,
+}
+
+impl Inside {
+    fn tokens(&mut self, tokens: &[TokenTree]) {
+        let mut at = 0;
+        while at < tokens.len() {
+            at += self.next(tokens, at).max(1);
+        }
+    }
+
+    /// Takes what stands at `at`: how many tokens it has.
+    fn next(&mut self, tokens: &[TokenTree], at: usize) -> usize {
+        let rest = &tokens[at..];
+        match rest {
+            [TokenTree::Punct(hash), TokenTree::Group(attribute), item @ ..] if hash.as_char() == '#' => {
+                if is_for_tests(attribute) { 2 + item_length(item) } else { self.group(attribute) + 1 }
+            }
+            [TokenTree::Ident(word), TokenTree::Ident(name), TokenTree::Punct(_), ..] if word == "mod" => {
+                self.files.push(name.to_string());
+                3
+            }
+            [TokenTree::Ident(word), TokenTree::Ident(name), TokenTree::Group(body), ..] if word == "mod" => {
+                self.inline.push((name.to_string(), body.stream()));
+                3
+            }
+            [TokenTree::Ident(word), ..] if word == "use" && !is_in_path(tokens, at) => {
+                let end = rest.iter().position(|token| is_punct(token, ';')).unwrap_or(rest.len());
+                let passed_on = at > 0 && matches!(&tokens[at - 1], TokenTree::Ident(before) if before == "pub")
+                    || at > 1 && matches!(&tokens[at - 2], TokenTree::Ident(before) if before == "pub");
+                self.tree(&rest[1..end], &[], passed_on);
+                end + 1
+            }
+            // What may see an item is no use of it: `pub(in crate::compute)`.
+            [TokenTree::Ident(word), TokenTree::Group(scope), ..]
+                if word == "pub" && scope.delimiter() == Delimiter::Parenthesis =>
+            {
+                2
+            }
+            [TokenTree::Ident(first), ..] if !is_in_path(tokens, at) => {
+                let mut path = vec![first.to_string()];
+                let mut length = 1;
+                while let [TokenTree::Punct(a), TokenTree::Punct(b), TokenTree::Ident(segment), ..] = &rest[length..]
+                    && (a.as_char(), b.as_char()) == (':', ':')
+                {
+                    path.push(segment.to_string());
+                    length += 3;
+                }
+                if path.len() > 1 || self.words {
+                    let line = first.span().start().line;
+                    self.named.push(Named { path, line, known_as: None, passed_on: false });
+                }
+                length
+            }
+            [TokenTree::Group(group), ..] => self.group(group),
+            _ => 1,
+        }
+    }
+
+    fn group(&mut self, group: &Group) -> usize {
+        self.tokens(&group.stream().into_iter().collect::<Vec<_>>());
+        1
+    }
+
+    /// One tree of a `use`: `a::{b, c::d as e, f::*}`.
+    fn tree(&mut self, tokens: &[TokenTree], before: &[String], passed_on: bool) {
+        let mut path = before.to_vec();
+        let mut known_as = None;
+        let line = tokens.first().map_or(0, |token| token.span().start().line);
+        let mut rest = tokens;
+        while let [token, tail @ ..] = rest {
+            match token {
+                TokenTree::Ident(word) if word == "as" => {
+                    known_as = tail.first().map(ToString::to_string);
+                    break;
+                }
+                TokenTree::Ident(word) => path.push(word.to_string()),
+                TokenTree::Punct(mark) if mark.as_char() == '*' => path.push("*".to_owned()),
+                TokenTree::Group(group) => {
+                    let inner: Vec<_> = group.stream().into_iter().collect();
+                    for branch in inner.split(|token| is_punct(token, ',')).filter(|branch| !branch.is_empty()) {
+                        self.tree(branch, &path, passed_on);
+                    }
+                    return;
+                }
+                TokenTree::Punct(_) | TokenTree::Literal(_) => {}
+            }
+            rest = tail;
+        }
+        // `a::{self}` is `a`; `self::a` keeps its head, which says where the path begins.
+        if path.len() > 1 && path.last().is_some_and(|last| last == "self") {
+            path.pop();
+        }
+        let known_as = known_as.or_else(|| path.last().cloned());
+        self.named.push(Named { path, line, known_as, passed_on });
+    }
+}
+
+fn is_punct(token: &TokenTree, mark: char) -> bool {
+    matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
+}
+
+/// Whether what stands at `at` goes on with a path: `::` before it, and something before that which the `::` belongs to.
+fn is_in_path(tokens: &[TokenTree], at: usize) -> bool {
+    at >= 3
+        && is_punct(&tokens[at - 1], ':')
+        && is_punct(&tokens[at - 2], ':')
+        && (matches!(tokens[at - 3], TokenTree::Ident(_)) || is_punct(&tokens[at - 3], '>'))
+}
+
+/// `[cfg(test)]`, and `[cfg(any(test, ...))]`.
+fn is_for_tests(attribute: &Group) -> bool {
+    let tokens: Vec<_> = attribute.stream().into_iter().collect();
+    match tokens.as_slice() {
+        [TokenTree::Ident(word), TokenTree::Group(condition)] if word == "cfg" => {
+            let condition = condition.stream().to_string();
+            condition.split(|mark: char| !mark.is_alphanumeric()).any(|word| word == "test")
+                && !condition.contains("not")
+        }
+        _ => false,
+    }
+}
+
+/// How many tokens the item has: to its `;` or its braces. What is no item, a field or an arm, is not skipped.
+fn item_length(tokens: &[TokenTree]) -> usize {
+    const ITEMS: [&str; 16] = [
+        "pub",
+        "mod",
+        "use",
+        "fn",
+        "impl",
+        "const",
+        "static",
+        "struct",
+        "enum",
+        "type",
+        "trait",
+        "async",
+        "unsafe",
+        "extern",
+        "union",
+        "macro_rules",
+    ];
+    let mut at = 0;
+    while let [hash, TokenTree::Group(_), ..] = &tokens[at..]
+        && is_punct(hash, '#')
+    {
+        at += 2;
+    }
+    if !matches!(tokens.get(at), Some(TokenTree::Ident(word)) if ITEMS.iter().any(|item| word == item)) {
+        return 0;
+    }
+    let ends = |token: &TokenTree| {
+        is_punct(token, ';') || matches!(token, TokenTree::Group(group) if group.delimiter() == Delimiter::Brace)
+    };
+    let end = tokens[at..].iter().position(ends);
+    end.map_or(tokens.len(), |end| at + end + 1)
+}
