@@ -8,7 +8,13 @@
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
-use crate::{AXES, Refusal, earth, position::Position, series, six_position::TriadFit, stats};
+use crate::{
+    AXES, Refusal, earth,
+    position::Position,
+    series,
+    six_position::{TriadFit, resolution},
+    stats,
+};
 
 /// What the parameters mean.
 pub const EQUATION: &str = "w_out = w + bias + g_sensitivity f, bias measured less true; rad/s and m/s^2";
@@ -89,7 +95,8 @@ pub fn calibrate(
     let n = still.len();
     let dof = 3 * n - 12;
     let squares: f64 = fit.residuals.iter().map(Vector3::norm_squared).sum();
-    let covariance: Matrix4<f64> = fit.cofactor.fixed_view::<4, 4>(0, 0) * (squares / dof as f64);
+    let of_steps = Matrix4::from_diagonal(&(fit.reach * resolution(positions).max()).map(|worst| worst * worst));
+    let covariance: Matrix4<f64> = fit.cofactor.fixed_view::<4, 4>(0, 0) * (squares / dof as f64) + of_steps;
     let sd = |k: usize| covariance[(k, k)].sqrt();
     // Worst case: every position contributes the full horizontal rate with the worst sign. For a parameter
     // `a = sum w_r y_r` that is the 1-norm of w, bounded by sqrt(n) of its 2-norm, which is the cofactor.

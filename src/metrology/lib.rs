@@ -25,6 +25,7 @@ mod linear;
 pub mod position;
 pub mod psd;
 mod quadric;
+pub mod quantisation;
 mod refusal;
 pub mod rotation;
 pub mod sample_clock;

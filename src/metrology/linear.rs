@@ -1,6 +1,6 @@
 //! Linear least squares by singular values of the column-scaled design.
 
-use nalgebra::{DMatrix, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
 
 use crate::Refusal;
 
@@ -15,6 +15,8 @@ pub(crate) struct LeastSquares {
     pub(crate) residuals: DMatrix<f64>,
     /// `(design' design)^-1`: times the noise variance, the covariance of a column of the solution.
     pub(crate) cofactor: DMatrix<f64>,
+    /// How far each parameter goes where every row of the data is off by 1, with the signs that move it most.
+    pub(crate) reach: DVector<f64>,
     /// Condition number of the design with columns scaled to unit length.
     pub(crate) condition: f64,
 }
@@ -50,8 +52,10 @@ pub(crate) fn least_squares(
         row /= *s;
     }
     let solution = &half * (u.transpose() * data);
+    let inverse = &half * u.transpose();
+    let reach = DVector::from_iterator(inverse.nrows(), inverse.row_iter().map(|row| row.abs().sum()));
     let residuals = data - design * &solution;
-    Ok(LeastSquares { solution, residuals, cofactor: &half * half.transpose(), condition })
+    Ok(LeastSquares { solution, residuals, cofactor: &half * half.transpose(), reach, condition })
 }
 
 /// Covariance of the twelve parameters of an inverted triad: the matrix by rows, then the bias.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
-use crate::{AXES, Refusal, series, stats};
+use crate::{AXES, Refusal, quantisation, series, stats};
 
 /// The six labels: the axis that points up at rest.
 pub const LABELS: [&str; 6] = ["x+", "x-", "y+", "y-", "z+", "z-"];
@@ -30,6 +30,8 @@ pub struct Position {
     pub mean: Vector3<f64>,
     /// Rows that were averaged.
     pub rows: usize,
+    /// Standard uncertainty of each mean from the steps of the output ([`quantisation::mean_error_sd`]).
+    pub resolution_sd: Vector3<f64>,
 }
 
 impl Position {
@@ -39,7 +41,7 @@ impl Position {
     /// [`Refusal::UnknownLabel`] (row 0).
     pub fn of_mean(label: &str, mean: Vector3<f64>, rows: usize) -> Result<Self, Refusal> {
         let up = up_of(label).ok_or_else(|| Refusal::UnknownLabel { label: label.to_owned(), row: 0 })?;
-        Ok(Self { label: label.to_owned(), up, mean, rows })
+        Ok(Self { label: label.to_owned(), up, mean, rows, resolution_sd: Vector3::zeros() })
     }
 }
 
@@ -165,6 +167,8 @@ fn average(
             series::unsaturated(name, values, Some(limit))?;
         }
     }
+    let stretches = |i: usize| named.iter().map(|(_, _, block)| &channels[i][block.clone()]).collect::<Vec<_>>();
+    let resolution_sd = Vector3::from_fn(|i, _| quantisation::mean_error_sd(&stretches(i)));
     let positions: Vec<Position> = named
         .iter()
         .map(|(label, up, block)| Position {
@@ -172,6 +176,7 @@ fn average(
             up: *up,
             mean: Vector3::from_fn(|i, _| stats::mean(&channels[i][block.clone()])),
             rows: block.len(),
+            resolution_sd,
         })
         .collect();
     let mut lengths: Vec<f64> = positions.iter().map(|p| p.rows as f64).collect();
@@ -195,13 +200,13 @@ fn stillness(
     limits: &Limits,
 ) -> Result<(), Refusal> {
     let noise: Vec<f64> = named.iter().map(|(_, _, b)| stats::white_sd(&values[b.clone()])).collect();
-    let noisy = stats::median(&mut noise.clone()) > 0.0;
+    let stretches: Vec<&[f64]> = named.iter().map(|(_, _, block)| &values[block.clone()]).collect();
     let means = || positions.iter().map(|p| p.mean[axis]);
     let response = (means().fold(f64::MIN, f64::max) - means().fold(f64::MAX, f64::min)) / 2.0;
     let slow = noise_of_means(named.iter().map(|(_, _, b)| &values[b.clone()]));
     for ((label, _, block), noise) in named.iter().zip(noise) {
         let values = &values[block.clone()];
-        if noisy && noise == 0.0 && values.len() >= 8 {
+        if noise == 0.0 && quantisation::is_stuck(&stretches, values.len()) {
             let (channel, place) = (AXES[axis].to_owned(), format!("position {label}"));
             return Err(Refusal::Stuck { channel, place, value: values[0], samples: values.len() });
         }

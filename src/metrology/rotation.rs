@@ -8,9 +8,9 @@
 //! 4): its matrix is indexed the other way round (its k is S transposed), the compensation needs `S^-1`, and its bias
 //! `sum of four integrals / (8 pi n)` is not a rate. Here `w = Kg N - epsilon` with `Kg = S^-1` and `epsilon = Kg b`.
 
-use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
-use crate::{AXES, Refusal, TriadCovariance, earth, linear, position, series, stats, triad};
+use crate::{AXES, Refusal, TriadCovariance, earth, linear, position, quantisation, series, stats, triad};
 
 /// What the parameters mean.
 pub const EQUATION: &str = "w = matrix N - epsilon, bias = matrix bias_lsb = epsilon (measured less true); w in rad/s";
@@ -30,10 +30,6 @@ const CANCEL_LIMIT: f64 = 1e-4;
 
 /// Means of the rest at either end, whose scatter says what noise explains.
 const MEANS_OF_REST: usize = 4;
-
-/// Means count where they scatter by this much more than neighbouring rows say. Those of white noise do so once in a thousand
-/// sessions: a second of rest at both ends of six runs tells their scatter to a fourteenth.
-const SLOW: f64 = 1.25;
 
 /// How the axis of rotation stands, as far as known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,21 +177,23 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     let angle = std::f64::consts::TAU * series::positive("turns", options.turns)?;
     let runs = in_order(runs)?;
     let slow = [0, 1, 2].map(|i| noise_at_ends(&runs, i, options.rate_hz));
+    let rests = [0, 1, 2].map(|i| rests(&runs, i, options.rate_hz));
     let mut found = Vec::with_capacity(6);
     for (r, run) in runs.iter().enumerate() {
         series::channels(&AXES, &run.channels)?;
-        for (name, values) in AXES.iter().zip(run.channels) {
+        for ((name, values), rests) in AXES.iter().zip(run.channels).zip(&rests) {
             match options.saturation {
                 Some(_) => series::unsaturated(name, values, options.saturation)?,
-                None => series::unclipped(&format!("{name} of run {}", run.label), values)?,
+                None => series::unclipped(&format!("{name} of run {}", run.label), values, rests)?,
             }
         }
         found.push(Found::search(run, r / 2, slow[r / 2], options.rate_hz)?);
     }
-    alive(&runs, options.rate_hz)?;
+    alive(&runs, &rests)?;
     let windows = windows(&runs, &found, options.rate_hz)?;
     rest(&runs, &found, slow, options.rate_hz)?;
-    let mismatch = cancel(&runs, &found, &windows, slow, dt)?;
+    let resolution = Vector3::from_fn(|i, _| resolution(&runs, &found, i));
+    let mismatch = cancel(&runs, &found, &windows, slow, resolution, dt)?;
 
     let along = match options.axis {
         Axis::Unknown => 0.0,
@@ -206,6 +204,8 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     let mut response = Matrix3::zeros();
     let mut bias_lsb = Vector3::zeros();
     let mut cofactor = [Matrix4::zeros(); 3];
+    let mut of_steps = [Matrix4::zeros(); 3];
+    let longest_s = windows.iter().map(|w| w.end - w.start).max().unwrap_or(0) as f64 * dt;
     let mut residuals = DMatrix::<f64>::zeros(6, 3);
     let mut condition: f64 = 0.0;
     for i in 0..3 {
@@ -227,6 +227,8 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         }
         bias_lsb[i] = fit.solution[3];
         cofactor[i] = fit.cofactor.fixed_view::<4, 4>(0, 0).into();
+        let worst: Vector4<f64> = fit.reach.fixed_rows::<4>(0) * (resolution[i] * longest_s);
+        of_steps[i] = Matrix4::from_diagonal(&worst.component_mul(&worst));
         residuals.set_column(i, &fit.residuals.column(0));
         condition = condition.max(fit.condition);
     }
@@ -243,7 +245,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     } else {
         (Vector3::from_fn(|i, _| squares / 6.0 * response[(i, i)].powi(2)), 6.0)
     };
-    let covariance = [0, 1, 2].map(|i| cofactor[i] * variance[i]);
+    let covariance = [0, 1, 2].map(|i| cofactor[i] * variance[i] + of_steps[i]);
     let parameters = linear::inverse_covariance(&matrix, &(-epsilon_rps).push(1.0), &covariance);
     let (matrix_sd, bias_sd_rps) = linear::standard_uncertainties(&parameters);
     Ok(Calibration {
@@ -301,18 +303,22 @@ fn noise_at_ends(runs: &[&Run], channel: usize, rate_hz: f64) -> f64 {
     heads.min(of(&|values| values.len() - edge.min(values.len())..values.len()))
 }
 
-/// No channel stands still through a run that is noisy at rest in another: its cross-coupling there would read 0.
-fn alive(runs: &[&Run], rate_hz: f64) -> Result<(), Refusal> {
+/// Beginnings and ends of all runs in one channel, which rest.
+fn rests<'a>(runs: &[&Run<'a>], channel: usize, rate_hz: f64) -> Vec<&'a [f64]> {
     let edge = (REST_S * rate_hz).ceil() as usize;
+    let of_run = |values: &'a [f64]| {
+        let edge = edge.min(values.len());
+        [&values[..edge], &values[values.len() - edge..]]
+    };
+    runs.iter().flat_map(|run| of_run(run.channels[channel])).collect()
+}
+
+/// No channel stands still through a run that is noisy at rest in another: its cross-coupling there would read 0.
+fn alive(runs: &[&Run], rests: &[Vec<&[f64]>; 3]) -> Result<(), Refusal> {
     for (i, name) in AXES.into_iter().enumerate() {
         let still = |run: &&&Run| run.channels[i].iter().all(|v| *v == run.channels[i][0]);
         let Some(run) = runs.iter().find(still) else { continue };
-        let rests: Vec<&[f64]> = runs
-            .iter()
-            .map(|run| run.channels[i])
-            .flat_map(|values| [&values[..edge.min(values.len())], &values[values.len() - edge.min(values.len())..]])
-            .collect();
-        if series::noisy(&rests) {
+        if quantisation::is_stuck(&rests[i], run.channels[i].len()) {
             let (channel, place) = (name.to_owned(), format!("run {}", run.label));
             let (value, samples) = (run.channels[i][0], run.channels[i].len());
             return Err(Refusal::Stuck { channel, place, value, samples });
@@ -494,7 +500,7 @@ impl Noise {
         let mut known = dof * 2.0 / 3.0;
         for (sd, rests) in sd_lsb.iter_mut().zip(rests) {
             let of_means = |rows| stats::sd_of_means(&rests.iter().map(|rest| (*rest, rows)).collect::<Vec<_>>());
-            if of_means(short) > SLOW * *sd {
+            if of_means(short) > *sd {
                 *sd = of_means(long);
                 // A median of them has 37 in a hundred of these (the efficiency of the median deviation).
                 known = dof / long as f64 * 0.37;
@@ -504,12 +510,22 @@ impl Noise {
     }
 }
 
+/// What the steps of a sensor's output leave open in a mean, from the rests and the channels that do not turn.
+fn resolution(runs: &[&Run], found: &[Found], channel: usize) -> f64 {
+    let rests = runs.iter().zip(found).flat_map(|(run, f)| {
+        let values = run.channels[channel];
+        [&values[..f.start], &values[f.end..]]
+    });
+    quantisation::mean_error_sd(&rests.collect::<Vec<_>>())
+}
+
 /// Forth and back cancel but for the bias at rest, which contains the own-axis earth rate.
 fn cancel(
     runs: &[&Run],
     found: &[Found],
     windows: &[Window],
     slow: [f64; 3],
+    resolution: Vector3<f64>,
     dt: f64,
 ) -> Result<Vector3<f64>, Refusal> {
     let mut mismatches = Vector3::zeros();
@@ -532,7 +548,9 @@ fn cancel(
         }
         let samples: f64 = pair.iter().map(|&r| (windows[r].end - windows[r].start) as f64).sum();
         let variance = (squares / count).max(slow[axis] * slow[axis]);
-        let sigma = (variance * (samples + samples * samples / count)).sqrt() * dt;
+        let noise = (variance * (samples + samples * samples / count)).sqrt() * dt;
+        // The steps may err alike in both runs, and in the rest the other way.
+        let sigma = noise.hypot(2.0 * resolution[axis] * samples * dt);
         let mismatch = (forth + back).abs() / (forth - back).abs();
         let limit = CANCEL_LIMIT + 4.0 * sigma / (forth - back).abs();
         if mismatch > limit {

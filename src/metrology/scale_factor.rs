@@ -278,7 +278,7 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
             let what = "scale factors of the cycles";
             return Err(Refusal::Alike { what, count: lines.len(), value: first.slope });
         }
-        _ => Ok(repeatability(&lines.iter().map(|line| line.slope).collect::<Vec<_>>())?),
+        _ => Ok(repeatability(&lines.iter().map(|line| line.slope).collect::<Vec<_>>(), 0.0)?),
     };
     let k = scale_factor.value;
     let largest_rate = points.iter().map(|p| p.rate.abs()).fold(0.0, f64::max);

@@ -1,6 +1,6 @@
 //! Checks that every record passes before anything is computed from it.
 
-use crate::{Refusal, stats};
+use crate::{Refusal, quantisation, stats};
 
 /// All values are finite.
 ///
@@ -75,12 +75,12 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
 }
 
 /// No plateau of a record that begins at rest stands still at the extreme while the record is noisy elsewhere: a rotation
-/// that is cut at the end of the range shows the same value sample after sample, one inside the range the noise of rest.
+/// that is cut at the end of the range shows the same value sample after sample, one inside the range the noise of the rests,
+/// which are given. Noise below the steps of the output may show one value on a plateau as well.
 ///
 /// # Errors
 /// [`Refusal::Saturated`].
-pub fn unclipped(channel: &str, values: &[f64]) -> Result<(), Refusal> {
-    // So many equal neighbours are no chance unless the noise is below the resolution, which then shows elsewhere too.
+pub fn unclipped(channel: &str, values: &[f64], rests: &[&[f64]]) -> Result<(), Refusal> {
     const PLATEAU: usize = 20;
     const RATIO: usize = 4;
     let (low, high) = range(values);
@@ -90,23 +90,13 @@ pub fn unclipped(channel: &str, values: &[f64]) -> Result<(), Refusal> {
             let longest = if stretch[0] == extreme { &mut at_extreme } else { &mut elsewhere };
             *longest = stretch.len().max(*longest);
         }
-        if at_extreme >= PLATEAU && at_extreme > RATIO * elsewhere && at_extreme < values.len() {
+        let is_plateau = at_extreme >= PLATEAU && at_extreme > RATIO * elsewhere && at_extreme < values.len();
+        if is_plateau && quantisation::is_stuck(rests, at_extreme) {
             let samples = values.iter().filter(|v| **v == extreme).count();
             return Err(Refusal::Saturated { channel: channel.to_owned(), value: extreme, samples });
         }
     }
     Ok(())
-}
-
-/// Whether the noise of these stretches is above a step, so that one value all the time is no measurement.
-pub(crate) fn noisy(stretches: &[&[f64]]) -> bool {
-    // Noise of half a step and less differs by one step where it differs at all.
-    const STEPS: f64 = 1.5;
-    let within = |values: &&[f64]| values.windows(2).map(|w| (w[1] - w[0]).abs()).collect::<Vec<_>>();
-    let changes = || stretches.iter().flat_map(within).filter(|change| *change > 0.0);
-    let (squares, count) = changes().fold((0.0, 0), |(s, n), change| (s + change * change, n + 1));
-    let step = changes().fold(f64::INFINITY, f64::min);
-    count > 0 && (squares / f64::from(count)).sqrt() >= STEPS * step
 }
 
 /// Smallest and largest of finite values.
@@ -145,13 +135,14 @@ mod tests {
         let noise = |i: usize| ((i * 7919 % 101) as f64 - 50.0) * 0.1;
         let turn = |i: usize| if (200..400).contains(&i) { 3000.0 } else { 0.0 };
         let record = |limit: f64| -> Vec<f64> { (0..600).map(|i| (turn(i) + noise(i)).min(limit)).collect() };
-        assert!(unclipped("x", &record(9999.0)).is_ok());
-        let refusal = unclipped("x", &record(2990.0)).unwrap_err().to_string();
+        let unclipped = |values: &[f64]| unclipped("x", values, &[&values[..values.len().min(200)]]);
+        assert!(unclipped(&record(9999.0)).is_ok());
+        let refusal = unclipped(&record(2990.0)).unwrap_err().to_string();
         assert_eq!(refusal, "x is saturated: 200 samples at 2990");
         // Noise below the resolution: rest and plateau stand still alike.
         let coarse: Vec<f64> = record(9999.0).iter().map(|v| (v / 100.0).round()).collect();
-        assert!(unclipped("x", &coarse).is_ok());
-        assert!(unclipped("x", &[1.0; 50]).is_ok());
+        assert!(unclipped(&coarse).is_ok());
+        assert!(unclipped(&[1.0; 50]).is_ok());
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! the known specific force on the noisy output. The noise is on the output, so the direct regression
 //! `N = M f + b` is the better estimator; it is solved and then inverted. Both are given.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
 use crate::{AXES, Refusal, TriadCovariance, linear, position::Position, series, stats, triad};
 
@@ -118,7 +118,11 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
     let squares: f64 = fit.residuals.iter().map(|r| r.component_div(&own).norm_squared()).sum();
     let dof = 3 * positions.len() - 12;
     let variance = squares / dof as f64;
-    let covariance = [0, 1, 2].map(|i| fit.cofactor.fixed_view::<4, 4>(0, 0) * (variance * own[i] * own[i]));
+    let resolution = resolution(positions);
+    let covariance = [0, 1, 2].map(|i| {
+        let of_steps = Matrix4::from_diagonal(&(fit.reach * resolution[i]).map(|worst| worst * worst));
+        fit.cofactor.fixed_view::<4, 4>(0, 0) * (variance * own[i] * own[i]) + of_steps
+    });
     let bias_sd_lsb = Vector3::from_fn(|i, _| covariance[i][(3, 3)].sqrt());
     let covariance = linear::inverse_covariance(&matrix, &nabla_mps2.push(1.0), &covariance);
     let (matrix_sd, bias_sd_mps2) = linear::standard_uncertainties(&covariance);
@@ -141,6 +145,12 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
         condition: fit.condition,
         dof,
     })
+}
+
+/// What the steps of the output leave open in a mean of each sensor, in its unit. The error may be alike in all positions
+/// across a sensor, so that the residuals do not show it.
+pub(crate) fn resolution(positions: &[Position]) -> Vector3<f64> {
+    positions.iter().fold(Vector3::zeros(), |largest, position| largest.sup(&position.resolution_sd))
 }
 
 /// The print's regression of the specific force on the output.
@@ -176,6 +186,8 @@ pub(crate) struct TriadFit {
     pub(crate) residuals: Vec<Vector3<f64>>,
     /// Of the four parameters of a sensor.
     pub(crate) cofactor: DMatrix<f64>,
+    /// How far each of them goes where every mean is off by 1, with the worst signs.
+    pub(crate) reach: Vector4<f64>,
     pub(crate) condition: f64,
 }
 
@@ -195,6 +207,7 @@ impl TriadFit {
             offset: Vector3::from_fn(|i, _| fit.solution[(3, i)] + level[i]),
             residuals: (0..n).map(|r| Vector3::from_fn(|i, _| fit.residuals[(r, i)])).collect(),
             cofactor: fit.cofactor,
+            reach: fit.reach.fixed_rows::<4>(0).into(),
             condition: fit.condition,
         })
     }

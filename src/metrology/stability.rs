@@ -1,6 +1,10 @@
 //! Stability of a record and repeatability of repeated figures.
 
-use crate::{Refusal, series, stats};
+use crate::{Refusal, quantisation, series, stats};
+
+/// Blocks, spread over the record, and rows of each, that show how its noise compares with its steps.
+const LOOKS: usize = 64;
+const LOOKS_ROWS: usize = 1024;
 
 /// Spread of the means of disjoint blocks.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,10 +15,13 @@ pub struct Stability {
     pub mean: f64,
     /// Sample standard deviation (n - 1) of the block means: the stability.
     pub sd: f64,
-    /// 95 % interval of `sd` (chi-square; it takes the block means as independent).
+    /// 95 % interval of `sd` (chi-square; it takes the block means as independent), and what the steps of the output leave
+    /// open.
     pub sd_low: f64,
     /// Upper end of the same.
     pub sd_high: f64,
+    /// Standard uncertainty of a block mean from the steps of the output ([`quantisation::mean_error_sd`]).
+    pub resolution_sd: f64,
     /// Samples of one block.
     pub block_samples: usize,
     /// Samples at the end that fill no block and are dropped.
@@ -43,25 +50,45 @@ pub fn stability(values: &[f64], rate_hz: f64, block_s: f64) -> Result<Stability
     alive(values, block_samples)?;
     let block_means: Vec<f64> = values.chunks_exact(block_samples).map(stats::mean).collect();
     let (mean, sd) = stats::mean_sd(&block_means);
-    let (sd_low, sd_high) = stats::sd_interval(sd, (block_means.len() - 1) as f64, 0.95);
-    Ok(Stability { mean, sd, sd_low, sd_high, block_samples, tail_samples: values.len() % block_samples, block_means })
+    let resolution_sd = quantisation::mean_error_sd(&looks(values, block_samples));
+    let (sd_low, sd_high) = interval(sd, block_means.len(), resolution_sd);
+    Ok(Stability {
+        mean,
+        sd,
+        sd_low,
+        sd_high,
+        resolution_sd,
+        block_samples,
+        tail_samples: values.len() % block_samples,
+        block_means,
+    })
+}
+
+/// Beginnings of blocks, spread over the record.
+fn looks(values: &[f64], block_samples: usize) -> Vec<&[f64]> {
+    let apart = (values.len() / block_samples).div_ceil(LOOKS);
+    let blocks = values.chunks_exact(block_samples).step_by(apart);
+    blocks.map(|block| &block[..block.len().min(LOOKS_ROWS)]).collect()
+}
+
+/// 95 % interval of the deviation of so many means, each off by an error of its own: two deviations differ by the deviation
+/// of the errors at most, which is half a step where these are two and `sqrt(3)` of their standard uncertainty.
+fn interval(sd: f64, means: usize, error_sd: f64) -> (f64, f64) {
+    let (low, high) = stats::sd_interval(sd, (means - 1) as f64, 0.95);
+    let open = 3.0_f64.sqrt() * error_sd;
+    ((low - open).max(0.0), high + open)
 }
 
 /// The record shows more than one value, and so does every block of a record whose noise is above a step.
 fn alive(values: &[f64], block_samples: usize) -> Result<(), Refusal> {
-    // Noise of a step or more leaves neighbours equal in 28 % of all pairs at most: 24 in a row come once in 10^12 times.
-    const CHANCE: usize = 24;
     let Some((first, rest)) = values.split_first() else { return Ok(()) };
     if rest.iter().all(|v| v == first) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: *first });
     }
-    if block_samples < CHANCE {
-        return Ok(());
-    }
     // A block that moves says so with its first rows; only what stands still is measured.
     let stuck = |block: &[f64]| block.iter().all(|v| *v == block[0]);
     let Some(block) = values.chunks_exact(block_samples).position(stuck) else { return Ok(()) };
-    if !series::noisy(&[values]) {
+    if !quantisation::is_stuck(&looks(values, block_samples), block_samples) {
         return Ok(());
     }
     Err(Refusal::Stuck {
@@ -85,13 +112,15 @@ pub struct Repeatability {
     pub sd_low: f64,
     /// Upper end of the same.
     pub sd_high: f64,
+    /// Standard uncertainty of each figure that no scatter shows: from the steps of the output.
+    pub resolution_sd: f64,
 }
 
 impl Repeatability {
-    /// Standard uncertainty of the mean, `sd / sqrt(runs)`, with `runs - 1` degrees of freedom.
+    /// Standard uncertainty of the mean, `sd / sqrt(runs)` with `runs - 1` degrees of freedom, and what all figures may share.
     #[must_use]
     pub fn mean_sd(&self) -> f64 {
-        self.sd / (self.runs as f64).sqrt()
+        (self.sd / (self.runs as f64).sqrt()).hypot(self.resolution_sd)
     }
 
     /// Half width of the 95 % interval of the mean (Student's t).
@@ -101,11 +130,12 @@ impl Repeatability {
     }
 }
 
-/// Repeatability of a figure over runs with the power cycled between them.
+/// Repeatability of a figure over runs with the power cycled between them. `resolution_sd` is the standard uncertainty of
+/// each figure from the steps of the output, 0 where these are fine.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::TooFew`] below two runs, [`Refusal::Alike`] where all runs agree to the last digit.
-pub fn repeatability(figures: &[f64]) -> Result<Repeatability, Refusal> {
+pub fn repeatability(figures: &[f64], resolution_sd: f64) -> Result<Repeatability, Refusal> {
     series::finite("runs", figures)?;
     if figures.len() < 2 {
         return Err(Refusal::TooFew { what: "runs".to_owned(), got: figures.len(), needed: 2 });
@@ -114,8 +144,8 @@ pub fn repeatability(figures: &[f64]) -> Result<Repeatability, Refusal> {
         return Err(Refusal::Alike { what: "figures of the runs", count: figures.len(), value: figures[0] });
     }
     let (mean, sd) = stats::mean_sd(figures);
-    let (sd_low, sd_high) = stats::sd_interval(sd, (figures.len() - 1) as f64, 0.95);
-    Ok(Repeatability { runs: figures.len(), mean, sd, sd_low, sd_high })
+    let (sd_low, sd_high) = interval(sd, figures.len(), resolution_sd);
+    Ok(Repeatability { runs: figures.len(), mean, sd, sd_low, sd_high, resolution_sd })
 }
 
 #[cfg(test)]
@@ -161,11 +191,11 @@ mod tests {
 
     #[test]
     fn six_runs() {
-        let r = repeatability(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap();
+        let r = repeatability(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 0.0).unwrap();
         assert!((r.sd - 3.5_f64.sqrt()).abs() < 1e-15 && (r.sd_high / r.sd - 2.4526).abs() < 1e-4);
         // t of 5 degrees of freedom is 2.5706: 1.8708 / sqrt(6) times that.
         assert!((r.mean_expanded() - 2.570_582 * (3.5_f64 / 6.0).sqrt()).abs() < 1e-5);
-        assert!(repeatability(&[1.0]).is_err());
-        assert_eq!(repeatability(&[2.0; 6]).unwrap_err().to_string(), "all 6 figures of the runs are 2");
+        assert!(repeatability(&[1.0], 0.0).is_err());
+        assert_eq!(repeatability(&[2.0; 6], 0.0).unwrap_err().to_string(), "all 6 figures of the runs are 2");
     }
 }

@@ -9,9 +9,9 @@
 use statrs::function::erf::erfc;
 
 use crate::{
-    Refusal,
+    Refusal, correlated,
     position::{self, Limits},
-    series, stats,
+    quantisation, series, stats,
 };
 
 /// Offset and gain of a sensor: `out = offset + gain * actual`.
@@ -73,6 +73,9 @@ pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> R
         return Err(Refusal::UnknownLabel { label: labels[row].as_ref().to_owned(), row: row + 1 });
     }
     let blocks = position::blocks(labels)?;
+    let stretches: Vec<&[f64]> = blocks.iter().map(|block| &values[block.clone()]).collect();
+    let resolution_sd = quantisation::mean_error_sd(&stretches);
+    let slow = position::noise_of_means(stretches.iter().copied());
     let mut sides = [(0.0, 0.0); 2];
     for (side, label) in sides.iter_mut().zip(LABELS) {
         let Some(block) = blocks.iter().find(|b| labels[b.start].as_ref() == label) else {
@@ -83,10 +86,14 @@ pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> R
             return Err(Refusal::TooFew { what: format!("position {label}"), got: rows.len(), needed: 2 });
         }
         let (mean, sd) = stats::mean_sd(rows);
-        *side = (mean, sd / (rows.len() as f64).sqrt());
+        // Behind a low-pass rows err alike; fewer rows than a correlation needs are taken as white.
+        let white = sd / (rows.len() as f64).sqrt();
+        *side = (mean, correlated::mean(rows, None).map_or(white, |mean| mean.mean_sd.max(white)));
     }
-    let found = flip(sides[0], sides[1], gravity)?;
-    let slow = position::noise_of_means(blocks.iter().map(|block| &values[block.clone()]));
+    let mut found = flip(sides[0], sides[1], gravity)?;
+    // One error for each side, which may be the same: then it is one of the offset.
+    found.offset_sd = found.offset_sd.hypot(resolution_sd);
+    found.gain_sd = found.gain_sd.hypot(resolution_sd / gravity);
     for block in &blocks {
         let rows = &values[block.clone()];
         let wander = position::wander(rows, found.gain * gravity, slow, &Limits::ACCELEROMETER);

@@ -38,6 +38,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             up: attitude.up,
             mean: inverse * captures::mean(attitude.capture, Triad::Gyro),
             rows: attitude.capture.samples.len(),
+            resolution_sd: Vector3::zeros(),
         })
         .collect();
     let (north, east): (Vec<_>, Vec<_>) =

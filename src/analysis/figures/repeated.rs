@@ -99,7 +99,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let first = responses[0][(i, i)];
             let figures: Vec<f64> = responses.iter().map(|response| response[(i, i)] / first).collect();
             let name = format!("scale_factor_repeatability_{name}_{axis}");
-            let found = stability::repeatability(&figures).map_err(FigureError::refused(name.clone()))?;
+            let found = stability::repeatability(&figures, 0.0).map_err(FigureError::refused(name.clone()))?;
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             let ppm = 1e6 / found.mean;
             let low_ppm = match series.triad() {

@@ -76,6 +76,7 @@ pub(super) fn position(attitude: &Attitude<'_>, triad: Triad) -> Position {
         up: attitude.up,
         mean: captures::mean(attitude.capture, triad),
         rows: attitude.capture.samples.len(),
+        resolution_sd: Vector3::zeros(),
     }
 }
 

@@ -140,7 +140,7 @@ pub(super) fn repeatability(question: &Question<'_>) -> Result<Findings, FigureE
         for (i, axis) in AXES.iter().enumerate() {
             let figures: Vec<f64> = means.iter().map(|mean| mean[i]).collect();
             let name = format!("bias_repeatability_{}_{axis}", triad.name());
-            let found = stability::repeatability(&figures).map_err(FigureError::refused(name.clone()))?;
+            let found = stability::repeatability(&figures, 0.0).map_err(FigureError::refused(name.clone()))?;
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             each.insert(
                 format!("{}_{axis}", triad.name()),

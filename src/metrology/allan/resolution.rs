@@ -4,7 +4,7 @@
 //! below q (Widrow and Kollár, *Quantization Noise*, chapter 4). Smaller noise hides within a code or toggles between two,
 //! and the record says where the mean lies in a code rather than how large the noise is.
 
-use crate::{series, stats};
+use crate::{quantisation::least_step, series, stats};
 
 /// Codes of a record that stand too far apart for its noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,23 +36,4 @@ pub(super) fn unresolved(rates: &[f64]) -> Option<Unresolved> {
     let parts = rates.chunks_exact(NEIGHBOURS.min(rates.len()));
     let sd = stats::median(&mut parts.map(variance).collect::<Vec<_>>()).sqrt();
     (step > WIDEST_STEP * sd).then_some(Unresolved { step, sd })
-}
-
-/// The least difference of neighbours that is above a floor.
-fn least_step(values: &[f64], floor: f64) -> Option<f64> {
-    const LANES: usize = 8;
-    let mut least = [f64::INFINITY; LANES];
-    let differences = |now: &[f64], before: &[f64], least: &mut [f64; LANES]| {
-        for (least, (now, before)) in least.iter_mut().zip(now.iter().zip(before)) {
-            let difference = (now - before).abs();
-            *least = if (difference > floor) & (difference < *least) { difference } else { *least };
-        }
-    };
-    let (now, before) = (values.get(1..)?, &values[..values.len() - 1]);
-    let ((now, last_now), (before, last_before)) = (now.as_chunks::<LANES>(), before.as_chunks::<LANES>());
-    for (now, before) in now.iter().zip(before) {
-        differences(now, before, &mut least);
-    }
-    differences(last_now, last_before, &mut least);
-    least.into_iter().reduce(f64::min).filter(|least| least.is_finite())
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::{Refusal, series, stability, stats};
+use gnc_metrology::{Refusal, quantisation, series, stability, stats};
 use gnc_plot::{Panel, Series};
 use serde_json::json;
 
@@ -11,9 +11,6 @@ use super::gate::GateColumns;
 use super::report::Report;
 use super::table::{Columns, Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
-
-/// A run of so many equal rows beside noisy ones is no chance.
-const STUCK_ROWS: usize = 8;
 
 #[derive(Debug, Args)]
 pub(super) struct Repeatability {
@@ -47,7 +44,8 @@ impl Repeatability {
         let gated = if has_run { Some(self.gate.levels(&names[..1], &mut columns, &[1])?) } else { None };
         let runs = self.runs(&columns, has_run)?;
         let means: Vec<f64> = runs.iter().map(|run| stats::mean(&run.values)).collect();
-        let found = stability::repeatability(&means)?;
+        let stretches: Vec<&[f64]> = runs.iter().map(|run| run.values.as_slice()).collect();
+        let found = stability::repeatability(&means, quantisation::mean_error_sd(&stretches))?;
         let unit = format!("unit of {}", self.column);
         let mut report = Report::new("repeatability");
         report
@@ -73,6 +71,11 @@ impl Repeatability {
             let variance = |run: &Run| stats::white_sd(&run.values).powi(2) / run.values.len() as f64;
             let noise = (runs.iter().map(variance).sum::<f64>() / runs.len() as f64).sqrt();
             report.put("noise_of_a_mean", "what white noise within the runs adds to sd", noise);
+            report.put(
+                "resolution_of_a_mean",
+                "standard uncertainty of a mean from the steps of the output",
+                found.resolution_sd,
+            );
         } else {
             report.absent("noise_of_a_mean", "a run of one row does not show its noise");
         }
@@ -117,10 +120,8 @@ fn runs(numbers: &[f64], values: &[f64]) -> Vec<Run> {
 /// No run shows one value throughout where another is noisy.
 fn alive(column: &str, runs: &[Run]) -> Result<(), Refusal> {
     let still = |run: &Run| run.values.iter().all(|v| *v == run.values[0]);
-    if runs.iter().filter(|run| run.values.len() >= STUCK_ROWS).all(still) {
-        return Ok(());
-    }
-    match runs.iter().find(|run| run.values.len() >= STUCK_ROWS && still(run)) {
+    let stretches: Vec<&[f64]> = runs.iter().map(|run| run.values.as_slice()).collect();
+    match runs.iter().find(|run| still(run) && quantisation::is_stuck(&stretches, run.values.len())) {
         Some(run) => Err(Refusal::Stuck {
             channel: column.to_owned(),
             place: format!("run {}", run.number),

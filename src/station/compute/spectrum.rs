@@ -106,6 +106,7 @@ impl Stability {
             .put("sd", "n - 1", s.sd)
             .put("sd_low", "95 %, block means taken as independent", s.sd_low)
             .put("sd_high", "", s.sd_high)
+            .put("resolution_of_a_mean", "standard uncertainty of a mean from the steps of the output", s.resolution_sd)
             .put("block_samples", "", s.block_samples)
             .put("tail_samples", "dropped", s.tail_samples)
             .put("block_means", "", json!(s.block_means))

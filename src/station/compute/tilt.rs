@@ -42,7 +42,7 @@ impl Flip {
             .put("offset", "bias as output: at zero input, unit of the record", f.offset)
             .put("gain", "unit of the record per unit of gravity", f.gain)
             .put("bias", "offset / gain: measured less true, unit of gravity", f.bias())
-            .put("sd", "white noise alone", json!({ "offset": f.offset_sd, "gain": f.gain_sd }))
+            .put("sd", "noise of the rows and steps of the output", json!({ "offset": f.offset_sd, "gain": f.gain_sd }))
             .put("gate", "rows", gated.json());
         let up = |code: u8| if code == 0 { self.gravity } else { -self.gravity };
         let rows = || columns.labels.iter().zip(&columns.numbers[0]);

@@ -1,0 +1,188 @@
+//! What the steps of an output leave open in a mean.
+//!
+//! A mean of rounded values is off by `b(x) = q sum over k of (-1)^k / (pi k) sin(2 pi k x / q) exp(-2 pi^2 k^2 s^2 / q^2)`, where
+//! q is the step, x the level and s the deviation of normal noise (Widrow and Kollár, *Quantization Noise*, chapters 4 and
+//! 9). More rows do not average it. At s = 0 its root mean square over all levels is `q / sqrt(12)`; at half a step it is
+//! 0.0016 q, at one step 6e-10 q. The noise follows from what the values show of it: about their own mean they
+//! have `s^2 + q^2 / 12 - rms(b)^2`, on average over all levels.
+
+use std::f64::consts::PI;
+
+use statrs::function::erf::erf;
+
+use crate::{series, stats};
+
+/// Rows within which a level stands for one: a jump between two pieces adds to neither.
+const PIECE: usize = 64;
+/// Noise in steps from which on a mean is off by less than 2e-4 steps.
+const FINE: f64 = 0.6;
+/// Part of a step by which levels lie differently between their codes.
+const APART: f64 = 0.25;
+/// Differences below this part of the values are errors of arithmetic.
+const ARITHMETIC: f64 = 1e-12;
+
+/// Standard uncertainty of the means of stretches that each lie at one level, from the steps of the output, in its unit. It is
+/// one error for each level, which is as large for every part of the stretch. 0 where the noise is well above a step, and
+/// where no value tells the step.
+#[must_use]
+pub fn mean_error_sd(stretches: &[&[f64]]) -> f64 {
+    let about_mean = |piece: &[f64]| stats::mean_sd(piece).1;
+    step_and_noise(stretches, about_mean).map_or(0.0, |(step, noise)| step * error(noise))
+}
+
+/// Whether a sensor whose noise these stretches show cannot give one value for so many rows, at whatever level it is.
+#[must_use]
+pub fn is_stuck(stretches: &[&[f64]], rows: usize) -> bool {
+    // Once in a million records.
+    const RARE: f64 = 1e-6;
+    // Of slow noise neighbours err alike, and only what differs between them changes a value.
+    step_and_noise(stretches, stats::white_sd).is_some_and(|(_, noise)| within(0.5, noise).powf(rows as f64) < RARE)
+}
+
+/// Step between the codes of an output, and its noise in steps, from the deviation in pieces of the stretches.
+fn step_and_noise(stretches: &[&[f64]], deviation: impl Fn(&[f64]) -> f64) -> Option<(f64, f64)> {
+    let (low, high) = stretches
+        .iter()
+        .map(|values| series::range(values))
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), range| (low.min(range.0), high.max(range.1)));
+    let floor = ARITHMETIC * low.abs().max(high.abs());
+    let steps = stretches.iter().filter_map(|values| least_step(values, floor));
+    // Values that stand still tell no step, but whole numbers are counts.
+    let is_long = || stretches.iter().any(|values| values.len() > 1);
+    let are_whole = || stretches.iter().all(|values| values.iter().all(|value| value.fract() == 0.0));
+    let step = steps.reduce(f64::min).or_else(|| (is_long() && are_whole()).then_some(1.0))?;
+    let pieces = stretches.iter().flat_map(|values| values.chunks(PIECE)).filter(|piece| piece.len() > 1);
+    let (sum, count) = pieces.fold((0.0, 0.0), |(sum, count), piece| {
+        (sum + deviation(piece).powi(2) * piece.len() as f64, count + piece.len() as f64)
+    });
+    Some((step, noise(sum / count / (step * step), levels(stretches, step))))
+}
+
+/// Levels of these stretches that lie apart.
+fn levels(stretches: &[&[f64]], step: f64) -> usize {
+    let mut means: Vec<f64> =
+        stretches.iter().map(|values| stats::mean(values)).filter(|mean| mean.is_finite()).collect();
+    means.sort_by(f64::total_cmp);
+    1 + means.windows(2).filter(|pair| pair[1] - pair[0] > APART * step).count()
+}
+
+/// Root mean square of a mean's error over all levels, steps, for noise in steps.
+fn error(noise: f64) -> f64 {
+    if noise >= FINE {
+        return 0.0;
+    }
+    let term = |k: f64| (-4.0 * (PI * k * noise).powi(2)).exp() / (k * k);
+    // Without noise the terms add up to pi^2 / 6; with the least noise that is told apart from none they end soon.
+    let sum = if noise < 0.01 { PI * PI / 6.0 } else { (1..200).map(|k| term(f64::from(k))).sum() };
+    (sum / 2.0).sqrt() / PI
+}
+
+/// The noise in steps that is behind a variance in steps squared. A level half-way between two codes shows more variance than
+/// the mean over all levels; the fewer levels there are, the more of that is taken for the level's doing.
+fn noise(variance: f64, levels: usize) -> f64 {
+    let shown = |noise: f64| {
+        let usual = noise * noise + 1.0 / 12.0 - error(noise).powi(2);
+        usual + (half_way(noise) - usual).max(0.0) / (levels as f64).sqrt()
+    };
+    if variance >= FINE * FINE + 1.0 / 12.0 {
+        return (variance - 1.0 / 12.0).sqrt();
+    }
+    let (mut low, mut high) = (0.0, FINE);
+    for _ in 0..40 {
+        let middle = f64::midpoint(low, high);
+        if shown(middle) < variance { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// Variance of rounded noise about a level half-way between two codes.
+fn half_way(noise: f64) -> f64 {
+    (0..8).map(f64::from).map(|k| (k + 0.5).powi(2) * (within(k + 1.0, noise) - within(k, noise))).sum()
+}
+
+/// Part of normal noise within so many steps of its mean.
+fn within(steps: f64, noise: f64) -> f64 {
+    match noise > 0.0 {
+        true => erf(steps / noise / std::f64::consts::SQRT_2),
+        false => f64::from(u8::from(steps > 0.0)),
+    }
+}
+
+/// The least difference of neighbours that is above a floor.
+pub(crate) fn least_step(values: &[f64], floor: f64) -> Option<f64> {
+    const LANES: usize = 8;
+    let mut least = [f64::INFINITY; LANES];
+    let differences = |now: &[f64], before: &[f64], least: &mut [f64; LANES]| {
+        for (least, (now, before)) in least.iter_mut().zip(now.iter().zip(before)) {
+            let difference = (now - before).abs();
+            *least = if (difference > floor) & (difference < *least) { difference } else { *least };
+        }
+    };
+    let (now, before) = (values.get(1..)?, &values[..values.len() - 1]);
+    let ((now, last_now), (before, last_before)) = (now.as_chunks::<LANES>(), before.as_chunks::<LANES>());
+    for (now, before) in now.iter().zip(before) {
+        differences(now, before, &mut least);
+    }
+    differences(last_now, last_before, &mut least);
+    least.into_iter().reduce(f64::min).filter(|least| least.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Means of normal noise rounded at 400 levels, counted from the normal distribution: sums of codes times their
+    /// probability, without the series above.
+    #[test]
+    fn the_error_is_that_of_rounded_noise() {
+        let cell = |x: f64, noise: f64| {
+            let below = |edge: f64| 0.5 * (1.0 + erf((edge - x) / noise / 2.0_f64.sqrt()));
+            (-9..=9).map(f64::from).fold((0.0, 0.0), |(mean, square), code| {
+                let p = below(code + 0.5) - below(code - 0.5);
+                (mean + p * code, square + p * code * code)
+            })
+        };
+        for noise_steps in [0.02, 0.1, 0.2, 0.3, 0.4, 0.5] {
+            let (mut squares, mut variance, mut largest) = (0.0, 0.0, 0.0_f64);
+            for level in 0..400 {
+                let x = f64::from(level) / 400.0 - 0.49875;
+                let (mean, square) = cell(x, noise_steps);
+                squares += (mean - x).powi(2) / 400.0;
+                variance += (square - mean * mean) / 400.0;
+                largest = largest.max(square - mean * mean);
+            }
+            let rms = squares.sqrt();
+            assert!(
+                (error(noise_steps) - rms).abs() < 2e-3 * rms + 1e-6,
+                "{noise_steps}: {} {rms}",
+                error(noise_steps)
+            );
+            assert!((noise(variance, 1_000_000_000) - noise_steps).abs() < 2e-3, "{noise_steps}");
+            assert!(noise(largest, 1) < noise_steps + 2e-3, "{noise_steps}");
+        }
+        assert!((error(0.0) - 1.0 / 12.0_f64.sqrt()).abs() < 1e-12 && error(FINE) == 0.0);
+    }
+
+    #[test]
+    fn steps_are_seen_and_fine_noise_is_not_touched() {
+        let still = [vec![4.0; 90], vec![5.0, 4.0, 4.0, 4.0]].concat();
+        assert!((mean_error_sd(&[&still]) - 1.0 / 12.0_f64.sqrt()).abs() < 1e-3, "{}", mean_error_sd(&[&still]));
+        let noisy: Vec<f64> = (0..500).map(|k: i32| f64::from(k * 7919 % 7)).collect();
+        assert_eq!(mean_error_sd(&[&noisy]), 0.0);
+        // Counts that stand still are known to half a count; of other numbers nothing is known.
+        assert!((mean_error_sd(&[&[512.0; 20], &[-512.0; 20]]) - 1.0 / 12.0_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(mean_error_sd(&[&[9.8; 20], &[-9.8; 20]]), 0.0);
+    }
+
+    /// Noise of half a step leaves its most usual code in 31.7 % of the rows (erf(1 / sqrt 2) = 0.6827), so that 40 rows are
+    /// alike once in 4 million records and 8 in twenty. Noise that shows at one level of three is as good as none.
+    #[test]
+    fn one_value_is_stuck_where_the_noise_would_change_it() {
+        let noise = |k: usize| [0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0][k * 7 % 10];
+        let half: Vec<f64> = (0..640).map(noise).collect();
+        assert!(is_stuck(&[&half], 60) && !is_stuck(&[&half], 8));
+        let toggles: Vec<f64> = (0..640).map(|k| f64::from(k * 7919 % 101 % 2)).collect();
+        assert!(!is_stuck(&[&toggles, &[7.0; 640], &[99.0; 640]], 640));
+        assert!(!is_stuck(&[&[7.0; 640], &[99.0; 640]], 640));
+    }
+}

@@ -1,0 +1,154 @@
+//! Noise below the step between two codes: means are off by up to half a step, and the intervals hold that.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
+
+mod truth;
+
+use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
+use gnc_metrology::rotation::{self, Axis};
+use gnc_metrology::{gyro_still, quantisation, six_position, stability, stats, tilt};
+use nalgebra::{Matrix3, Vector3};
+use truth::{Dice, Session, borrowed};
+
+/// Noise in steps: of one code, of toggling codes, of half a code, and where it begins to be fine.
+const NOISES: [f64; 6] = [0.02, 0.1, 0.2, 0.3, 0.45, 0.7];
+const RECORDS: usize = 200;
+const ROWS: usize = 300;
+
+/// What a record gives: whether each interval holds its truth, or nothing where it is refused.
+type Trial<'a> = &'a dyn Fn(f64, &mut Dice) -> Option<Vec<bool>>;
+
+/// Intervals of 95 % hold, within 3.9 standard errors of that, and hardly any record is refused.
+fn holds(method: &str, trial: Trial<'_>, given_at_least: f64) {
+    for noise in NOISES {
+        let mut held: Vec<usize> = Vec::new();
+        let mut given = 0;
+        for seed in 0..RECORDS {
+            let Some(inside) = trial(noise, &mut Dice::new(seed as u64)) else { continue };
+            given += 1;
+            held.resize(inside.len(), 0);
+            held.iter_mut().zip(inside).for_each(|(held, inside)| *held += usize::from(inside));
+        }
+        println!("{method}, noise of {noise} steps: {held:?} of {given}");
+        let n = f64::from(given);
+        assert!(n >= given_at_least * RECORDS as f64, "{method}, {noise}: {given} of {RECORDS} are not refused");
+        let least = (0.95 - 3.9 * (0.0475 / n).sqrt()) * n;
+        assert!(held.iter().all(|held| *held as f64 >= least), "{method}, {noise}: {held:?} of {given}");
+    }
+}
+
+/// The probability of a normal value is uniform.
+fn uniform(low: f64, high: f64, dice: &mut Dice) -> f64 {
+    let normal = dice.normal();
+    let part = stats::chi_square_probability(normal * normal, 1.0).mul_add(normal.signum(), 1.0) / 2.0;
+    low + (high - low) * part
+}
+
+fn rounded(level: f64, noise: f64, rows: usize, dice: &mut Dice) -> Vec<f64> {
+    (0..rows).map(|_| (level + noise * dice.normal()).round()).collect()
+}
+
+/// 256 codes per g, whole, so that all positions of an axis lie alike between two codes.
+#[test]
+fn six_positions() {
+    let trial = |noise: f64, dice: &mut Dice| {
+        let response = Matrix3::from_fn(|i, j| if i == j { 256.0 } else { uniform(-0.1, 0.1, dice) });
+        let offset = Vector3::from_fn(|_, _| uniform(-20.0, 20.0, dice));
+        let mut channels: [Vec<f64>; 3] = Default::default();
+        for label in LABELS {
+            let level = response * up_of(label).unwrap() + offset;
+            (0..3).for_each(|i| channels[i].extend(rounded(level[i], noise, ROWS, dice)));
+        }
+        let labels: Vec<&str> = LABELS.into_iter().flat_map(|label| vec![label; ROWS]).collect();
+        let [x, y, z] = &channels;
+        let positions = from_labels(&labels, [x, y, z], &Limits::ACCELEROMETER).ok()?;
+        let found = six_position::calibrate(&positions, 1.0).ok()?;
+        let (expanded, _) = found.expanded();
+        let truth = response.try_inverse().unwrap();
+        let of_bias =
+            (0..3).map(|i| (found.bias_lsb[i] - offset[i]).abs() <= found.coverage_factor() * found.bias_sd_lsb[i]);
+        let of_matrix = (0..9).map(|k| (found.matrix[k] - truth[k]).abs() <= expanded[k]);
+        Some(of_bias.chain(of_matrix).collect())
+    };
+    holds("six positions", &trial, 0.98);
+}
+
+/// A gyroscope at rest lies alike in all positions: its residuals say nothing of its error.
+#[test]
+fn gyroscopes_at_rest() {
+    let trial = |noise: f64, dice: &mut Dice| {
+        let offset = Vector3::from_fn(|_, _| uniform(-20.0, 20.0, dice));
+        let mut channels: [Vec<f64>; 3] = Default::default();
+        for _ in LABELS {
+            (0..3).for_each(|i| channels[i].extend(rounded(offset[i], noise, ROWS, dice)));
+        }
+        let labels: Vec<&str> = LABELS.into_iter().flat_map(|label| vec![label; ROWS]).collect();
+        let [x, y, z] = &channels;
+        let positions = from_labels(&labels, [x, y, z], &Limits::GYROSCOPE).ok()?;
+        // Steps of 1 rad/s: the earth's rotation is nothing beside them.
+        let found = gyro_still::calibrate(&positions, 9.8, 0.0, None).ok()?;
+        let (expanded, _) = found.expanded();
+        let bound = found.bias_heading_bound_rps;
+        Some((0..3).map(|i| (found.bias_rps[i] - offset[i]).abs() <= expanded[i] + bound).collect())
+    };
+    // A sensor of one value in all positions is dead, as far as they tell.
+    holds("gyroscopes at rest", &trial, 0.0);
+}
+
+#[test]
+fn flips() {
+    let trial = |noise: f64, dice: &mut Dice| {
+        let (offset, gain) = (uniform(-20.0, 20.0, dice), 256.0);
+        let values = [rounded(offset + gain, noise, ROWS, dice), rounded(offset - gain, noise, ROWS, dice)].concat();
+        let labels: Vec<&str> = (0..2 * ROWS).map(|row| if row < ROWS { "+" } else { "-" }).collect();
+        let found = tilt::flip_rows(&labels, &values, 1.0).ok()?;
+        let within = |found: f64, truth: f64, sd: f64| (found - truth).abs() <= 1.96 * sd;
+        Some(vec![within(found.offset, offset, found.offset_sd), within(found.gain, gain, found.gain_sd)])
+    };
+    holds("flip", &trial, 1.0);
+}
+
+#[test]
+fn rotations() {
+    let trial = |noise: f64, dice: &mut Dice| {
+        let base = Session::example();
+        let session = Session {
+            // Equal noise of the sensors, which the pooled residuals take.
+            response: Matrix3::from_fn(|i, j| base.response[(i, j)] * 940.0 / base.response[(i, i)]),
+            offset: Vector3::from_fn(|_, _| uniform(-20.0, 20.0, dice)),
+            noise: Vector3::repeat(noise),
+            ..base
+        };
+        let mut runs = session.runs(dice);
+        runs.iter_mut().flat_map(|(_, channels)| channels).flatten().for_each(|value| *value = value.round());
+        let found = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar)).ok()?;
+        let inside = |k: usize| (found.response[k] - session.response[k]).abs() <= found.expanded().0[k];
+        Some((0..9).map(inside).collect())
+    };
+    holds("rotation", &trial, 0.98);
+}
+
+/// Runs that differ by 0.15 steps, and block means of a level that stays.
+#[test]
+fn spreads() {
+    let repeated = |noise: f64, dice: &mut Dice| {
+        let level = uniform(-20.0, 20.0, dice);
+        let truth: Vec<f64> = (0..8).map(|_| level + 0.15 * dice.normal()).collect();
+        let runs: Vec<Vec<f64>> = truth.iter().map(|mean| rounded(*mean, noise, ROWS, dice)).collect();
+        let slices: Vec<&[f64]> = runs.iter().map(Vec::as_slice).collect();
+        let means: Vec<f64> = slices.iter().map(|run| stats::mean(run)).collect();
+        let found = stability::repeatability(&means, quantisation::mean_error_sd(&slices)).ok()?;
+        let is_mean_held = (found.mean - level).abs() <= found.mean_expanded();
+        Some(vec![(found.sd_low..=found.sd_high).contains(&0.15), is_mean_held])
+    };
+    // Runs that all show one code say nothing of their spread.
+    holds("repeatability", &repeated, 0.3);
+    let blocks = |noise: f64, dice: &mut Dice| {
+        let values = rounded(uniform(-20.0, 20.0, dice), noise, 20 * ROWS, dice);
+        let found = stability::stability(&values, 1.0, ROWS as f64).ok()?;
+        // Rounding is part of an output's noise.
+        let of_row = if noise < 0.5 { noise } else { noise.hypot(1.0 / 12.0_f64.sqrt()) };
+        Some(vec![(found.sd_low..=found.sd_high).contains(&(of_row / (ROWS as f64).sqrt()))])
+    };
+    holds("stability", &blocks, 0.05);
+}
