@@ -83,7 +83,7 @@ pub enum Cable {
 ///
 /// # The turntable
 /// [`Control::orient`], [`Control::rotate`], [`Control::spin`] and [`Control::stop`] begin a motion and return at once;
-/// it begins in that moment of bench time, takes the time that [`crate::turntable`] says and ends by itself.
+/// it begins in that moment of bench time, takes the time that `turntable.rs` says and ends by itself.
 /// [`Control::wait_still`] returns when bench time has passed its end.
 ///
 /// # Waiting
@@ -117,7 +117,7 @@ impl Control {
     ///
     /// # Errors
     /// [`BenchGone`].
-    pub fn set_axis_up(&self, axis: Axis, sign: Sign) -> Result<(), BenchGone> {
+    pub(crate) fn set_axis_up(&self, axis: Axis, sign: Sign) -> Result<(), BenchGone> {
         self.order(Command::SetAxisUp(axis, sign))
     }
 
@@ -125,7 +125,7 @@ impl Control {
     ///
     /// # Errors
     /// [`BenchGone`].
-    pub fn set_turn(&self, axis: Axis, rate_dps: f64) -> Result<(), BenchGone> {
+    pub(crate) fn set_turn(&self, axis: Axis, rate_dps: f64) -> Result<(), BenchGone> {
         self.order(Command::SetTurn(axis, rate_dps))
     }
 
@@ -152,7 +152,7 @@ impl Control {
     ///
     /// # Errors
     /// As [`Control::orient`]; or `up` is no direction.
-    pub fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TableError> {
+    pub(crate) fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TableError> {
         self.set_in_motion(Motion::OrientUp(up, heading_deg))
     }
 
@@ -250,14 +250,6 @@ impl Control {
         truth.recv().map_err(|_| BenchGone)
     }
 
-    /// Board time since the board's last start.
-    ///
-    /// # Errors
-    /// [`BenchGone`].
-    pub fn board_time(&self) -> Result<Duration, BenchGone> {
-        Ok(Duration::from_micros(self.truth()?.board_time_us))
-    }
-
     fn order(&self, command: Command) -> Result<(), BenchGone> {
         let (done, answer) = mpsc::channel();
         self.post(command, Some(done))?;
@@ -303,7 +295,7 @@ impl RunningBench {
     ///
     /// # Errors
     /// As [`RunningBench::start_with`]; or it is no port, or does not have the rate.
-    pub fn start_on(options: &Options, device: &Path, interface: Option<&str>) -> io::Result<Self> {
+    pub(crate) fn start_on(options: &Options, device: &Path, interface: Option<&str>) -> io::Result<Self> {
         Self::serve(options, Tty::device(device, options.rate_baud)?, interface)
     }
 

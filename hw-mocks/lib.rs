@@ -9,28 +9,28 @@
 pub const BENCH_FILE: &str = include_str!("bench.toml");
 
 mod adapter;
-pub mod bench;
-pub mod board;
+mod bench;
+mod board;
 mod boards;
 mod can;
 mod can_faults;
 pub mod devices;
-pub mod driver;
+mod driver;
 mod line;
 mod link_clock;
-pub mod module;
+mod module;
 mod motion;
 pub mod noise;
-pub mod oscillator;
-pub mod personality;
+mod oscillator;
+mod personality;
 mod port;
 pub mod program;
-pub mod records;
+mod records;
 mod requests;
 mod rig;
 mod sampling;
 mod streams;
-pub mod turntable;
+mod turntable;
 mod wire_faults;
 pub mod world;
 

@@ -20,7 +20,7 @@ use crate::personality::Personality;
 
 /// The module with all its devices.
 #[derive(Debug, Clone)]
-pub struct Module {
+pub(crate) struct Module {
     /// What it says about itself.
     pub identity: IdentityReply,
     /// Both cores.
@@ -56,7 +56,7 @@ pub struct Module {
 impl Module {
     /// The module of a personality. `serial_number` is what it says unless the personality fixes one.
     #[must_use]
-    pub fn new(personality: &Personality, serial_number: &str, seed: u64) -> Self {
+    pub(crate) fn new(personality: &Personality, serial_number: &str, seed: u64) -> Self {
         let model = &personality.model;
         let mut content = Dice::new(seed, Source::Content);
         let mut rails = model.rails;
@@ -92,7 +92,7 @@ impl Module {
     }
 
     /// Power came on at `now_s`.
-    pub fn power_on(&mut self, now_s: f64) {
+    pub(crate) fn power_on(&mut self, now_s: f64) {
         self.sensors.power_on(now_s);
         self.calibration.power_on();
         self.can.power_on();
@@ -100,7 +100,7 @@ impl Module {
     }
 
     /// The board's reading of the supply.
-    pub fn supply(&mut self, on: bool) -> PowerReply {
+    pub(crate) fn supply(&mut self, on: bool) -> PowerReply {
         let micro = |value: f64| (value.max(0.0) * 1e6).round() as u32;
         // The board's meter scatters by 1 mV and 0.5 mA; without power it still reads a few millivolts.
         let volts = if on { self.supply.voltage_v } else { 0.003 } + 1e-3 * self.supply_dice.normal();
@@ -109,7 +109,7 @@ impl Module {
     }
 
     /// A RAM by its number on the wire.
-    pub fn ram(&mut self, ram: Ram) -> &mut Memory {
+    pub(crate) fn ram(&mut self, ram: Ram) -> &mut Memory {
         match ram {
             Ram::Internal => &mut self.internal_ram,
             Ram::Sdram => &mut self.sdram,
@@ -117,7 +117,7 @@ impl Module {
     }
 
     /// A flash by its number on the wire.
-    pub fn flash(&mut self, flash: Flash) -> &mut FlashMemory {
+    pub(crate) fn flash(&mut self, flash: Flash) -> &mut FlashMemory {
         match flash {
             Flash::Spi => &mut self.spi_flash,
             Flash::Internal => &mut self.internal_flash,

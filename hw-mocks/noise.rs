@@ -73,12 +73,12 @@ impl Dice {
     }
 
     /// A number of the standard normal distribution.
-    pub fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         self.generator.sample(StandardNormal)
     }
 
     /// A number from `low` to below `high`.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.generator.random::<f64>()
     }
 
@@ -92,7 +92,7 @@ impl Dice {
 ///
 /// The step over any interval is exact: `x' = e^(-dt/T) x + sqrt(1 - e^(-2 dt/T)) s n`.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct GaussMarkov {
+pub(crate) struct GaussMarkov {
     deviation: f64,
     correlation_s: f64,
     value: f64,
@@ -103,12 +103,12 @@ pub struct GaussMarkov {
 impl GaussMarkov {
     /// A process in its stationary state.
     #[must_use]
-    pub fn new(deviation: f64, correlation_s: f64, dice: &mut Dice) -> Self {
+    pub(crate) fn new(deviation: f64, correlation_s: f64, dice: &mut Dice) -> Self {
         Self { deviation, correlation_s, value: deviation * dice.normal(), last: (0.0, 1.0, 0.0) }
     }
 
     /// Moves on by `span_s` and gives the new value.
-    pub fn step(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
+    pub(crate) fn step(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
         // A process that is none needs no chance.
         if self.deviation == 0.0 {
             return 0.0;
@@ -125,7 +125,7 @@ impl GaussMarkov {
     /// Moves on by `span_s` and gives the mean over it. With `x = span/T` and `e = e^-x`, the end and the integral have,
     /// given the start `v`, means `e v` and `T (1 - e) v`, variances `s^2 (1 - e^2)` and
     /// `s^2 T^2 (2 x - 3 + 4 e - e^2)`, and covariance `s^2 T (1 - e)^2`.
-    pub fn mean(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
+    pub(crate) fn mean(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
         if self.deviation == 0.0 || span_s <= 0.0 {
             return self.value;
         }
@@ -149,7 +149,7 @@ impl GaussMarkov {
 
     /// The value now.
     #[must_use]
-    pub fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         self.value
     }
 }

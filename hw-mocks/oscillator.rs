@@ -2,7 +2,7 @@
 
 /// How an oscillator runs. Its count and true time both begin with the bench.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Oscillator {
+pub(crate) struct Oscillator {
     /// How much too fast it runs at the bench's start, parts per million.
     pub error_ppm: f64,
     /// How much faster it is each hour after that, parts per million.
@@ -12,13 +12,13 @@ pub struct Oscillator {
 impl Oscillator {
     /// Counted nanoseconds at a true moment: `t (1 + error) + drift t^2 / 2`.
     #[must_use]
-    pub fn count_ns(&self, true_s: f64) -> f64 {
+    pub(crate) fn count_ns(&self, true_s: f64) -> f64 {
         true_s * 1e9 * (1.0 + self.error_ppm * 1e-6 + self.drift_per_s() * true_s / 2.0)
     }
 
     /// The true moment at which it has counted so far, in seconds: the root of the same, in the form that loses no digits.
     #[must_use]
-    pub fn true_s(&self, count_ns: u64) -> f64 {
+    pub(crate) fn true_s(&self, count_ns: u64) -> f64 {
         let (count_s, pace) = (count_ns as f64 * 1e-9, 1.0 + self.error_ppm * 1e-6);
         // A drift that would stop it is cut off: personalities allow none within a day.
         let root = (pace * pace + 2.0 * self.drift_per_s() * count_s).max(0.0).sqrt();

@@ -77,7 +77,7 @@ struct Arguments {
 ///
 /// # Errors
 /// A text for people when it is neither `max` nor a positive number.
-pub fn parse_speed(text: &str) -> Result<Speed, String> {
+pub(crate) fn parse_speed(text: &str) -> Result<Speed, String> {
     if text == "max" {
         return Ok(Speed::Max);
     }

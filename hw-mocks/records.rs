@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecordsReply};
 
 /// Records kept; older ones give way.
-pub const KEPT: usize = 64;
+pub(crate) const KEPT: usize = 64;
 /// Records that one request may leave: a dead memory must not push out what other requests found.
-pub const PER_REQUEST: usize = 4;
+pub(crate) const PER_REQUEST: usize = 4;
 
 /// Which request found something, and when.
 #[derive(Debug, Clone, Copy)]
-pub struct Finder {
+pub(crate) struct Finder {
     /// The host's number of the request.
     pub request: u16,
     /// Its message id.
@@ -22,7 +22,7 @@ pub struct Finder {
 
 /// What was found.
 #[derive(Debug, Clone, Copy)]
-pub struct Finding {
+pub(crate) struct Finding {
     /// What it is about.
     pub kind: ErrorKind,
     /// Where.
@@ -35,14 +35,14 @@ pub struct Finding {
 
 /// The last records of a session.
 #[derive(Debug, Clone, Default)]
-pub struct ErrorLog {
+pub(crate) struct ErrorLog {
     kept: VecDeque<ErrorRecord>,
     total: u16,
 }
 
 impl ErrorLog {
     /// Notes what a request found, the first few of it.
-    pub fn note(&mut self, finder: Finder, findings: impl IntoIterator<Item = Finding>) {
+    pub(crate) fn note(&mut self, finder: Finder, findings: impl IntoIterator<Item = Finding>) {
         for finding in findings.into_iter().take(PER_REQUEST) {
             if self.kept.len() == KEPT {
                 self.kept.pop_front();
@@ -63,7 +63,7 @@ impl ErrorLog {
 
     /// Records from an index on, as many as fit into a reply.
     #[must_use]
-    pub fn from(&self, index: u16) -> ErrorRecordsReply {
+    pub(crate) fn from(&self, index: u16) -> ErrorRecordsReply {
         let mut reply = ErrorRecordsReply { total: self.total, ..ErrorRecordsReply::default() };
         // What does not fit the host asks for with the next index.
         for record in self.kept.iter().filter(|record| record.index >= index).take(IN_A_REPLY) {

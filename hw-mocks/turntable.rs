@@ -23,15 +23,15 @@ use crate::noise::{Dice, Source};
 use crate::world::{Axis, Sign, World};
 
 /// Part of a rotation's span for each of its two ramps.
-pub const RAMP_SHARE: f64 = 0.1;
+pub(crate) const RAMP_SHARE: f64 = 0.1;
 /// Acceleration of a spin: 5400 deg/s are reached in 3.6 s.
-pub const ACCELERATION_DPS2: f64 = 1500.0;
+pub(crate) const ACCELERATION_DPS2: f64 = 1500.0;
 /// Deceleration of a stop: 5400 deg/s end in 1.8 s.
-pub const STOP_DPS2: f64 = 3000.0;
+pub(crate) const STOP_DPS2: f64 = 3000.0;
 /// Fastest that the table turns: 15 rev/s and a third more.
-pub const FASTEST_DPS: f64 = 7200.0;
+pub(crate) const FASTEST_DPS: f64 = 7200.0;
 /// Longest rotation: a day, beyond which somebody mistook the unit.
-pub const LONGEST_S: f64 = 86_400.0;
+pub(crate) const LONGEST_S: f64 = 86_400.0;
 
 /// The errors of a table. All defaults are those of a good position table with a socket screwed on by hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,7 +144,7 @@ pub struct TableTruth {
 
 /// A table with a socket on it. Times are true seconds since the bench was started.
 #[derive(Debug, Clone)]
-pub struct Turntable {
+pub(crate) struct Turntable {
     model: TableModel,
     seed: u64,
     dice: Dice,
@@ -166,7 +166,7 @@ fn arcsec(value: f64) -> f64 {
 impl Turntable {
     /// A table under a seed, the module on it with Z up.
     #[must_use]
-    pub fn new(model: TableModel, seed: u64) -> Self {
+    pub(crate) fn new(model: TableModel, seed: u64) -> Self {
         let dice = Dice::new(seed, Source::Table);
         let axis = Some(Vector3::z_axis());
         Self { model, seed, dice, axis, slewing_until_s: 0.0, angle: 0.0, turning: false, rotation_deg: 0.0 }
@@ -182,7 +182,7 @@ impl Turntable {
     ///
     /// # Errors
     /// [`TableRefusal`] when it moves, or the heading is no number.
-    pub fn orient(
+    pub(crate) fn orient(
         &mut self,
         world: &mut World,
         along: Along,
@@ -199,7 +199,7 @@ impl Turntable {
     ///
     /// # Errors
     /// [`TableRefusal`] when it moves, or there is no such direction or heading.
-    pub fn orient_up(
+    pub(crate) fn orient_up(
         &mut self,
         world: &mut World,
         up: [f64; 3],
@@ -224,7 +224,13 @@ impl Turntable {
     ///
     /// # Errors
     /// [`TableRefusal`] when it moves, was left between two orientations, or cannot turn so fast.
-    pub fn rotate(&mut self, world: &mut World, angle_deg: f64, span_s: f64, now_s: f64) -> Result<(), TableRefusal> {
+    pub(crate) fn rotate(
+        &mut self,
+        world: &mut World,
+        angle_deg: f64,
+        span_s: f64,
+        now_s: f64,
+    ) -> Result<(), TableRefusal> {
         finite("angle", angle_deg)?;
         if !(0.001..=LONGEST_S).contains(&span_s) {
             return Err(TableRefusal::Span { span_s });
@@ -243,7 +249,7 @@ impl Turntable {
     ///
     /// # Errors
     /// [`TableRefusal`] while it is oriented, was left between two orientations, or cannot turn so fast.
-    pub fn spin(&mut self, world: &mut World, rate_dps: f64, now_s: f64) -> Result<(), TableRefusal> {
+    pub(crate) fn spin(&mut self, world: &mut World, rate_dps: f64, now_s: f64) -> Result<(), TableRefusal> {
         finite("rate", rate_dps)?;
         fast_enough(rate_dps)?;
         if self.is_slewing(now_s) {
@@ -258,7 +264,7 @@ impl Turntable {
     }
 
     /// Begins to stop whatever runs.
-    pub fn stop(&mut self, world: &mut World, now_s: f64) {
+    pub(crate) fn stop(&mut self, world: &mut World, now_s: f64) {
         if world.motion.is_still(now_s) {
             return;
         }
@@ -273,7 +279,7 @@ impl Turntable {
 
     /// What really is.
     #[must_use]
-    pub fn truth(&self, world: &World, now_s: f64) -> TableTruth {
+    pub(crate) fn truth(&self, world: &World, now_s: f64) -> TableTruth {
         let attitude = world.motion.attitude(now_s);
         let axis = self.axis.unwrap_or_else(|| world.motion.axis()).into_inner();
         TableTruth {

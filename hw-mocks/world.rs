@@ -10,9 +10,9 @@ use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use crate::motion::{Moment, Motion, Profile, Wobble};
 
 /// Earth rate relative to inertial space, rad/s (WGS-84).
-pub const EARTH_RATE_RPS: f64 = 7.292_115e-5;
+pub(crate) const EARTH_RATE_RPS: f64 = 7.292_115e-5;
 /// Standard gravity: the unit g, m/s^2 exactly.
-pub const STANDARD_GRAVITY: f64 = 9.806_65;
+pub(crate) const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// Where the bench stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,14 +62,14 @@ impl Site {
 
     /// Earth rate in the local frame (north, west, up), rad/s.
     #[must_use]
-    pub fn earth_rate_rps(&self) -> Vector3<f64> {
+    pub(crate) fn earth_rate_rps(&self) -> Vector3<f64> {
         let (sin, cos) = self.latitude_deg.to_radians().sin_cos();
         Vector3::new(EARTH_RATE_RPS * cos, 0.0, EARTH_RATE_RPS * sin)
     }
 
     /// Magnetic field in the local frame (north, west, up), gauss.
     #[must_use]
-    pub fn field_gauss(&self) -> Vector3<f64> {
+    pub(crate) fn field_gauss(&self) -> Vector3<f64> {
         let [north, east, down] = self.field_ned_gauss;
         Vector3::new(north, -east, -down)
     }
@@ -98,7 +98,7 @@ impl Axis {
 
     /// The unit vector.
     #[must_use]
-    pub fn unit(self) -> Vector3<f64> {
+    pub(crate) fn unit(self) -> Vector3<f64> {
         Vector3::ith(self.index(), 1.0)
     }
 
@@ -209,12 +209,12 @@ impl World {
 
     /// The axis that points up or down, as it was laid down by hand.
     #[must_use]
-    pub fn up(&self) -> Axis {
+    pub(crate) fn up(&self) -> Axis {
         self.up
     }
 
     /// Lays the module down so that `up` points up, keeps the heading, and ends any turning.
-    pub fn set_axis_up(&mut self, up: Axis, sign: Sign) {
+    pub(crate) fn set_axis_up(&mut self, up: Axis, sign: Sign) {
         (self.up, self.sign) = (up, sign);
         self.lay();
     }
@@ -239,12 +239,12 @@ impl World {
 
     /// The rotation from the local frame into the module's.
     #[must_use]
-    pub fn attitude(&self, now_s: f64) -> Rotation3<f64> {
+    pub(crate) fn attitude(&self, now_s: f64) -> Rotation3<f64> {
         self.motion.attitude(now_s)
     }
 
     /// The module's supply was switched: its temperature follows.
-    pub fn set_powered(&mut self, powered: bool, now_s: f64) {
+    pub(crate) fn set_powered(&mut self, powered: bool, now_s: f64) {
         self.temperature_c = self.temperature_c(now_s);
         self.temperature_at_s = now_s;
         self.powered_s = powered.then_some(now_s);
@@ -252,7 +252,7 @@ impl World {
 
     /// Temperature of the module: a first-order lag towards the room, or the room and its own heat.
     #[must_use]
-    pub fn temperature_c(&self, now_s: f64) -> f64 {
+    pub(crate) fn temperature_c(&self, now_s: f64) -> f64 {
         let target = self.ambient_c + if self.powered_s.is_some() { self.rise_k } else { 0.0 };
         let span_s = (now_s - self.temperature_at_s).max(0.0);
         target + (self.temperature_c - target) * (-span_s / self.warm_up_s).exp()
@@ -260,7 +260,7 @@ impl World {
 
     /// UTC, seconds since 1970.
     #[must_use]
-    pub fn utc_s(&self, now_s: f64) -> f64 {
+    pub(crate) fn utc_s(&self, now_s: f64) -> f64 {
         self.utc_start_s + now_s
     }
 

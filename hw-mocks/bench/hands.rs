@@ -48,7 +48,7 @@ impl Bench {
     /// themselves.
     ///
     /// # Errors
-    /// As [`crate::turntable::Turntable::orient`], and so the next ones.
+    /// [`TableRefusal`] when the table moves, or the heading is no number.
     pub fn orient(&mut self, along: Along, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient(&mut self.board.world, along, (axis, sign), heading_deg, now_s)
@@ -57,7 +57,7 @@ impl Bench {
     /// Begins to lay the module down in any attitude: `up` is a direction in the module's axes.
     ///
     /// # Errors
-    /// As [`crate::turntable::Turntable::orient_up`].
+    /// [`TableRefusal`] when the table moves, or there is no such direction or heading.
     pub fn orient_up(&mut self, up: [f64; 3], heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient_up(&mut self.board.world, up, heading_deg, now_s)
@@ -66,7 +66,7 @@ impl Bench {
     /// Begins a rotation about the table's axis.
     ///
     /// # Errors
-    /// As [`crate::turntable::Turntable::rotate`].
+    /// [`TableRefusal`] when the table moves, was left between two orientations, or cannot turn so fast.
     pub fn rotate(&mut self, angle_deg: f64, span_s: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.rotate(&mut self.board.world, angle_deg, span_s, now_s)
@@ -75,7 +75,7 @@ impl Bench {
     /// Begins to spin about the table's axis.
     ///
     /// # Errors
-    /// As [`crate::turntable::Turntable::spin`].
+    /// [`TableRefusal`] while the table is oriented, was left between two orientations, or cannot turn so fast.
     pub fn spin(&mut self, rate_dps: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.spin(&mut self.board.world, rate_dps, now_s)
@@ -95,7 +95,7 @@ impl Bench {
 
     /// Whether the module moves.
     #[must_use]
-    pub fn is_moving(&self) -> bool {
+    pub(crate) fn is_moving(&self) -> bool {
         !self.board.world.motion.is_still(self.board.true_s(self.board.now_ns()))
     }
 

@@ -56,7 +56,7 @@ pub(crate) enum Port {
 
 /// A slave board with a module in its socket, in a world.
 #[derive(Debug)]
-pub struct SimulatedBoard {
+pub(crate) struct SimulatedBoard {
     /// The world around it.
     pub world: World,
     /// The module.
@@ -98,7 +98,7 @@ pub struct SimulatedBoard {
 impl SimulatedBoard {
     /// A board just started.
     #[must_use]
-    pub fn new(personality: &Personality, serial_number: &str, world: World, rate_baud: u32, seed: u64) -> Self {
+    pub(crate) fn new(personality: &Personality, serial_number: &str, world: World, rate_baud: u32, seed: u64) -> Self {
         let mut boot_dice = Dice::new(seed, Source::Boot);
         let model = &personality.model;
         let at_time = |trigger: &RebootTrigger| trigger.at_board_time_s.map(|time_s| (time_s * 1e9) as u64);
@@ -141,13 +141,13 @@ impl SimulatedBoard {
 
     /// Bench time, ns.
     #[must_use]
-    pub fn now_ns(&self) -> u64 {
+    pub(crate) fn now_ns(&self) -> u64 {
         self.now_ns
     }
 
     /// True seconds since the bench was started.
     #[must_use]
-    pub fn true_s(&self, bench_ns: u64) -> f64 {
+    pub(crate) fn true_s(&self, bench_ns: u64) -> f64 {
         self.oscillator.true_s(bench_ns)
     }
 
@@ -158,13 +158,13 @@ impl SimulatedBoard {
 
     /// Whether the module is under power.
     #[must_use]
-    pub fn is_powered(&self) -> bool {
+    pub(crate) fn is_powered(&self) -> bool {
         self.powered
     }
 
     /// Whether anything is under way that needs time to pass.
     #[must_use]
-    pub fn has_work(&self) -> bool {
+    pub(crate) fn has_work(&self) -> bool {
         !self.jobs.is_empty() || !self.streams.is_empty() || self.is_booting()
     }
 
@@ -177,24 +177,24 @@ impl SimulatedBoard {
 
     /// Whether it does not listen yet after a restart.
     #[must_use]
-    pub fn is_booting(&self) -> bool {
+    pub(crate) fn is_booting(&self) -> bool {
         self.restarts > 0 && self.now_ns < self.booted_ns + BOOT_NS
     }
 
     /// Restarts since the bench was started.
     #[must_use]
-    pub fn restarts(&self) -> u32 {
+    pub(crate) fn restarts(&self) -> u32 {
         self.restarts
     }
 
     /// Whether it restarted since the last time this was asked.
-    pub fn take_restarted(&mut self) -> bool {
+    pub(crate) fn take_restarted(&mut self) -> bool {
         std::mem::take(&mut self.restarted)
     }
 
     /// The next moment at which something happens, in bench time.
     #[must_use]
-    pub fn next_event_ns(&self) -> Option<u64> {
+    pub(crate) fn next_event_ns(&self) -> Option<u64> {
         let job = |job: &Job| match job.task {
             Task::Pattern { .. } => job.ends_ns.min(self.now_ns + PIECE_NS),
             _ => job.ends_ns,
@@ -205,7 +205,7 @@ impl SimulatedBoard {
     }
 
     /// Lets time pass up to `to_ns`: everything due until then happens in its order.
-    pub fn advance(&mut self, to_ns: u64) {
+    pub(crate) fn advance(&mut self, to_ns: u64) {
         while let Some(next_ns) = self.next_event_ns().filter(|next_ns| *next_ns <= to_ns) {
             self.now_ns = self.now_ns.max(next_ns);
             self.happen();

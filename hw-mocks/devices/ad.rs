@@ -24,21 +24,21 @@ use nalgebra::Vector3;
 use crate::noise::{Dice, Source};
 
 /// Samples a second of each channel.
-pub const RATE_HZ: u32 = 10_000;
+pub(crate) const RATE_HZ: u32 = 10_000;
 /// One step of the converter.
-pub const LSB_V: f64 = 6.144 / 65_536.0;
+pub(crate) const LSB_V: f64 = 6.144 / 65_536.0;
 /// Magnetometer output without field.
-pub const MAG_ZERO_V: f64 = 2.5;
+pub(crate) const MAG_ZERO_V: f64 = 2.5;
 /// Magnetometer output per gauss.
-pub const MAG_V_PER_GAUSS: f64 = 0.35;
+pub(crate) const MAG_V_PER_GAUSS: f64 = 0.35;
 /// Level of a channel whose switch is off.
-pub const OFF_V: f64 = 2.0;
+pub(crate) const OFF_V: f64 = 2.0;
 /// Deviation of a sample.
 const NOISE_V: f64 = 0.3e-3;
 
 /// Voltages of the module's rails.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rails {
+pub(crate) struct Rails {
     /// The 5 V rail.
     pub v5_v: f64,
     /// The 3.3 V rail.
@@ -56,7 +56,7 @@ impl Default for Rails {
 
 /// The converter with its switches.
 #[derive(Debug, Clone)]
-pub struct Ad {
+pub(crate) struct Ad {
     rails: Rails,
     unwired: [bool; 5],
     switches: [bool; 5],
@@ -66,12 +66,12 @@ pub struct Ad {
 impl Ad {
     /// A converter under a seed; `unwired` switches do nothing.
     #[must_use]
-    pub fn new(rails: Rails, unwired: [bool; 5], seed: u64) -> Self {
+    pub(crate) fn new(rails: Rails, unwired: [bool; 5], seed: u64) -> Self {
         Self { rails, unwired, switches: [false; 5], dice: Dice::new(seed, Source::Ad) }
     }
 
     /// Flips DIP switch 1 to 5; other numbers do nothing.
-    pub fn set_switch(&mut self, number: u8, on: bool) {
+    pub(crate) fn set_switch(&mut self, number: u8, on: bool) {
         if let Some(switch) = self.switches.get_mut(usize::from(number.wrapping_sub(1))) {
             *switch = on;
         }
@@ -79,12 +79,12 @@ impl Ad {
 
     /// The switches as they stand, 1 to 5.
     #[must_use]
-    pub fn switches(&self) -> [bool; 5] {
+    pub(crate) fn switches(&self) -> [bool; 5] {
         self.switches
     }
 
     /// Samples the channels of a mask (bit 0 is channel 1).
-    pub fn read(&mut self, channels: u8, samples: u16, analogue_gauss: &Vector3<f64>) -> List<AdChannel, 8> {
+    pub(crate) fn read(&mut self, channels: u8, samples: u16, analogue_gauss: &Vector3<f64>) -> List<AdChannel, 8> {
         let mut list = List::new();
         for channel in (1..=8_u8).filter(|channel| channels >> (channel - 1) & 1 == 1) {
             let (level_v, noise_v) = self.level(channel, analogue_gauss);

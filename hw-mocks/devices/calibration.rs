@@ -50,7 +50,7 @@ impl Slot {
 
 /// A slot whose checksum is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DamagedSlot {
+pub(crate) struct DamagedSlot {
     /// 0 or 1.
     pub slot: u32,
     /// The checksum stored with it.
@@ -77,7 +77,7 @@ impl CalibrationMemory {
     }
 
     /// Power came on.
-    pub fn power_on(&mut self) {
+    pub(crate) fn power_on(&mut self) {
         self.written = None;
         self.age(true);
     }
@@ -89,7 +89,7 @@ impl CalibrationMemory {
 
     /// Checksum of what was written, if anything was.
     #[must_use]
-    pub fn written_checksum(&self) -> Option<u32> {
+    pub(crate) fn written_checksum(&self) -> Option<u32> {
         self.written.as_ref().map(Calibration::checksum)
     }
 
@@ -102,7 +102,7 @@ impl CalibrationMemory {
     }
 
     /// Power went away in the middle of a commit: the second half of the slot is erased and empty.
-    pub fn interrupt_commit(&mut self) {
+    pub(crate) fn interrupt_commit(&mut self) {
         let bytes = self.written.as_ref().and_then(|written| written.to_payload().ok()).unwrap_or_default();
         let mut half = bytes.to_vec();
         half[bytes.len() / 2..].fill(0xff);
@@ -134,14 +134,14 @@ impl CalibrationMemory {
 
     /// The calibration in force.
     #[must_use]
-    pub fn calibration(&self) -> Option<Calibration> {
+    pub(crate) fn calibration(&self) -> Option<Calibration> {
         let slot = self.slots[self.in_force()?].as_ref()?;
         Calibration::from_payload(&slot.bytes).ok()
     }
 
     /// What the host reads.
     #[must_use]
-    pub fn read(&self) -> CalibrationReadReply {
+    pub(crate) fn read(&self) -> CalibrationReadReply {
         let newest = || (0..2).filter(|slot| self.slots[*slot].is_some()).max_by_key(|slot| self.counter(*slot));
         let (state, slot) = match (self.in_force(), newest()) {
             (Some(slot), _) => (CalibrationState::Valid, slot),
@@ -166,7 +166,7 @@ impl CalibrationMemory {
 
     /// The slots whose checksum is wrong, for error records.
     #[must_use]
-    pub fn damaged(&self) -> Vec<DamagedSlot> {
+    pub(crate) fn damaged(&self) -> Vec<DamagedSlot> {
         let damaged = |(number, slot): (u32, &Option<Slot>)| {
             let slot = slot.as_ref().filter(|slot| !slot.is_valid())?;
             Some(DamagedSlot { slot: number, expected: slot.checksum, got: checksum(&slot.bytes) })

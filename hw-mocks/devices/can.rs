@@ -6,7 +6,7 @@ use gnc_protocol::message::{CanCountersReply, CanState};
 
 /// What is wrong with the controller.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct CanFaults {
+pub(crate) struct CanFaults {
     /// Every so many test frames with data one goes back with the lowest bit of its first byte inverted; 0: none.
     pub flip_every: u32,
     /// Every so many test frames one waits until after the next; 0: none.
@@ -19,7 +19,7 @@ pub struct CanFaults {
 
 /// The controller. Its counters follow ISO 11898-1: a failed sending adds 8, a good one takes 1 off.
 #[derive(Debug, Clone, Default)]
-pub struct Can {
+pub(crate) struct Can {
     faults: CanFaults,
     received: u32,
     with_data: u32,
@@ -32,17 +32,17 @@ pub struct Can {
 impl Can {
     /// A controller with its faults.
     #[must_use]
-    pub fn new(faults: CanFaults) -> Self {
+    pub(crate) fn new(faults: CanFaults) -> Self {
         Self { faults, ..Self::default() }
     }
 
     /// Power came on: a controller begins anew.
-    pub fn power_on(&mut self) {
+    pub(crate) fn power_on(&mut self) {
         *self = Self::new(self.faults);
     }
 
     /// Takes a frame off the bus; gives what it sends back.
-    pub fn echo(&mut self, frame: &CanFrame) -> impl Iterator<Item = CanFrame> + use<> {
+    pub(crate) fn echo(&mut self, frame: &CanFrame) -> impl Iterator<Item = CanFrame> + use<> {
         let back = echo_of(frame.id()).filter(|_| !self.bus_off).and_then(|id| self.answer(id, frame.data()));
         let held = back.and_then(|_| self.held.take());
         let swap = back.is_some() && held.is_none() && every(self.received, self.faults.swap_every);
@@ -77,7 +77,7 @@ impl Can {
 
     /// Its counters.
     #[must_use]
-    pub fn counters(&self) -> CanCountersReply {
+    pub(crate) fn counters(&self) -> CanCountersReply {
         let state = match self.tx_errors {
             _ if self.bus_off => CanState::BusOff,
             128.. => CanState::ErrorPassive,

@@ -8,7 +8,7 @@ use gnc_protocol::wire::List;
 
 /// What is wrong with the cores.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct CpuFaults {
+pub(crate) struct CpuFaults {
     /// Core 1, core 2: does not run.
     pub dead: [bool; 2],
     /// A bit of core 2's multiplier output that stays at 0.
@@ -17,33 +17,33 @@ pub struct CpuFaults {
 
 /// Both cores.
 #[derive(Debug, Clone, Default)]
-pub struct Cpu {
+pub(crate) struct Cpu {
     faults: CpuFaults,
 }
 
 impl Cpu {
     /// Cores with their faults.
     #[must_use]
-    pub fn new(faults: CpuFaults) -> Self {
+    pub(crate) fn new(faults: CpuFaults) -> Self {
         Self { faults }
     }
 
     /// Whether core 1 or 2 answers.
     #[must_use]
-    pub fn answers(&self, core: u8) -> bool {
+    pub(crate) fn answers(&self, core: u8) -> bool {
         !self.faults.dead.get(usize::from(core.wrapping_sub(1))).copied().unwrap_or(true)
     }
 
     /// Writes words and reads them back.
     #[must_use]
-    pub fn words(&self, request: &CpuWords) -> List<u32, 64> {
+    pub(crate) fn words(&self, request: &CpuWords) -> List<u32, 64> {
         request.words.clone()
     }
 
     /// Sum, difference, product, quotient towards zero and remainder of each pair. The smallest number divided by
     /// -1 is itself with remainder 0, as the hardware wraps it.
     #[must_use]
-    pub fn integers(&self, request: &CpuIntegers) -> List<[i32; 5], 16> {
+    pub(crate) fn integers(&self, request: &CpuIntegers) -> List<[i32; 5], 16> {
         let mask = self.multiplier_mask(request.core);
         request
             .pairs
@@ -58,7 +58,7 @@ impl Cpu {
 
     /// Sum, difference, product and quotient of each pair.
     #[must_use]
-    pub fn floats(&self, request: &CpuFloats) -> List<[f64; 4], 15> {
+    pub(crate) fn floats(&self, request: &CpuFloats) -> List<[f64; 4], 15> {
         request.pairs.iter().map(|&[a, b]| [a + b, a - b, a * b, a / b]).collect()
     }
 

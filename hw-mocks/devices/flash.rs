@@ -61,7 +61,7 @@ pub const SPI_FLASH: FlashPart = FlashPart {
 };
 
 /// The flash in the processor, read at 50 MHz by words.
-pub const INTERNAL_FLASH: FlashPart = FlashPart {
+pub(crate) const INTERNAL_FLASH: FlashPart = FlashPart {
     jedec: [0, 0, 0],
     sector_bytes: 16_384,
     scratch_sectors: 4,
@@ -95,13 +95,13 @@ impl FlashMemory {
 
     /// Words of a sector.
     #[must_use]
-    pub fn words(&self) -> u32 {
+    pub(crate) fn words(&self) -> u32 {
         self.part.sector_bytes / 4
     }
 
     /// Erases begun since the bench was started.
     #[must_use]
-    pub fn erases(&self) -> u32 {
+    pub(crate) fn erases(&self) -> u32 {
         self.erases
     }
 
@@ -168,13 +168,13 @@ impl FlashMemory {
     }
 
     /// How long the next erase keeps the flash busy: typical, varying by 3 %.
-    pub fn erase_us(&mut self) -> u32 {
+    pub(crate) fn erase_us(&mut self) -> u32 {
         let factor = if self.faults.erase_factor > 0.0 { self.faults.erase_factor } else { 1.0 };
         (self.part.erase_ms * 1000.0 * factor * (1.0 + 0.03 * self.dice.normal().clamp(-3.0, 3.0))) as u32
     }
 
     /// How long the next programming of a sector keeps the flash busy: typical, varying by 2 %.
-    pub fn write_us(&mut self) -> u32 {
+    pub(crate) fn write_us(&mut self) -> u32 {
         (self.part.write_ms * 1000.0 * (1.0 + 0.02 * self.dice.normal().clamp(-3.0, 3.0))) as u32
     }
 }

@@ -22,13 +22,13 @@ use crate::noise::{Dice, GaussMarkov, Source};
 use crate::world::World;
 
 /// Epochs a second.
-pub const EPOCHS_HZ: f64 = 5.0;
+pub(crate) const EPOCHS_HZ: f64 = 5.0;
 /// From an epoch to the last byte of its sentences.
-pub const LATENCY_S: f64 = 0.06;
+pub(crate) const LATENCY_S: f64 = 0.06;
 
 /// What is wrong around or in the receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct GnssFaults {
+pub(crate) struct GnssFaults {
     /// No signal reaches the antenna.
     pub no_sky: bool,
     /// The signals come through a repeater whose antenna stands so many metres to the north and east.
@@ -43,7 +43,7 @@ pub struct GnssFaults {
 
 /// A log that is played instead.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Playback {
+pub(crate) struct Playback {
     /// What is said.
     pub recording: Arc<Recording>,
     /// Epochs a second, at most [`EPOCHS_HZ`].
@@ -52,7 +52,7 @@ pub struct Playback {
 
 /// The receiver. Times are seconds since the bench was started.
 #[derive(Debug, Clone)]
-pub struct Receiver {
+pub(crate) struct Receiver {
     faults: GnssFaults,
     playback: Option<Playback>,
     started_at_s: f64,
@@ -71,7 +71,7 @@ pub struct Receiver {
 impl Receiver {
     /// A receiver without power, under a seed.
     #[must_use]
-    pub fn new(faults: GnssFaults, playback: Option<Playback>, seed: u64) -> Self {
+    pub(crate) fn new(faults: GnssFaults, playback: Option<Playback>, seed: u64) -> Self {
         let mut dice = Dice::new(seed, Source::Gnss);
         let mut slow = |deviation, correlation_s| GaussMarkov::new(deviation, correlation_s, &mut dice);
         let (north, east, up) = (slow(2.2, 60.0), slow(2.2, 60.0), slow(3.8, 60.0));
@@ -94,12 +94,12 @@ impl Receiver {
     }
 
     /// Power came on: a hot start.
-    pub fn power_on(&mut self, now_s: f64) {
+    pub(crate) fn power_on(&mut self, now_s: f64) {
         self.restart(GnssStart::Hot, now_s);
     }
 
     /// Forgets what the kind of start says and acquires anew.
-    pub fn restart(&mut self, start: GnssStart, now_s: f64) {
+    pub(crate) fn restart(&mut self, start: GnssStart, now_s: f64) {
         let (shortest_s, longest_s, time_share) = match start {
             GnssStart::Hot => (1.2, 1.8, 0.0),
             GnssStart::Warm => (18.0, 24.0, 0.0),
@@ -113,14 +113,8 @@ impl Receiver {
 
     /// Whether it has a fix.
     #[must_use]
-    pub fn has_fix(&self, now_s: f64) -> bool {
+    pub(crate) fn has_fix(&self, now_s: f64) -> bool {
         now_s >= self.fix_at_s && self.sees_sky(now_s)
-    }
-
-    /// When the fix comes, under open sky.
-    #[must_use]
-    pub fn fix_at_s(&self) -> f64 {
-        self.fix_at_s
     }
 
     fn sees_sky(&self, now_s: f64) -> bool {
@@ -129,7 +123,7 @@ impl Receiver {
     }
 
     /// What it says at `now_s`, once for each of its epochs.
-    pub fn say(&mut self, world: &World, now_s: f64) -> Vec<u8> {
+    pub(crate) fn say(&mut self, world: &World, now_s: f64) -> Vec<u8> {
         match &self.playback {
             Some(playback) => playback.said(now_s - self.started_at_s).to_vec(),
             None => self.epoch(world, now_s).into_bytes(),
@@ -159,7 +153,7 @@ impl Receiver {
     }
 
     /// Scatter of the 1PPS edge of a whole second, if there is one on the line.
-    pub fn pps_scatter_s(&mut self, now_s: f64) -> Option<f64> {
+    pub(crate) fn pps_scatter_s(&mut self, now_s: f64) -> Option<f64> {
         let scatter_s = 15e-9_f64.hypot(self.faults.pps_jitter_s) * self.pps_dice.normal();
         let runs = self.has_fix(now_s) || self.playback.is_some();
         (runs && !self.faults.pps_open).then_some(scatter_s)

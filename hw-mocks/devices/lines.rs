@@ -17,7 +17,7 @@ use gnc_protocol::message::{IoTest, SpiDirection};
 use gnc_protocol::wire::List;
 
 /// Lines.
-pub const LINES: usize = 4;
+pub(crate) const LINES: usize = 4;
 const CS: usize = 0;
 const CLK: usize = 1;
 const SDI: usize = 2;

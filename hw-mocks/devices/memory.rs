@@ -20,9 +20,9 @@ use std::ops::Range;
 use gnc_protocol::message::{MismatchReply, RamPattern};
 
 /// Words of the internal RAM, 16 bits each.
-pub const INTERNAL_WORDS: u32 = 65_536;
+pub(crate) const INTERNAL_WORDS: u32 = 65_536;
 /// Words of the SDRAM, 32 bits each.
-pub const SDRAM_WORDS: u32 = 1_048_576;
+pub(crate) const SDRAM_WORDS: u32 = 1_048_576;
 
 /// What is wrong with a memory.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -72,13 +72,13 @@ impl Memory {
 
     /// Number of words.
     #[must_use]
-    pub fn words(&self) -> u32 {
+    pub(crate) fn words(&self) -> u32 {
         self.cells.len() as u32
     }
 
     /// Writes a word through the lines.
     #[inline]
-    pub fn write(&mut self, index: u32, value: u32) {
+    pub(crate) fn write(&mut self, index: u32, value: u32) {
         let value = (value & self.mask | self.forced_high) & !self.forced_low;
         if self.plain {
             self.cells[index as usize] = value;
@@ -90,7 +90,7 @@ impl Memory {
     /// Reads a word through the lines.
     #[must_use]
     #[inline]
-    pub fn read(&self, index: u32) -> u32 {
+    pub(crate) fn read(&self, index: u32) -> u32 {
         let index = if self.plain { index } else { self.decode(index) };
         (self.cells[index as usize] | self.forced_high) & !self.forced_low
     }

@@ -1,17 +1,17 @@
 //! The devices of the module and of the slave board: each a model of what the thing does, with its faults inside.
 
-pub mod ad;
+pub(crate) mod ad;
 pub mod calibration;
-pub mod can;
-pub mod cpu;
+pub(crate) mod can;
+pub(crate) mod cpu;
 pub mod flash;
-pub mod gnss;
+pub(crate) mod gnss;
 pub mod inertial;
 pub mod lines;
 pub mod memory;
 pub mod nmea;
-pub mod playback;
-pub mod sci;
+pub(crate) mod playback;
+pub(crate) mod sci;
 pub mod sky;
-pub mod supply;
-pub mod timer;
+pub(crate) mod supply;
+pub(crate) mod timer;

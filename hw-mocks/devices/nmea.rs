@@ -9,7 +9,7 @@ use super::sky::{Dilution, Satellite};
 
 /// What a receiver knows at an epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Solution {
+pub(crate) struct Solution {
     /// Latitude, north positive.
     pub latitude_deg: f64,
     /// Longitude, east positive.
@@ -28,7 +28,7 @@ pub struct Solution {
 
 /// One epoch of a receiver.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Epoch {
+pub(crate) struct Epoch {
     /// UTC of the epoch in seconds since 1970, if the receiver knows the time.
     pub utc_s: Option<f64>,
     /// Where it is, if it has a fix.
@@ -42,7 +42,7 @@ pub struct Epoch {
 impl Epoch {
     /// All sentences of the epoch.
     #[must_use]
-    pub fn sentences(&self) -> String {
+    pub(crate) fn sentences(&self) -> String {
         let mut out = String::new();
         for body in [self.rmc(), self.vtg(), self.gga(), self.gsa()] {
             push(&mut out, &body);

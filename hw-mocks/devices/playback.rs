@@ -5,7 +5,7 @@
 //! has several. What is neither stays where it stands, so that garbage is played too. Lines that begin with `#` before the first message are remarks of the recorder.
 
 /// Longest log: an hour of a receiver that says 1 kB a second.
-pub const LONGEST: usize = 4 << 20;
+pub(crate) const LONGEST: usize = 4 << 20;
 /// Longest epoch: what a receiver says in a second at 115,200 baud. Garbage without messages is said in such pieces.
 const LONGEST_EPOCH: usize = 11_520;
 /// Garbage that nothing divides is said in pieces of this.
@@ -13,14 +13,14 @@ const PIECE: usize = 512;
 
 /// A log, divided into epochs.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Recording {
+pub(crate) struct Recording {
     epochs: Vec<Vec<u8>>,
 }
 
 impl Recording {
     /// Divides a log; `None` for one that says nothing.
     #[must_use]
-    pub fn new(log: &[u8]) -> Option<Self> {
+    pub(crate) fn new(log: &[u8]) -> Option<Self> {
         let mut rest = without_remarks(log);
         let mut epochs: Vec<Vec<u8>> = Vec::new();
         let mut first = None;
@@ -40,15 +40,9 @@ impl Recording {
         (!epochs.is_empty()).then_some(Self { epochs })
     }
 
-    /// How many epochs it has.
-    #[must_use]
-    pub fn epochs(&self) -> usize {
-        self.epochs.len()
-    }
-
     /// What the receiver said in one of them, from 0; nothing after the last.
     #[must_use]
-    pub fn epoch(&self, index: usize) -> &[u8] {
+    pub(crate) fn epoch(&self, index: usize) -> &[u8] {
         self.epochs.get(index).map_or(&[], Vec::as_slice)
     }
 }

@@ -4,7 +4,7 @@ use gnc_protocol::message::{SciEcho, SciEchoReply};
 
 /// What is wrong with the SCI.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct SciFaults {
+pub(crate) struct SciFaults {
     /// Every so many bytes one is lost with a framing error; 0: none.
     pub lose_every: u32,
     /// Every so many bytes one arrives with its lowest bit inverted; 0: none.
@@ -13,7 +13,7 @@ pub struct SciFaults {
 
 /// The SCI.
 #[derive(Debug, Clone, Default)]
-pub struct Sci {
+pub(crate) struct Sci {
     faults: SciFaults,
     bytes: u32,
 }
@@ -21,12 +21,12 @@ pub struct Sci {
 impl Sci {
     /// An SCI with its faults.
     #[must_use]
-    pub fn new(faults: SciFaults) -> Self {
+    pub(crate) fn new(faults: SciFaults) -> Self {
         Self { faults, bytes: 0 }
     }
 
     /// Echoes a block.
-    pub fn echo(&mut self, request: &SciEcho) -> SciEchoReply {
+    pub(crate) fn echo(&mut self, request: &SciEcho) -> SciEchoReply {
         let mut reply = SciEchoReply::default();
         let every = |count: u32, period: u32| period != 0 && count.is_multiple_of(period);
         for &byte in &request.data {

@@ -48,7 +48,7 @@ const MASK_DEG: f64 = 10.0;
 /// The satellites in view at a time since the bench was started. They drift as a sky does, half a degree of azimuth
 /// a minute at most; a bench run is short against their passes, so that none rises or sets.
 #[must_use]
-pub fn satellites(now_s: f64) -> Vec<Satellite> {
+pub(crate) fn satellites(now_s: f64) -> Vec<Satellite> {
     let minutes = now_s / 60.0;
     let place = |&(prn, elevation, azimuth): &(u8, f64, f64)| {
         let phase = f64::from(prn);
@@ -66,7 +66,7 @@ pub fn satellites(now_s: f64) -> Vec<Satellite> {
 
 /// The satellites that a receiver uses.
 #[must_use]
-pub fn usable(satellites: &[Satellite]) -> Vec<Satellite> {
+pub(crate) fn usable(satellites: &[Satellite]) -> Vec<Satellite> {
     satellites.iter().filter(|satellite| satellite.elevation_deg >= MASK_DEG).copied().collect()
 }
 

@@ -2,7 +2,7 @@
 
 /// The supply at the socket.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SupplyModel {
+pub(crate) struct SupplyModel {
     /// Voltage at the socket with the module on.
     pub voltage_v: f64,
     /// Current into the module.

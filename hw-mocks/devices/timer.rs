@@ -5,11 +5,11 @@ use gnc_protocol::message::{TimerMeasure, TimerMeasureReply};
 use crate::noise::{Dice, Source};
 
 /// Resolution of the slave's reference clock, ns.
-pub const REFERENCE_NS: f64 = 10.0;
+pub(crate) const REFERENCE_NS: f64 = 10.0;
 
 /// How the timers run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TimerModel {
+pub(crate) struct TimerModel {
     /// How much too long an interval is, against the slave's reference.
     pub rate_error_ppm: f64,
     /// Standard deviation of the interrupt's latency.
@@ -27,7 +27,7 @@ impl Default for TimerModel {
 
 /// The timers.
 #[derive(Debug, Clone)]
-pub struct Timers {
+pub(crate) struct Timers {
     model: TimerModel,
     dice: Dice,
     fired: [u32; 3],
@@ -36,13 +36,13 @@ pub struct Timers {
 impl Timers {
     /// Timers under a seed.
     #[must_use]
-    pub fn new(model: TimerModel, seed: u64) -> Self {
+    pub(crate) fn new(model: TimerModel, seed: u64) -> Self {
         Self { model, dice: Dice::new(seed, Source::Timers), fired: [0; 3] }
     }
 
     /// Runs a timer for `count` intervals. Each interrupt marks the end of one interval and the start of the next;
     /// where one is missed the interval to the next interrupt is twice as long. Also gives the whole time, in ns.
-    pub fn measure(&mut self, request: &TimerMeasure) -> (TimerMeasureReply, u64) {
+    pub(crate) fn measure(&mut self, request: &TimerMeasure) -> (TimerMeasureReply, u64) {
         let period_ns = f64::from(request.period_us) * 1000.0 * (1.0 + self.model.rate_error_ppm * 1e-6);
         let mut reply = TimerMeasureReply::default();
         let mut last_ns = self.latency_ns();

@@ -108,7 +108,7 @@ impl Program {
 
     /// Samples of the IMU that it captures at least.
     #[must_use]
-    pub fn samples(&self) -> u64 {
+    pub(crate) fn samples(&self) -> u64 {
         let of = |about: &About, span_s: f64| (span_s * f64::from(about.rate_hz)).round() as u64;
         let samples = self.steps.iter().map(|step| match step {
             Step::Capture { about, span_s, .. } => of(about, *span_s),

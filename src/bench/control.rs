@@ -82,12 +82,12 @@ impl Control {
 
     /// Whether nothing new may begin. A stop ends a pause.
     #[must_use]
-    pub fn is_paused(&self) -> bool {
+    pub(crate) fn is_paused(&self) -> bool {
         self.wanted.look(|wanted| wanted.paused && wanted.stop.times == 0)
     }
 
     /// Waits until something may begin again, or somebody wants the run to end.
-    pub async fn resumed(&self) {
+    pub(crate) async fn resumed(&self) {
         self.wanted.until(|wanted| !wanted.paused || wanted.stop.times > 0).await;
     }
 

@@ -16,7 +16,7 @@ const TYPED_AHEAD: usize = 16;
 
 /// Why the module was not turned, or a switch not flipped.
 #[derive(Debug, thiserror::Error)]
-pub enum FixtureError {
+pub(crate) enum FixtureError {
     /// The plan needs somebody and nobody is there.
     #[error("nobody is there to {what}")]
     Nobody {
@@ -61,7 +61,7 @@ pub enum FixtureError {
 impl FixtureError {
     /// What the operator can try.
     #[must_use]
-    pub fn try_this(&self) -> &'static str {
+    pub(crate) fn try_this(&self) -> &'static str {
         match self {
             Self::Nobody { .. } | Self::TerminalClosed { .. } => "run the plan on a terminal with an operator",
             Self::Refused { .. } => "mend the fixture and run the item again",
@@ -162,7 +162,7 @@ impl Fixture {
     ///
     /// # Errors
     /// [`FixtureError`], or the record that could not be written.
-    pub async fn only_switch(&self, on: Option<u8>, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+    pub(crate) async fn only_switch(&self, on: Option<u8>, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
         self.ask(&Ask::Switches(on), recorder, |rig| rig.only_switch(on)).await
     }
 
@@ -170,7 +170,7 @@ impl Fixture {
     ///
     /// # Errors
     /// As [`Fixture::only_switch`].
-    pub async fn turn_to(&self, heading_deg: f64, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+    pub(crate) async fn turn_to(&self, heading_deg: f64, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
         self.ask(&Ask::Heading { deg: heading_deg }, recorder, |rig| rig.turn_to(heading_deg)).await
     }
 
@@ -178,7 +178,7 @@ impl Fixture {
     ///
     /// # Errors
     /// As [`Fixture::only_switch`].
-    pub async fn prompt(&self, what: &str, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+    pub(crate) async fn prompt(&self, what: &str, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
         self.request(&Ask::Words(what.to_owned()), recorder).await
     }
 
@@ -186,7 +186,7 @@ impl Fixture {
     ///
     /// # Errors
     /// As [`Fixture::only_switch`].
-    pub async fn request(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
+    pub(crate) async fn request(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<(), FixtureError> {
         self.ask(ask, recorder, |_| Ok(())).await
     }
 

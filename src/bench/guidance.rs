@@ -208,7 +208,7 @@ impl Collected {
 
 /// Hands guidance on to whoever watches an item.
 #[derive(Debug)]
-pub struct Guide {
+pub(crate) struct Guide {
     out: watch::Sender<Option<Arc<Guidance>>>,
     watched: bool,
 }
@@ -216,7 +216,7 @@ pub struct Guide {
 impl Guide {
     /// One for an attempt, and where it can be watched. Pictures are made only if somebody looks at them.
     #[must_use]
-    pub fn new(watched: bool) -> (Self, watch::Receiver<Option<Arc<Guidance>>>) {
+    pub(crate) fn new(watched: bool) -> (Self, watch::Receiver<Option<Arc<Guidance>>>) {
         let (out, seen) = watch::channel(None);
         (Self { out, watched }, seen)
     }

@@ -66,18 +66,18 @@ impl Journal {
     ///
     /// # Errors
     /// [`StoreError`].
-    pub async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
+    pub(crate) async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
         self.scribe.raw(item, attempt, repeat).await
     }
 
     /// Waits until every raw file is whole.
-    pub async fn raw_files_ended(&self) {
+    pub(crate) async fn raw_files_ended(&self) {
         self.scribe.raw_files_ended().await;
     }
 
     /// Where the run's record is.
     #[must_use]
-    pub fn folder(&self) -> &std::path::Path {
+    pub(crate) fn folder(&self) -> &std::path::Path {
         self.scribe.folder()
     }
 

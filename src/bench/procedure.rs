@@ -31,11 +31,11 @@ use crate::fixture::Fixture;
 use crate::guidance::Guide;
 use crate::recorder::Recorder;
 
-pub use error::ProcedureError;
+pub(crate) use error::ProcedureError;
 
 /// What a procedure works with.
 #[derive(Debug)]
-pub struct Bench<'a> {
+pub(crate) struct Bench<'a> {
     /// The slave board.
     pub board: &'a Desk<'a>,
     /// Whoever turns the module and flips switches.
@@ -58,7 +58,7 @@ pub struct Bench<'a> {
 ///
 /// # Errors
 /// [`ProcedureError`] when it came to no end; what was measured up to then is filed.
-pub async fn run(
+pub(crate) async fn run(
     item: ItemId,
     bench: &Bench<'_>,
     params: &Params,

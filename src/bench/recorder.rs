@@ -15,7 +15,7 @@ use crate::journal::Journal;
 
 /// Why the captures of another item cannot be read back.
 #[derive(Debug, thiserror::Error)]
-pub enum ReadBackError {
+pub(crate) enum ReadBackError {
     /// The file is damaged or gone.
     #[error(transparent)]
     Captures(#[from] CapturesError),
@@ -27,7 +27,7 @@ pub enum ReadBackError {
 impl ReadBackError {
     /// What the operator can try.
     #[must_use]
-    pub fn try_this(&self) -> &'static str {
+    pub(crate) fn try_this(&self) -> &'static str {
         match self {
             Self::Captures(error) => error.source.try_this(),
             Self::Broken(_) => "keep the raw samples and report this",
@@ -37,7 +37,7 @@ impl ReadBackError {
 
 /// The recorder of one attempt.
 #[derive(Debug)]
-pub struct Recorder<'a> {
+pub(crate) struct Recorder<'a> {
     journal: &'a Journal,
     item: &'a PlanItem,
     attempt: u32,
@@ -55,7 +55,7 @@ impl<'a> Recorder<'a> {
 
     /// Name of the item.
     #[must_use]
-    pub fn item(&self) -> &str {
+    pub(crate) fn item(&self) -> &str {
         &self.item.name
     }
 
@@ -72,7 +72,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn number(&self, name: &str, value: f64, unit: Unit) -> Result<(), StoreError> {
+    pub(crate) async fn number(&self, name: &str, value: f64, unit: Unit) -> Result<(), StoreError> {
         self.file(name, &Value::number(value, unit)).await
     }
 
@@ -80,7 +80,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn count(&self, name: &str, count: u64) -> Result<(), StoreError> {
+    pub(crate) async fn count(&self, name: &str, count: u64) -> Result<(), StoreError> {
         self.file(name, &Value::count(count)).await
     }
 
@@ -88,7 +88,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn text(&self, name: &str, text: &str) -> Result<(), StoreError> {
+    pub(crate) async fn text(&self, name: &str, text: &str) -> Result<(), StoreError> {
         self.file(name, &Value::text(text)).await
     }
 
@@ -96,7 +96,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn not_available(&self, name: &str, why: &str) -> Result<(), StoreError> {
+    pub(crate) async fn not_available(&self, name: &str, why: &str) -> Result<(), StoreError> {
         self.file(name, &Value::NotAvailable(why.to_owned())).await
     }
 
@@ -104,7 +104,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn value(&self, name: &str, value: &Value) -> Result<(), StoreError> {
+    pub(crate) async fn value(&self, name: &str, value: &Value) -> Result<(), StoreError> {
         self.file(name, value).await
     }
 
@@ -112,7 +112,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn note(&self, text: &str) -> Result<(), StoreError> {
+    pub(crate) async fn note(&self, text: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
         self.journal.emit(EventKind::Note { level: Level::Info, text: text.to_owned(), item }).await
     }
@@ -121,7 +121,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn raw(&self) -> Result<RawFile, StoreError> {
+    pub(crate) async fn raw(&self) -> Result<RawFile, StoreError> {
         let repeat = *self.repeat.borrow();
         self.journal.raw(&self.item.name, self.attempt, repeat).await
     }
@@ -130,7 +130,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// Its raw samples cannot be read.
-    pub async fn captures_of(&self, item: &str) -> Result<Vec<Capture>, ReadBackError> {
+    pub(crate) async fn captures_of(&self, item: &str) -> Result<Vec<Capture>, ReadBackError> {
         let (position, attempt) = self.journal.look(|state| {
             let position = state.position(item).unwrap_or_default();
             (position, state.rows().get(position).map_or(1, |row| row.attempts.len()))
@@ -146,7 +146,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn powered(&self, on: bool, measured: Option<(u32, u32)>) -> Result<(), StoreError> {
+    pub(crate) async fn powered(&self, on: bool, measured: Option<(u32, u32)>) -> Result<(), StoreError> {
         let power = Power {
             on,
             supply: "slave board".into(),
@@ -161,7 +161,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn values(&self, values: &[(String, Value)]) -> Result<(), StoreError> {
+    pub(crate) async fn values(&self, values: &[(String, Value)]) -> Result<(), StoreError> {
         for (name, value) in values {
             self.file(name, value).await?;
         }
@@ -172,7 +172,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn found(&self, findings: Findings) -> Result<(), StoreError> {
+    pub(crate) async fn found(&self, findings: Findings) -> Result<(), StoreError> {
         self.values(&findings.measured).await?;
         let (item, attempt, details) = (self.item.name.clone(), self.attempt, findings.details.clone());
         *self.findings.borrow_mut() = Some(findings);
@@ -183,7 +183,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn prompted(&self, what: &str) -> Result<(), StoreError> {
+    pub(crate) async fn prompted(&self, what: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
         self.journal.emit(EventKind::Prompted { item, text: what.to_owned() }).await
     }
@@ -192,7 +192,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub async fn answered(&self, answer: &str) -> Result<(), StoreError> {
+    pub(crate) async fn answered(&self, answer: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
         self.journal.emit(EventKind::Answered { item, answer: answer.to_owned() }).await
     }

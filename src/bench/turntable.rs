@@ -16,7 +16,7 @@ use crate::recorder::Recorder;
 use driven::Driven;
 
 /// A turntable.
-pub trait Turntable {
+pub(crate) trait Turntable {
     /// Lays the module down.
     fn lay(&self, orientation: Orientation) -> Motion<'_>;
     /// Turns it about the table's axis by an angle in a time, right-handed about the module's axis that was laid along it.
@@ -30,11 +30,11 @@ pub trait Turntable {
 }
 
 /// A motion under way. Dropping it does not end it: that takes a stop.
-pub type Motion<'a> = LocalBoxFuture<'a, Result<(), FixtureError>>;
+pub(crate) type Motion<'a> = LocalBoxFuture<'a, Result<(), FixtureError>>;
 
 /// The turntable of a bench; what it does for people to see is filed in the recorder.
 #[must_use]
-pub fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dyn Turntable + 'a> {
+pub(crate) fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dyn Turntable + 'a> {
     match fixture {
         Fixture::Driven(rig) => Box::new(Driven::new(rig.clone())),
         _ => Box::new(ByHand { fixture, recorder, orientation: Cell::new(None) }),
@@ -42,7 +42,7 @@ pub fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dyn Turnt
 }
 
 /// Stops the table of a bench at once, whoever used it. An operator at a table of his own has its emergency stop.
-pub fn stop_at_once(fixture: &Fixture) {
+pub(crate) fn stop_at_once(fixture: &Fixture) {
     if let Fixture::Driven(rig) = fixture {
         // A table that does not answer moves nothing that could be stopped from here.
         let _ = rig.stop();

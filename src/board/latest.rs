@@ -74,7 +74,7 @@ impl<T> Latest<T> {
     }
 
     /// Somebody who follows its changes from now on.
-    pub fn follower(&self) -> Follower<T> {
+    pub(crate) fn follower(&self) -> Follower<T> {
         let seen = self.0.lock().changes;
         Follower { shared: Arc::clone(&self.0), seen }
     }
@@ -104,14 +104,14 @@ pub struct Follower<T> {
 impl<T: Copy> Follower<T> {
     /// Somebody else who follows it, from now on.
     #[must_use]
-    pub fn another(&self) -> Self {
+    pub(crate) fn another(&self) -> Self {
         let seen = self.shared.lock().changes;
         Self { shared: Arc::clone(&self.shared), seen }
     }
 
     /// As it is now.
     #[must_use]
-    pub fn now(&self) -> T {
+    pub(crate) fn now(&self) -> T {
         self.shared.lock().value
     }
 

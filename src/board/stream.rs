@@ -83,7 +83,7 @@ impl Stream {
 
     /// Which stream.
     #[must_use]
-    pub fn id(&self) -> StreamId {
+    pub(crate) fn id(&self) -> StreamId {
         self.id
     }
 

@@ -42,7 +42,7 @@ use crate::spanned::{Table, Walk, parse};
 pub const MAX_BENCH_BYTES: usize = 64 << 10;
 
 /// Rate of the RS-422 link where the bench file is silent.
-pub const DEFAULT_RATE_BPS: u32 = 921_600;
+pub(crate) const DEFAULT_RATE_BPS: u32 = 921_600;
 
 /// Characters of a name or path.
 const TEXT_CHARACTERS: usize = 1024;

@@ -165,7 +165,7 @@ impl ItemId {
     }
 
     /// The item with this id.
-    pub fn from_id(id: &str) -> Option<ItemId> {
+    pub(crate) fn from_id(id: &str) -> Option<ItemId> {
         ItemId::ALL.into_iter().find(|item| item.as_str() == id)
     }
 
@@ -209,7 +209,7 @@ impl ItemId {
 
 impl ItemId {
     /// Items whose results this one works with, and the parameter that switches the need on. A plan has them before it.
-    pub fn needs(self) -> &'static [(ItemId, Option<When>)] {
+    pub(crate) fn needs(self) -> &'static [(ItemId, Option<When>)] {
         const GYRO: Option<When> = Some(When::HasText { param: "sensors", element: "gyro" });
         match self {
             ItemId::GyroBias | ItemId::CalibrationDownload => {
@@ -256,7 +256,7 @@ impl ItemSpec {
     }
 
     /// The parameter of this name.
-    pub fn param(&self, name: &str) -> Option<&'static ParamSpec> {
+    pub(crate) fn param(&self, name: &str) -> Option<&'static ParamSpec> {
         self.params.iter().find(|param| param.name == name)
     }
 }
@@ -375,7 +375,7 @@ pub enum Device {
 
 impl Device {
     /// For people, in "the bench has no …".
-    pub fn as_str(self) -> &'static str {
+    pub(crate) fn as_str(self) -> &'static str {
         match self {
             Device::Slave => "link to the slave board",
             Device::Rs422 => "RS-422 link",
@@ -385,7 +385,7 @@ impl Device {
     }
 
     /// What can be tried when it is missing.
-    pub fn hint(self) -> &'static str {
+    pub(crate) fn hint(self) -> &'static str {
         match self {
             Device::Slave => "name the port under [socket] in the bench file",
             Device::Rs422 => {
@@ -420,7 +420,7 @@ pub enum Resource {
 
 impl Resource {
     /// All of them.
-    pub const ALL: [Resource; 8] = [
+    pub(crate) const ALL: [Resource; 8] = [
         Resource::Still,
         Resource::Attitude,
         Resource::IoPins,
@@ -432,7 +432,7 @@ impl Resource {
     ];
 
     /// Whether one item with this resource and one with the other cannot run at once.
-    pub fn excludes(self, other: Resource) -> bool {
+    pub(crate) fn excludes(self, other: Resource) -> bool {
         match (self, other) {
             (Resource::Still, Resource::Still) => false,
             (Resource::Still, Resource::Attitude) | (Resource::Attitude, Resource::Still) => true,
@@ -444,7 +444,7 @@ impl Resource {
 
 impl ItemId {
     /// Whether two items may not run at the same time.
-    pub fn excludes(self, other: ItemId) -> bool {
+    pub(crate) fn excludes(self, other: ItemId) -> bool {
         let others = other.spec().resources;
         let switches = |resources: &[Resource]| resources.contains(&Resource::Power);
         // Two items of one kind want the same device, and one without resources still wants its module powered.

@@ -390,7 +390,7 @@ pub enum StopHow {
 
 impl EventKind {
     /// Its name in journals.
-    pub fn name(&self) -> &'static str {
+    pub(crate) fn name(&self) -> &'static str {
         match self {
             EventKind::RunStarted { .. } => "run_started",
             EventKind::BoardFound(_) => "board_found",

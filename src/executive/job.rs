@@ -23,7 +23,7 @@ pub struct BenchAbilities {
 
 impl BenchAbilities {
     /// Whether the bench has a device. Either link reaches the slave board.
-    pub fn has(self, device: Device) -> bool {
+    pub(crate) fn has(self, device: Device) -> bool {
         match device {
             Device::Slave => self.rs422 || self.can,
             Device::Rs422 => self.rs422,

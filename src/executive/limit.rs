@@ -15,7 +15,7 @@ use crate::outcome::Outcome;
 use crate::quantity::{Dimension, Quantity, QuantityError, Unit, number_and_unit, with_unit};
 
 /// Stands in a limit for the serial number that was scanned for this run.
-pub const SERIAL_NUMBER: &str = "$serial_number";
+pub(crate) const SERIAL_NUMBER: &str = "$serial_number";
 
 /// What a measurement is, and therefore which limits it can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +69,7 @@ impl Expected {
 
 impl Range {
     /// Judges a number that is already in the unit of the range; NaN and infinity are errored.
-    pub fn judge(&self, number: f64) -> Outcome {
+    pub(crate) fn judge(&self, number: f64) -> Outcome {
         if !number.is_finite() {
             return Outcome::Errored;
         }
@@ -82,12 +82,12 @@ impl Range {
     }
 
     /// Good values below this are marginal.
-    pub fn marginal_low(&self) -> Option<f64> {
+    pub(crate) fn marginal_low(&self) -> Option<f64> {
         Some(number::denoised(self.low? + self.marginal?))
     }
 
     /// Good values above this are marginal.
-    pub fn marginal_high(&self) -> Option<f64> {
+    pub(crate) fn marginal_high(&self) -> Option<f64> {
         Some(number::denoised(self.high? - self.marginal?))
     }
 }
@@ -134,7 +134,7 @@ impl Limit {
     ///
     /// # Errors
     /// A text limit, a band of another dimension, one that is not positive, or one that leaves no value unmarginal.
-    pub fn with_marginal(self, text: &str) -> Result<Limit, LimitError> {
+    pub(crate) fn with_marginal(self, text: &str) -> Result<Limit, LimitError> {
         let Limit::Range(range) = self else { return Err(LimitError::MarginalOfText) };
         let band = quantity(text, range.unit.dimension())?;
         let width = band.in_unit(range.unit).unwrap_or(f64::NAN);
@@ -271,7 +271,7 @@ pub enum LimitError {
 
 impl LimitError {
     /// What the writer of the plan can try.
-    pub fn hint(&self) -> String {
+    pub(crate) fn hint(&self) -> String {
         match self {
             LimitError::NoOperator { .. } => {
                 "a limit is one of: <= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text".to_owned()

@@ -202,7 +202,7 @@ impl Measurement {
     }
 
     /// Whether something was measured, were it NaN; false for [`Value::NotAvailable`].
-    pub fn is_available(&self) -> bool {
+    pub(crate) fn is_available(&self) -> bool {
         self.value != Reading::Null || matches!(self.raw.as_deref(), Some("NaN" | "inf" | "-inf"))
     }
 

@@ -160,7 +160,7 @@ fn verb(outcome: Outcome) -> &'static str {
 
 /// What the end of one item means for its run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ItemEnd {
+pub(crate) struct ItemEnd {
     /// How the item ended.
     pub outcome: Outcome,
     /// Whether the run is complete without it: called optional by the plan, or not selected.
@@ -175,7 +175,7 @@ pub struct ItemEnd {
 ///   the station cannot tell whether the module is good. Beside a failed item it changes nothing, so that items
 ///   skipped *because* of a failed one do not turn a failed module into an errored bench.
 /// - A run in which nothing was judged is errored, never passed, even if every item is optional.
-pub fn run_outcome(items: impl IntoIterator<Item = ItemEnd>, stopped: bool) -> Outcome {
+pub(crate) fn run_outcome(items: impl IntoIterator<Item = ItemEnd>, stopped: bool) -> Outcome {
     if stopped {
         return Outcome::Aborted;
     }

@@ -61,10 +61,10 @@ pub const MAX_PLAN_BYTES: usize = 4 << 20;
 pub const MAX_PLAN_FILES: usize = 32;
 
 /// Includes within includes.
-pub const MAX_INCLUDE_DEPTH: usize = 8;
+pub(crate) const MAX_INCLUDE_DEPTH: usize = 8;
 
 /// Items of a plan: what the figures for time and memory are measured with, and far more than anybody runs.
-pub const MAX_ITEMS: usize = 20_000;
+pub(crate) const MAX_ITEMS: usize = 20_000;
 
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,7 +137,7 @@ pub struct PlanItem {
 
 /// The limit of one measurement.
 #[derive(Clone, Debug)]
-pub struct ItemLimit {
+pub(crate) struct ItemLimit {
     /// The measurement in the catalogue.
     pub measurement: &'static MeasurementSpec,
     /// Its limit.
@@ -212,19 +212,14 @@ impl Plan {
 
 impl PlanItem {
     /// For people.
-    pub fn title(&self) -> &'static str {
+    pub(crate) fn title(&self) -> &'static str {
         self.id.spec().title
     }
 
     /// What the bench must have to run it.
-    pub fn devices(&self) -> impl Iterator<Item = Device> {
+    pub(crate) fn devices(&self) -> impl Iterator<Item = Device> {
         let asks = self.prompt.is_some() && !self.id.spec().devices.contains(&Device::Operator);
         self.id.spec().devices.iter().copied().chain(asks.then_some(Device::Operator))
-    }
-
-    /// The limits in the order of the catalogue.
-    pub fn limits(&self) -> &[ItemLimit] {
-        &self.limits
     }
 
     /// The limit of a measurement.

@@ -59,7 +59,7 @@ pub enum Dimension {
 
 impl Dimension {
     /// For people: "angular rate".
-    pub fn as_str(self) -> &'static str {
+    pub(crate) fn as_str(self) -> &'static str {
         match self {
             Dimension::Count => "plain number",
             Dimension::Ratio => "ratio",
@@ -83,7 +83,7 @@ impl Dimension {
     }
 
     /// The units of this dimension, as they stand in [`Unit::ALL`].
-    pub fn units(self) -> impl Iterator<Item = Unit> {
+    pub(crate) fn units(self) -> impl Iterator<Item = Unit> {
         Unit::ALL.into_iter().filter(move |unit| unit.dimension() == self)
     }
 
@@ -150,7 +150,7 @@ pub struct Quantity {
 
 impl Quantity {
     /// A number in a unit.
-    pub const fn new(number: f64, unit: Unit) -> Self {
+    pub(crate) const fn new(number: f64, unit: Unit) -> Self {
         Self { number, unit }
     }
 
@@ -173,7 +173,7 @@ impl Quantity {
     }
 
     /// The number in the SI unit of its dimension (degC for temperatures).
-    pub fn si(self) -> f64 {
+    pub(crate) fn si(self) -> f64 {
         self.unit.si(self.number)
     }
 

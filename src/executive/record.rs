@@ -159,6 +159,21 @@ pub struct ItemFile {
     pub item: ItemRecord,
 }
 
+impl ItemFile {
+    /// The file of the item at a position of the plan; `None` before it was tried.
+    pub fn from_state(state: &RunState, position: usize) -> Option<Self> {
+        let (header, row) = (state.header()?, state.rows().get(position)?);
+        let file = |run_started| Self {
+            schema: RUN_SCHEMA.to_owned(),
+            serial_number: header.serial_number.clone(),
+            bench: header.bench.kind,
+            run_started,
+            item: ItemRecord::from(row),
+        };
+        state.started().filter(|_| !row.attempts.is_empty()).map(file)
+    }
+}
+
 impl RunRecord {
     /// The record of a run as far as it is known; `None` before it has started.
     pub fn from_state(state: &RunState) -> Option<Self> {
@@ -188,17 +203,6 @@ impl RunRecord {
             stop: state.stop().map(|(how, by)| StopRecord { how, by: by.to_owned() }),
             items: state.rows().iter().map(ItemRecord::from).collect(),
             notes: state.notes().iter().map(NoteRecord::from).collect(),
-        })
-    }
-
-    /// Each item that was run, as a file for the folder of its name.
-    pub fn item_files(&self) -> impl Iterator<Item = ItemFile> {
-        self.items.iter().filter(|item| !item.attempts.is_empty()).map(|item| ItemFile {
-            schema: self.schema.clone(),
-            serial_number: self.serial_number.clone(),
-            bench: self.bench.kind,
-            run_started: self.started,
-            item: item.clone(),
         })
     }
 

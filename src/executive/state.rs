@@ -8,7 +8,7 @@ use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
 use crate::plan::Phase;
 
 /// Notes that the state keeps; a board that babbles must not fill the memory, and the journal has them all.
-pub const MAX_NOTES: usize = 1000;
+pub(crate) const MAX_NOTES: usize = 1000;
 
 /// Everything that is known of a run after some of its events.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,7 +30,6 @@ pub struct RunState {
     board: Option<Board>,
     power: Option<Power>,
     notes: Vec<Note>,
-    notes_dropped: u64,
     stop: Option<(StopHow, String)>,
     next_seq: u64,
     last: Option<Stamp>,
@@ -240,14 +239,9 @@ impl RunState {
         self.power.as_ref()
     }
 
-    /// Lines for people, at most [`MAX_NOTES`].
+    /// Lines for people, at most a thousand; the journal holds all.
     pub fn notes(&self) -> &[Note] {
         &self.notes
-    }
-
-    /// Notes beyond [`MAX_NOTES`].
-    pub fn notes_dropped(&self) -> u64 {
-        self.notes_dropped
     }
 
     /// How and by what a stop was requested; the strongest request counts.
@@ -275,7 +269,7 @@ impl RunState {
         self.header.is_some() && self.ended.is_none()
     }
 
-    /// The outcome that follows from the rows as they are, by [`run_outcome`].
+    /// The outcome that follows from the rows as they are, by the rule of [`crate::outcome`].
     pub fn outcome_so_far(&self) -> Outcome {
         let ends = self
             .rows
@@ -450,8 +444,6 @@ impl RunState {
     fn note(&mut self, note: Note) {
         if self.notes.len() < MAX_NOTES {
             self.notes.push(note);
-        } else {
-            self.notes_dropped += 1;
         }
     }
 

@@ -62,7 +62,7 @@ pub enum Decision {
 
 impl Decision {
     /// As plans write it.
-    pub fn as_str(self) -> &'static str {
+    pub(crate) fn as_str(self) -> &'static str {
         match self {
             Decision::Simple => "simple",
             Decision::GuardBand => "guard-band",
@@ -71,7 +71,7 @@ impl Decision {
 
     /// Judges a number with its interval, both in the unit of the range. An interval that tells nothing is errored:
     /// nobody knows on which side the value lies.
-    pub fn judge(self, range: &Range, number: f64, uncertainty: &Uncertainty) -> Outcome {
+    pub(crate) fn judge(self, range: &Range, number: f64, uncertainty: &Uncertainty) -> Outcome {
         let alone = range.judge(number);
         if !alone.is_good() {
             return alone;

@@ -30,7 +30,7 @@ pub use memory::MemoryEnd;
 /// Raw frames that may wait for a bus that does not take them.
 const OUTGOING: usize = 256;
 /// Test frames under way in either direction; whoever tests the bus keeps fewer in flight.
-pub const TEST_FRAMES: usize = 64;
+pub(crate) const TEST_FRAMES: usize = 64;
 
 /// A bus as a bench file names it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -148,7 +148,7 @@ impl OpenError {
 ///
 /// # Errors
 /// [`OpenError`].
-pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
+pub(crate) fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
     Ok(SerialLink::on(Port::open(Place::Device(port.to_owned(), rate_baud))?))
 }
 
@@ -156,11 +156,11 @@ pub fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
 ///
 /// # Errors
 /// [`OpenError::Missing`]: no cable is plugged in, or it was opened already.
-pub fn open_memory(port: &MemoryPort) -> Result<SerialLink, OpenError> {
+pub(crate) fn open_memory(port: &MemoryPort) -> Result<SerialLink, OpenError> {
     Ok(SerialLink::on(Port::open(Place::Memory(port.clone()))?))
 }
 
-/// Opens a port as [`open`] does, and closes it again.
+/// Opens a port as a link does, and closes it again.
 ///
 /// # Errors
 /// [`OpenError`].

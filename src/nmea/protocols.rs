@@ -50,12 +50,12 @@ pub enum Protocol {
 
 impl Protocol {
     /// All of them.
-    pub const ALL: [Self; 8] =
+    pub(crate) const ALL: [Self; 8] =
         [Self::Ubx, Self::Sirf, Self::Rtcm, Self::Sbf, Self::NovAtel, Self::Skytraq, Self::Mtk, Self::Dle];
 
     /// Its usual name.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Ubx => "UBX",
             Self::Sirf => "SiRF",

@@ -9,8 +9,8 @@ pub mod chain;
 mod closing;
 mod cut_off;
 pub mod digest;
-pub mod folder;
-pub mod key;
+pub(crate) mod folder;
+pub(crate) mod key;
 mod raw;
 pub mod reader;
 mod scribe;
@@ -22,7 +22,7 @@ use gnc_executive::state::OutOfOrder;
 
 pub use closing::{pretty, seal_interrupted};
 pub use folder::RunFolder;
-pub use key::{PublicKey, StationKey};
+pub use key::{KeyError, PublicKey, StationKey};
 pub use raw::RawFile;
 pub use scribe::{Scribe, Watcher};
 
@@ -31,15 +31,15 @@ pub const JOURNAL: &str = "events.jsonl";
 /// The record for programs.
 pub const RECORD: &str = "run.json";
 /// The record of one item, in its folder.
-pub const ITEM: &str = "item.json";
+pub(crate) const ITEM: &str = "item.json";
 /// The record for people.
-pub const LOG: &str = "log.txt";
+pub(crate) const LOG: &str = "log.txt";
 /// Digests of all other files, in the form that `sha256sum -c` reads.
 pub const DIGESTS: &str = "SHA256SUMS";
 /// The station's signature of the digests, where it has a key.
-pub const SIGNATURE: &str = "SHA256SUMS.sig";
+pub(crate) const SIGNATURE: &str = "SHA256SUMS.sig";
 /// Papers made from the record; the digest of the record that the passport names leaves them out.
-pub const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
+pub(crate) const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
 

@@ -19,7 +19,7 @@ Exit codes:
 /// Production test station for GNC modules. Without a command and without --auto it opens the operator's screen.
 #[derive(Debug, Parser)]
 #[command(name = "gnc-station", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
-pub struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
@@ -84,7 +84,7 @@ enum Command {
 
 /// What to do with plans.
 #[derive(Debug, Subcommand)]
-pub enum PlanCommand {
+pub(crate) enum PlanCommand {
     /// Reports all mistakes at once, each with line and column, also what the bench lacks.
     Check {
         /// The plans.

@@ -43,7 +43,7 @@ impl Bandwidth {
     /// What becomes of a sinusoid in means over `span_s`: the factor of its amplitude, and by how much it comes later
     /// than the sinusoid at the end of the span, rad.
     #[must_use]
-    pub fn response(&self, frequency_hz: f64, span_s: f64) -> (f64, f64) {
+    pub(crate) fn response(&self, frequency_hz: f64, span_s: f64) -> (f64, f64) {
         let ratio = frequency_hz / self.cutoff_hz;
         let (gain, lag) = match self.order {
             Order::First => (1.0 / 1.0_f64.hypot(ratio), ratio.atan()),

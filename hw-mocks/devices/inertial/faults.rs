@@ -7,7 +7,7 @@ use crate::noise::Dice;
 use crate::world::Axis;
 
 /// Vibrations of one module, at most: more tell nothing that these do not, and each costs a sine a sample.
-pub const MOST_VIBRATIONS: usize = 4;
+pub(crate) const MOST_VIBRATIONS: usize = 4;
 
 /// What is wrong with a triad. In the sensors' unit; zeros and `None` are good sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,14 +1,14 @@
 //! Gyroscopes, accelerometers and magnetometer: `N = M f + b + noise`, for the gyroscopes with a g-sensitivity.
 //!
 //! [`model`] says what a good module is like and where its numbers come from, [`noise`] what its noise is, with a fast
-//! simulation of it alone, [`bandwidth`] what its filters do, [`faults`] what may be wrong. [`triad`] makes codes of what
-//! three sensors of one chip feel; [`reader`] is what one stream of samples sees of the three chips; here all nine sensors
+//! simulation of it alone, [`bandwidth`] what its filters do, [`faults`] what may be wrong. `triad` makes codes of what
+//! three sensors of one chip feel; `reader` is what one stream of samples sees of the three chips; here all nine sensors
 //! give samples, as the board's clock passes their moments.
 //!
 //! The way of a sample: what acts, the sensors' response, bias and slow noise, white noise and filter, vibration, spikes,
 //! the converter with its range, and the read, which may fail or find an old conversion.
 //!
-//! What changes slowly (temperature, slow noise, drifts) moves in steps of [`noise::STEP_S`] and is held between; white
+//! What changes slowly (temperature, slow noise, drifts) moves in steps of `noise::STEP_S` and is held between; white
 //! noise is drawn for each sample. So the samples of a module that lies still cost nine random numbers each.
 
 pub mod bandwidth;
@@ -16,9 +16,9 @@ pub mod faults;
 pub mod model;
 pub mod noise;
 mod part;
-pub mod reader;
-pub mod triad;
-pub mod truth;
+pub(crate) mod reader;
+pub(crate) mod triad;
+pub(crate) mod truth;
 
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS, SATURATION};
 use nalgebra::Vector3;
@@ -27,7 +27,7 @@ pub use bandwidth::Bandwidth;
 pub use faults::{SensorFaults, TriadFaults};
 pub use model::{SensorModels, TriadModel};
 pub use reader::Reader;
-pub use truth::{TriadTruth, TrueCalibration, TrueSensors};
+pub use truth::{TriadTruth, TrueSensors};
 
 use crate::noise::{Dice, Source};
 use crate::world::Influence;
@@ -136,14 +136,14 @@ impl Sensors {
 
     /// The magnetometer's analogue outputs, gauss as the sensors see it; they saturate where the codes do.
     #[must_use]
-    pub fn analogue_gauss(&self, influence: &Influence) -> Vector3<f64> {
+    pub(crate) fn analogue_gauss(&self, influence: &Influence) -> Vector3<f64> {
         let range_gauss = f64::from(SATURATION) / MAG_LSB_PER_GAUSS;
         self.mag.output(influence).map(|gauss| gauss.clamp(-range_gauss, range_gauss))
     }
 
     /// The models, for tests that know the truth.
     #[must_use]
-    pub fn models(&self) -> &SensorModels {
+    pub(crate) fn models(&self) -> &SensorModels {
         &self.models
     }
 

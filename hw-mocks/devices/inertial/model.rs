@@ -27,7 +27,7 @@ use super::bandwidth::{Bandwidth, Order};
 use super::noise::AxisNoise;
 
 /// Temperature at which the fixed errors are stated.
-pub const REFERENCE_C: f64 = 25.0;
+pub(crate) const REFERENCE_C: f64 = 25.0;
 
 /// White noise of the gyroscopes, deg/s sqrt(s).
 const GYRO_WHITE: f64 = 9.0 / 3600.0;
@@ -98,7 +98,7 @@ pub struct TriadModel {
 impl TriadModel {
     /// Sets the noise from bias stabilities and repeatabilities, in the sensors' unit, as [`AxisNoise::published`] says.
     #[must_use]
-    pub fn with_published(mut self, published: &Published) -> Self {
+    pub(crate) fn with_published(mut self, published: &Published) -> Self {
         self.noise = core::array::from_fn(|axis| {
             let AxisNoise { white, correlation_s, .. } = self.noise[axis];
             AxisNoise::published(white, correlation_s, published.stability[axis], published.repeatability[axis])
@@ -142,7 +142,7 @@ impl TriadModel {
 
     /// The magnetometer, gauss: response is the soft iron, bias the hard iron.
     #[must_use]
-    pub fn magnetometer() -> Self {
+    pub(crate) fn magnetometer() -> Self {
         let white = 60e-6 / 200.0_f64.sqrt();
         Self {
             response: Matrix3::new(1.012, 0.006, -0.004, 0.006, 0.991, 0.005, -0.004, 0.005, 1.008),
@@ -160,7 +160,7 @@ impl TriadModel {
 impl Published {
     /// The same figures in another unit.
     #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
         let scale = |values: [f64; 3]| values.map(|value| value * factor);
         Self { stability: scale(self.stability), repeatability: scale(self.repeatability) }
     }

@@ -10,7 +10,7 @@
 //! | turn-on | a constant of deviation `turn_on`, drawn at each power-on |
 //!
 //! Slow and flicker run on whether the module is under power or not. The samples of the bench hold them over steps of
-//! [`STEP_S`]; [`NoiseSimulation::mean`] integrates them exactly, which for spans of seconds is the same to 1e-4.
+//! `STEP_S`; [`NoiseSimulation::mean`] integrates them exactly, which for spans of seconds is the same to 1e-4.
 //!
 //! With `V(T; t, p, n)` the expectation of the sample variance of `n` means over `t`, begun every `p`, of a unit
 //! Gauss-Markov process ([`variance_of_means`]), bias stability (10 s means on end for an hour) and repeatability (six
@@ -21,8 +21,8 @@
 //! repeatability^2 = white^2 / 600 + slow^2 V(T; 600, 1200, 6) + flicker^2 F(600, 1200, 6) + turn_on^2
 //! ```
 //!
-//! with F the sum of V over [`FLICKER_S`]. [`AxisNoise::published`] solves them; what flicker takes of the second is
-//! [`FLICKER_SHARE`], or less where the first would leave too little for the slow part.
+//! with F the sum of V over [`FLICKER_S`]. `AxisNoise::published` solves them; what flicker takes of the second is
+//! `FLICKER_SHARE`, or less where the first would leave too little for the slow part.
 
 use nalgebra::Vector3;
 
@@ -30,11 +30,11 @@ use super::model::TriadModel;
 use crate::noise::{Dice, GaussMarkov, Source};
 
 /// What is slow moves in steps of this: 0.7 % of the shortest correlation time.
-pub const STEP_S: f64 = 0.1;
+pub(crate) const STEP_S: f64 = 0.1;
 /// Correlation times of the four processes that make flicker noise.
 pub const FLICKER_S: [f64; 4] = [10.0, 100.0, 1000.0, 10_000.0];
 /// Share of flicker in what white and slow noise leave of the repeatability's variance.
-pub const FLICKER_SHARE: f64 = 0.3;
+pub(crate) const FLICKER_SHARE: f64 = 0.3;
 /// Largest share of flicker in what white noise leaves of the stability's variance.
 const FLICKER_OF_STABILITY: f64 = 0.5;
 
@@ -80,7 +80,7 @@ fn flicker_variance(span_s: f64, every_s: f64, count: u32) -> f64 {
 impl AxisNoise {
     /// The noise that has these figures as expectations, in the root mean square.
     #[must_use]
-    pub fn published(white: f64, correlation_s: f64, stability: f64, repeatability: f64) -> Self {
+    pub(crate) fn published(white: f64, correlation_s: f64, stability: f64, repeatability: f64) -> Self {
         let slow_10 = variance_of_means(correlation_s, 10.0, 10.0, 360);
         let slow_600 = variance_of_means(correlation_s, 600.0, 1200.0, 6);
         let (flicker_10, flicker_600) = (flicker_variance(10.0, 10.0, 360), flicker_variance(600.0, 1200.0, 6));
@@ -139,7 +139,6 @@ pub struct NoiseSimulation {
     model: TriadModel,
     slow: [SlowNoise; 3],
     turn_on: Vector3<f64>,
-    since_step_s: f64,
     dice: Dice,
 }
 
@@ -149,7 +148,7 @@ impl NoiseSimulation {
     pub fn new(model: &TriadModel, seed: u64) -> Self {
         let mut dice = Dice::new(seed, Source::Bootstrap);
         let slow = model.noise.map(|noise| SlowNoise::new(&noise, &mut dice));
-        let mut simulation = Self { model: *model, slow, turn_on: Vector3::zeros(), since_step_s: 0.0, dice };
+        let mut simulation = Self { model: *model, slow, turn_on: Vector3::zeros(), dice };
         simulation.power_on();
         simulation
     }
@@ -164,19 +163,6 @@ impl NoiseSimulation {
         for slow in &mut self.slow {
             slow.step(span_s, &mut self.dice);
         }
-    }
-
-    /// The next sample at a rate, in the sensors' unit: bias and noise.
-    pub fn sample(&mut self, rate_hz: f64) -> Vector3<f64> {
-        self.since_step_s += 1.0 / rate_hz;
-        if self.since_step_s >= STEP_S {
-            let span_s = std::mem::take(&mut self.since_step_s);
-            self.pause(span_s);
-        }
-        Vector3::from_fn(|axis, _| {
-            let white = self.model.noise[axis].white * rate_hz.sqrt() * self.dice.normal();
-            self.model.bias[axis] + self.turn_on[axis] + self.slow[axis].value() + white
-        })
     }
 
     /// The mean over the next span, drawn from its exact law: as good as the mean of its samples at any rate, and as

@@ -182,7 +182,7 @@ impl Coefficients {
 
     /// How many numbers they are.
     #[must_use]
-    pub fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         3 * 9 + 2 * 3 + 4
     }
 }

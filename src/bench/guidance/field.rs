@@ -5,7 +5,7 @@ use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS};
 
 /// Points that are kept of any number: more than a screen has dots on the ellipse, and fitted in a tenth of a
 /// millisecond.
-pub const POINTS: usize = 4096;
+pub(crate) const POINTS: usize = 4096;
 
 /// What is seen of a spin so far.
 #[derive(Debug, Clone, PartialEq)]

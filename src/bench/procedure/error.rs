@@ -16,7 +16,7 @@ use crate::recorder::ReadBackError;
 
 /// Why a procedure came to no end.
 #[derive(Debug, thiserror::Error)]
-pub enum ProcedureError {
+pub(crate) enum ProcedureError {
     /// The board or the way to it.
     #[error(transparent)]
     Board(#[from] BoardError),
@@ -182,7 +182,7 @@ impl From<FixtureError> for ProcedureError {
 impl ProcedureError {
     /// What the operator can try.
     #[must_use]
-    pub fn try_this(&self) -> &'static str {
+    pub(crate) fn try_this(&self) -> &'static str {
         match self {
             Self::Board(error) => error.try_this(),
             Self::Fixture(error) => error.try_this(),

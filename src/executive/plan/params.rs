@@ -44,13 +44,8 @@ pub struct ParamError {
 
 impl Params {
     /// The value of a parameter.
-    pub fn get(&self, name: &str) -> Option<&ParamValue> {
+    pub(crate) fn get(&self, name: &str) -> Option<&ParamValue> {
         self.0.get(name)
-    }
-
-    /// All parameters in the order of their names.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &ParamValue)> {
-        self.0.iter().map(|(name, value)| (*name, value))
     }
 
     /// A whole number.

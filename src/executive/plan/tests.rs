@@ -36,7 +36,7 @@ fn a_realistic_plan_is_read() {
     assert_eq!(identity.limit("supply_current"), Some(&range(0.4655, 0.5145, Unit::Ampere, Some(0.005))));
     assert_eq!(identity.limit("hardware"), None);
     let cpu = &plan.items()[1];
-    assert_eq!((cpu.requires.as_slice(), cpu.limits().len()), ([0].as_slice(), 8));
+    assert_eq!((cpu.requires.as_slice(), cpu.limits.len()), ([0].as_slice(), 8));
     assert_eq!(cpu.params.integer("operand_sets"), Ok(32));
     let timers = &plan.items()[2];
     assert_eq!(timers.params.integers("timers"), Ok([0, 2].as_slice()));

@@ -73,7 +73,7 @@ struct Scale {
 
 impl Unit {
     /// Every unit.
-    pub const ALL: [Unit; 50] = [
+    pub(crate) const ALL: [Unit; 50] = [
         Unit::Count,
         Unit::Percent,
         Unit::PartsPerMillion,
@@ -143,7 +143,7 @@ impl Unit {
     }
 
     /// The unit with exactly this symbol, as records have it.
-    pub fn from_symbol(symbol: &str) -> Option<Unit> {
+    pub(crate) fn from_symbol(symbol: &str) -> Option<Unit> {
         Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
     }
 

@@ -143,7 +143,7 @@ impl<W: Write + Seek> RawWriter<W> {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn flush(&mut self) -> McapResult<()> {
+    pub(crate) fn flush(&mut self) -> McapResult<()> {
         self.out.flush()
     }
 

@@ -25,9 +25,9 @@ use super::folder::sync_dir;
 use super::{DIGESTS, StoreError, digest, on, reader};
 
 /// The chain in a day's folder.
-pub const CHAIN: &str = "CHAIN";
+pub(crate) const CHAIN: &str = "CHAIN";
 /// The last number and link, in the records folder.
-pub const COUNTER: &str = "COUNTER";
+pub(crate) const COUNTER: &str = "COUNTER";
 /// What stands before the first run.
 const NOTHING: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 /// Longest wait for another station that closes a run: it writes two short files and waits for the disk.

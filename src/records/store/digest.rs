@@ -12,7 +12,7 @@ use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
 
 /// Hexadecimal digits of a SHA-256.
 #[must_use]
-pub fn hexadecimal(digest: &[u8]) -> String {
+pub(crate) fn hexadecimal(digest: &[u8]) -> String {
     use std::fmt::Write as _;
     digest.iter().fold(String::with_capacity(64), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
@@ -62,7 +62,7 @@ impl io::Write for HashWriter<'_> {
 ///
 /// # Errors
 /// [`StoreError::File`].
-pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(dir) = folders.pop() {
@@ -91,7 +91,7 @@ impl Sums {
     ///
     /// # Errors
     /// [`StoreError::File`].
-    pub fn add_new(&mut self, folder: &Path) -> Result<(), StoreError> {
+    pub(crate) fn add_new(&mut self, folder: &Path) -> Result<(), StoreError> {
         for file in files_below(folder)? {
             if let Entry::Vacant(vacant) = self.0.entry(file) {
                 let digest = of_file(&folder.join(vacant.key()))?;
@@ -122,7 +122,7 @@ impl Sums {
 
     /// In the form of `sha256sum`, sorted by path.
     #[must_use]
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         Self::lines(self.0.iter())
     }
 
@@ -146,7 +146,7 @@ impl Sums {
 
     /// Files with their digests, taken apart.
     #[must_use]
-    pub fn into_map(self) -> BTreeMap<PathBuf, String> {
+    pub(crate) fn into_map(self) -> BTreeMap<PathBuf, String> {
         self.0
     }
 

@@ -180,7 +180,7 @@ pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
 /// A text from outside as the name of a folder: letters, digits, `-`, `_`, `.` and nothing hidden. Where something
 /// had to be replaced or cut, a digest keeps different texts apart.
 #[must_use]
-pub fn folder_name(text: &str) -> String {
+pub(crate) fn folder_name(text: &str) -> String {
     let harmless = |character: char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_' | '.');
     let mut name: String =
         text.chars().take(MAX_NAME).map(|character| if harmless(character) { character } else { '_' }).collect();

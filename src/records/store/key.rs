@@ -119,7 +119,7 @@ impl StationKey {
 
     /// The signature of a text.
     #[must_use]
-    pub fn sign(&self, text: &[u8]) -> [u8; 64] {
+    pub(crate) fn sign(&self, text: &[u8]) -> [u8; 64] {
         self.0.sign(text).to_bytes()
     }
 }
@@ -141,7 +141,7 @@ impl PublicKey {
 
     /// Whether the text was signed with the other half.
     #[must_use]
-    pub fn signed(&self, text: &[u8], signature: &[u8]) -> bool {
+    pub(crate) fn signed(&self, text: &[u8], signature: &[u8]) -> bool {
         Signature::from_slice(signature).is_ok_and(|signature| self.0.verify_strict(text, &signature).is_ok())
     }
 }

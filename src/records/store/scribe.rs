@@ -13,7 +13,7 @@ use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::plan::Plan;
-use gnc_executive::record::{ItemFile, ItemRecord, RUN_SCHEMA, RunRecord};
+use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::RunState;
 use nix::fcntl::Flock;
 use tokio::sync::{mpsc, oneshot};
@@ -286,18 +286,7 @@ impl Writer {
         let (name, file) = {
             let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             let Some(position) = state.position(item) else { return Ok(()) };
-            let row = &state.rows()[position];
-            let (Some(header), Some(run_started)) = (state.header(), state.started()) else { return Ok(()) };
-            if row.attempts.is_empty() {
-                return Ok(());
-            }
-            let file = ItemFile {
-                schema: RUN_SCHEMA.to_owned(),
-                serial_number: header.serial_number.clone(),
-                bench: header.bench.kind,
-                run_started,
-                item: ItemRecord::from(row),
-            };
+            let Some(file) = ItemFile::from_state(&state, position) else { return Ok(()) };
             (format!("{}/{ITEM}", item_folder(position, item)), file)
         };
         self.folder.put(&name, |out| pretty(out, &file))

@@ -43,7 +43,7 @@ impl Scene {
     ///
     /// # Errors
     /// Never in memory; the terminal's type has room for it.
-    pub fn new(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
+    pub(crate) fn new(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let look = Look { colour: true, glyphs: Glyphs::Unicode, poor: false };
         let now = Now { at: noon(), since_start: Duration::ZERO };
         let mut model = Model::new(lang, look, now);
@@ -72,7 +72,7 @@ impl Scene {
     /// The same with a run that stands in its middle: three items at work, curves of a minute on the live page.
     ///
     /// # Errors
-    /// As [`Scene::new`].
+    /// What the terminal in memory says.
     pub fn at_work(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let mut scene = Self::new(lang, width, height)?;
         scene.start("DEMO-1");
@@ -89,7 +89,7 @@ impl Scene {
     /// Draws it.
     ///
     /// # Errors
-    /// As [`Scene::new`].
+    /// What the terminal in memory says.
     pub fn draw(&mut self) -> std::io::Result<()> {
         let model = &self.model;
         self.terminal.draw(|frame| view::draw(model, frame)).map(drop).map_err(std::io::Error::other)

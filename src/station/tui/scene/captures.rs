@@ -24,7 +24,7 @@ impl Scene {
     /// captures are finished.
     ///
     /// # Errors
-    /// As [`Scene::new`]; the plan of the repository is good.
+    /// What the terminal in memory says; the plan of the repository is good.
     pub fn capturing(lang: Lang, (width, height): (u16, u16), item: &str, finished: usize) -> std::io::Result<Self> {
         let mut scene = Self::calibration(lang, width, height)?;
         scene.start("DEMO-1");

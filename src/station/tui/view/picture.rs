@@ -29,10 +29,10 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, ask: &Ask) 
         Ask::Heading { deg } => heading(model, frame, area, *deg),
         Ask::Lay(orientation) => module::draw(model, frame, area, orientation, None),
         Ask::Turn { orientation: Some(orientation), angle_deg, .. } => {
-            module::draw(model, frame, area, orientation, Some(angle_deg.signum()))
+            module::draw(model, frame, area, orientation, Some(angle_deg.signum()));
         }
         Ask::Spin { orientation: Some(orientation), rate_dps } => {
-            module::draw(model, frame, area, orientation, Some(rate_dps.signum()))
+            module::draw(model, frame, area, orientation, Some(rate_dps.signum()));
         }
         Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => {}
     }
