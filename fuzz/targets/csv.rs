@@ -3,7 +3,7 @@
 
 #![no_main]
 
-use gnc_station::compute::fuzzing::{Read, read_table};
+use gnc_station::fuzzing::{Read, read_table};
 use libfuzzer_sys::fuzz_target;
 
 const LABELS: (&str, &[&str]) = ("position", &["z+", "z-"]);

@@ -1,7 +1,7 @@
 //! What the samples of a module say: captures of them, the motions that captures are made of, and the figures.
 //!
-//! It never does any I/O and never judges: samples go in, figures or a typed refusal come out. So a run and its
-//! recomputation years later come to the same.
+//! The crate never does any I/O and never judges: samples go in, figures or a typed refusal come out, so that a run and its
+//! recomputation years later come to the same. It knows no board, no turntable, no limit and no record.
 
 pub mod capture;
 pub mod figures;

@@ -1,4 +1,7 @@
-//! The bench: whoever or whatever turns the module, the procedures that measure, and the runner that follows a plan.
+//! The bench at work: turntables and fixtures, a procedure for each item, and the runner that follows a plan.
+//!
+//! Procedures measure and never judge. Only the runner acts, and it passes an event on only after the record has it. The
+//! crate knows no command line and no screen: these start [`runner::run`] and watch.
 
 pub mod control;
 pub mod fixture;

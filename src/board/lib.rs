@@ -1,7 +1,8 @@
 //! The slave board as the station sees it: typed calls, streams, and a plain word when it restarts or falls silent.
 //!
 //! [`Board`] is a handle; the conversation itself (`conversation.rs`) is a task that owns the link, repeats what was
-//! lost and keeps the board's watchdog quiet.
+//! lost and keeps the board's watchdog quiet. The crate does not know what is tested, and it does not say whose fault a restart
+//! is.
 
 mod client;
 mod conversation;

@@ -5,6 +5,8 @@
 //! RMC alone, or GLL alone, is one of a receiver that says no more. The number of dimensions is what GSA says, carried over
 //! for as many epochs as it usually takes to the next one; a receiver without GSA has a fix of unknown dimensions. What
 //! cannot be is an error and never a number.
+//!
+//! The crate knows no line and no clock of the host: bytes go in, epochs and counts come out.
 
 mod active;
 mod epoch;

@@ -1,10 +1,13 @@
-//! The station's faces: the command line, `--auto`, the operator's screen, and what they run.
+//! The station's faces: the command line, `--auto`, the operator's screen, `doctor`, `compute` and `export`.
+//!
+//! Only this crate knows arguments and terminals, and only it links the simulated bench, by its feature `sim`. Tests are run
+//! by `gnc-bench` and filed by `gnc-records`; no crate is built on this one.
 
 mod args;
 mod auto;
 mod check;
 pub mod cli;
-pub mod compute;
+mod compute;
 mod doctor;
 mod export;
 mod files;
@@ -14,4 +17,10 @@ mod records;
 mod refusal;
 mod serial_number;
 mod setup;
-pub mod tui;
+mod tui;
+
+pub use tui::{Lang, Scene};
+
+/// The reader of tables, for `fuzz/`.
+#[cfg(fuzzing)]
+pub use compute::fuzzing;

@@ -35,7 +35,7 @@ use table::{Reading, TableError};
 
 /// Arguments of `compute`.
 #[derive(Debug, ClapArgs)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     method: Method,
     /// Print one JSON object instead of a table
@@ -155,7 +155,7 @@ impl Args {
 
 /// Computes, prints and returns the exit code of the process.
 #[must_use]
-pub fn run(args: &Args) -> ExitCode {
+pub(crate) fn run(args: &Args) -> ExitCode {
     let (name, outcome) = args.outcome();
     let outcome = outcome.and_then(|outcome| {
         if let Some(path) = &args.plot {
