@@ -6,7 +6,7 @@ mod truth;
 
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
 use gnc_metrology::rotation::{self, Axis};
-use gnc_metrology::{gyro_still, quantisation, six_position, stability, stats, tilt};
+use gnc_metrology::{gyro_still, quantisation, scale_factor, six_position, stability, stats, tilt};
 use nalgebra::{Matrix3, Vector3};
 use truth::{Dice, Session, borrowed};
 
@@ -126,6 +126,23 @@ fn rotations() {
         Some((0..9).map(inside).collect())
     };
     holds("rotation", &trial, 0.98);
+}
+
+/// Rates that give whole steps, so that all points lie alike between two codes.
+#[test]
+fn scale_factors() {
+    const RATES: [f64; 10] = [-100.0, -60.0, -30.0, -10.0, -1.0, 1.0, 10.0, 30.0, 60.0, 100.0];
+    let trial = |noise: f64, dice: &mut Dice| {
+        let (offset, slope) = (uniform(-20.0, 20.0, dice), 14.0);
+        let rates: Vec<f64> = RATES.into_iter().flat_map(|rate| [rate; ROWS]).collect();
+        let outputs =
+            RATES.into_iter().flat_map(|rate| rounded(offset + slope * rate, noise, ROWS, dice)).collect::<Vec<_>>();
+        let rows = scale_factor::Rows { rates: &rates, outputs: &outputs, cycles: None, points: None };
+        let found = scale_factor::fit(&rows.means().ok()?, &scale_factor::Options::default()).ok()?;
+        let within = |found: scale_factor::Estimate, truth: f64| (found.value - truth).abs() <= found.expanded();
+        Some(vec![within(found.scale_factor, slope), within(found.offset, offset)])
+    };
+    holds("scale factor", &trial, 1.0);
 }
 
 /// Runs that differ by 0.15 steps, and block means of a level that stays.
