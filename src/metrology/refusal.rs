@@ -230,6 +230,22 @@ pub enum Refusal {
         /// Rows for each new one.
         rows_per_update: f64,
     },
+    /// Counts of a signed sensor were written without their sign.
+    #[error(
+        "{channel} lies at both ends of 0 to {} and never between, in {samples} rows at the upper end, first in row {row}: \
+         signed counts of {bits} bits were written without their sign",
+        f64::from(*bits).exp2() - 1.0
+    )]
+    Unsigned {
+        /// Channel.
+        channel: String,
+        /// Bits of a count.
+        bits: u32,
+        /// Rows at the upper end.
+        samples: usize,
+        /// First of them, from 1.
+        row: usize,
+    },
     /// A sensor answers with the wrong sign to its own axis.
     #[error("sensor {axis} answers {response:.6e} to its own axis, expected a positive response")]
     WrongSign {
@@ -532,6 +548,9 @@ impl Refusal {
             }
             Self::Stale { .. } => {
                 "keep each new row once and state the rate at which the sensor updates, or read it only when it has new data"
+            }
+            Self::Unsigned { .. } => {
+                "write the counts as signed numbers: take the whole range off those in its upper half"
             }
             Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
             Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
