@@ -18,6 +18,7 @@ mod extremes;
 mod failed;
 mod held;
 mod mend;
+mod smoother;
 mod spikes;
 mod stale;
 mod tails;

@@ -450,6 +450,56 @@ fn a_low_pass_makes_no_spikes_of_the_ends_of_a_ramp() {
     }
 }
 
+/// A line, several lines, one that wanders, a low-pass and both: with 1 in 100 rows replaced, alone or eight on end, each
+/// part of the spectrum stays that of the record before the damage.
+#[test]
+fn values_in_place_of_others_follow_lines_and_low_passes() {
+    const ROWS: usize = 60_000;
+    const SEGMENT: usize = 512;
+    for (seed, what) in (300..).zip(["line", "lines", "wandering line", "low-pass", "low-pass and line"]) {
+        let mut normal = dice(seed);
+        let (mut phase, mut poles) = (0.0, [0.0; 2]);
+        let clean: Vec<f64> = (0..ROWS)
+            .map(|row| {
+                let turn = |frequency: f64| (std::f64::consts::TAU * (frequency * row as f64).fract() + phase).sin();
+                let mut value = 30.0 * normal();
+                if what.contains("low-pass") {
+                    poles[0] += 0.5 * (value - poles[0]);
+                    poles[1] += 0.5 * (poles[0] - poles[1]);
+                    value = 3.0 * poles[1];
+                }
+                value += match what {
+                    "low-pass" => 0.0,
+                    "lines" => 300.0 * turn(0.2495) + 150.0 * turn(0.11) + 90.0 * turn(0.37),
+                    _ => 300.0 * turn(0.2495),
+                };
+                if what == "wandering line" {
+                    phase += 0.01 * normal();
+                }
+                (8000.0 + value).round()
+            })
+            .collect();
+        for length in [1, 8] {
+            let every = 100 * length;
+            let mut values = clean.clone();
+            for row in (50..ROWS - every).step_by(every).map(|row| row + (row * 7 / every) % (every - 20)) {
+                values[row..row + length].fill(0.0);
+            }
+            let found = screen(&[&values], &one_stretch(ROWS), true);
+            let bad = found.left_out().failed_reads;
+            assert!((580..=600).contains(&bad) && found.left_out().total() == bad, "{what}: {:?}", found.left_out());
+            let density = |values: &[f64]| crate::psd::welch(values, 1.0, SEGMENT).unwrap().density;
+            let (before, after) = (density(&clean), density(&found.refilled(&values, &one_stretch(ROWS))));
+            for band in [0.02..0.1, 0.15..0.2, 0.3..0.35, 0.4..0.48] {
+                let bins = (band.start * SEGMENT as f64) as usize..(band.end * SEGMENT as f64) as usize;
+                let mean = |density: &[f64]| density[bins.clone()].iter().sum::<f64>();
+                let ratio = mean(&after) / mean(&before);
+                assert!((ratio - 1.0).abs() < 0.03, "{what}, {length} rows, {band:?}: {ratio}");
+            }
+        }
+    }
+}
+
 /// What a row held that is left out does not count: the values in its place are the same for any word.
 #[test]
 fn a_word_that_is_left_out_takes_no_digits() {
