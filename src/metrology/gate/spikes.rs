@@ -43,7 +43,6 @@ const PASSES: usize = 5;
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
     let mut spikes = Vec::new();
     let mut sought = Sought { far: FAR, longest: LONGEST };
-    let mut taken: Vec<usize> = Vec::new();
     for _ in 0..PASSES {
         let before = spikes.len();
         for piece in &character.pieces {
@@ -53,14 +52,13 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         for row in &spikes[before..] {
             found.mark(*row, Fault::Spike);
         }
-        taken.extend(&spikes[before..]);
         let next = sought.after(&spikes, values.len());
         if spikes.is_empty() || (spikes.len() == before && next == sought) {
             break;
         }
         sought = next;
     }
-    if taken.is_empty() {
+    if spikes.is_empty() {
         return;
     }
     let (lowest, highest) = crate::series::range(values);
@@ -68,7 +66,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         .into_iter()
         .filter(|end| spikes.iter().filter(|row| values[**row] == *end).count() > 1)
         .collect();
-    for row in taken {
+    for row in spikes {
         let value = values[row];
         let at_end = ends.contains(&value) || layout.is_end(value);
         if value == 0.0 || value == -1.0 || value == -character.step || at_end {
