@@ -32,8 +32,40 @@ pub(super) struct Piece {
     pub(super) moving: usize,
     /// Whether differences change their sign as noise does.
     pub(super) noisy: bool,
-    /// How many differences follow each other, and in how many the sign changes: (changes, pairs).
-    turns: (usize, usize),
+    turns: Turns,
+}
+
+/// How often differences follow each other, and change their sign.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Turns {
+    changes: usize,
+    pairs: usize,
+}
+
+impl Turns {
+    /// Adds two differences, neither of which is 0.
+    fn add(&mut self, before: f64, after: f64) {
+        self.pairs += 1;
+        self.changes += usize::from((before < 0.0) != (after < 0.0));
+    }
+
+    /// Of the differences of all rows that move.
+    fn of_moving(values: &[f64]) -> Self {
+        let (mut turns, mut before) = (Self::default(), 0.0);
+        for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
+            let difference = pair[1] - pair[0];
+            if before != 0.0 {
+                turns.add(before, difference);
+            }
+            before = difference;
+        }
+        turns
+    }
+
+    /// Whether the sign changes as that of noise does.
+    fn are_noise(self) -> bool {
+        self.pairs >= FEWEST && self.changes as f64 > NOISY * self.pairs as f64
+    }
 }
 
 /// One channel.
@@ -120,11 +152,10 @@ impl Room {
         of_lag(1).max(of_lag(3))
     }
 
-    /// Collects the differences that are not 0. How many pairs of them follow each other, and in how many the sign changes:
-    /// (changes, pairs).
-    fn moving(&mut self, part: &[f64], stride: usize) -> (usize, usize) {
+    /// Collects the differences that are not 0.
+    fn moving(&mut self, part: &[f64], stride: usize) -> Turns {
         self.differences.clear();
-        let (mut turns, mut pairs) = (0, 0);
+        let mut turns = Turns::default();
         for triple in part.windows(3).step_by(stride) {
             let (before, after) = (triple[1] - triple[0], triple[2] - triple[1]);
             if after != 0.0 {
@@ -133,11 +164,10 @@ impl Room {
                 self.differences.push(before.abs().to_bits());
             }
             if before != 0.0 && after != 0.0 {
-                pairs += 1;
-                turns += usize::from((before < 0.0) != (after < 0.0));
+                turns.add(before, after);
             }
         }
-        (turns, pairs)
+        turns
     }
 
     fn piece(&mut self, values: &[f64], rows: Range<usize>, block: usize) -> Piece {
@@ -154,8 +184,8 @@ impl Room {
         let moving = self.differences.len();
         let median = median(&mut self.differences);
         // Where every other row repeats, no two differences follow each other: the rows that move are taken alone.
-        let turns = if turning.1 >= FEWEST { turning } else { turns_of_moving(part) };
-        let noisy = is_noisy(turns);
+        let turns = if turning.pairs >= FEWEST { turning } else { Turns::of_moving(part) };
+        let noisy = turns.are_noise();
         Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy, turns }
     }
 }
@@ -178,30 +208,14 @@ fn common_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// How often the differences that are not 0 follow each other, and change their sign: (changes, pairs).
-fn turns_of_moving(values: &[f64]) -> (usize, usize) {
-    let (mut turns, mut pairs, mut before) = (0, 0, 0.0);
-    for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
-        let difference = pair[1] - pair[0];
-        if before != 0.0 {
-            pairs += 1;
-            turns += usize::from((before < 0.0) != (difference < 0.0));
-        }
-        before = difference;
-    }
-    (turns, pairs)
-}
-
-/// Whether differences change their sign as noise does.
-fn is_noisy((turns, pairs): (usize, usize)) -> bool {
-    pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
-}
-
 /// Where a sensor updates only a few times in each block, no block alone tells its noise. This takes all blocks together.
 fn pool(pieces: &mut [Piece]) {
-    if pieces.iter().all(|piece| piece.turns.1 < FEWEST) {
-        let turns = pieces.iter().fold((0, 0), |sum, piece| (sum.0 + piece.turns.0, sum.1 + piece.turns.1));
-        pieces.iter_mut().for_each(|piece| piece.noisy = is_noisy(turns));
+    if pieces.iter().all(|piece| piece.turns.pairs < FEWEST) {
+        let turns = pieces.iter().fold(Turns::default(), |sum, Piece { turns, .. }| Turns {
+            changes: sum.changes + turns.changes,
+            pairs: sum.pairs + turns.pairs,
+        });
+        pieces.iter_mut().for_each(|piece| piece.noisy = turns.are_noise());
     }
     let moving: usize = pieces.iter().map(|piece| piece.moving).sum();
     if pieces.iter().any(Piece::speaks) || moving < FEWEST {
