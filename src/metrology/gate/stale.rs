@@ -60,7 +60,6 @@ fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| of_piece(at).len()).sum();
     let runs = |at: usize| of_piece(at).chunk_by(|row, next| row + 1 == *next);
-    let is_coarse = is_coarse(channels, characters, judged().flat_map(runs));
     let shortest = |at: usize| excess::shortest_run(chances[at], rows);
     // Runs that chance does not give are no part of its number.
     let many = counted as f64 > MANY * rows as f64;
@@ -80,9 +79,6 @@ fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters
             // What lies still moves before and after a repeat where two spikes stand beside it.
             if !layout.still && pauses(channels, characters, at, block, run[0]) {
                 found.mark(run[0], Fault::Stale);
-            }
-            if is_coarse {
-                continue;
             }
             // The methods of several channels check that each lies within its range. Those of one leave it to the gate.
             if let ([name], [values], [character]) = (names, channels, characters)
@@ -153,22 +149,6 @@ fn update(mut repeats: Vec<usize>, rows: usize, chance: f64) -> usize {
     let longer = (updates as f64 * (MANY + chance)) as usize;
     repeats.sort_unstable_by(|a, b| b.cmp(a));
     1 + repeats.get(longer).copied().unwrap_or(0)
-}
-
-/// Whether most repeats end with a step of one code at most on every channel. Such noise repeats by itself, though a motion
-/// elsewhere in the piece makes its differences look large.
-fn is_coarse<'a>(channels: &[&[f64]], characters: &[Character], runs: impl Iterator<Item = &'a [usize]>) -> bool {
-    let is_small = |next: usize| {
-        let small = |(values, character): (&&[f64], &Character)| {
-            values.get(next).is_some_and(|value| (value - values[next - 1]).abs() < 1.5 * character.step)
-        };
-        channels.iter().zip(characters).all(small)
-    };
-    let (small, all) = runs.fold((0, 0), |(small, all), run| {
-        let next = run.last().map_or(0, |last| last + 1);
-        (small + usize::from(next > 0 && is_small(next)), all + 1)
-    });
-    2 * small > all
 }
 
 /// Whether a channel moves fast before and after a repeat, and not in it: no chance, however coarse the noise.
