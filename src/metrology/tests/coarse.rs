@@ -173,7 +173,7 @@ fn spreads() {
         let truth: Vec<f64> = (0..8).map(|_| level + 0.15 * dice.normal()).collect();
         let runs: Vec<Vec<f64>> = truth.iter().map(|mean| rounded(*mean, noise, ROWS, dice)).collect();
         let slices: Vec<&[f64]> = runs.iter().map(Vec::as_slice).collect();
-        is_sound(&[slices.clone()], true, Rows::Samples).then_some(())?;
+        is_sound(std::slice::from_ref(&slices), true, Rows::Samples).then_some(())?;
         let means: Vec<f64> = slices.iter().map(|run| stats::mean(run)).collect();
         let found = stability::repeatability(&means, quantisation::mean_error_sd(&slices)).ok()?;
         let is_mean_held = (found.mean - level).abs() <= found.mean_expanded();
