@@ -16,8 +16,6 @@ use crate::{series, stats};
 const PIECE: usize = 64;
 /// Noise in steps from which on a mean is off by less than 2e-4 steps.
 const FINE: f64 = 0.6;
-/// Part of a step by which levels lie differently between their codes.
-const APART: f64 = 0.25;
 /// Differences below this part of the values are errors of arithmetic.
 const ARITHMETIC: f64 = 1e-12;
 
@@ -27,7 +25,8 @@ const ARITHMETIC: f64 = 1e-12;
 #[must_use]
 pub fn mean_error_sd(stretches: &[&[f64]]) -> f64 {
     let about_mean = |piece: &[f64]| stats::mean_sd(piece).1;
-    step_and_noise(stretches, about_mean).map_or(0.0, |(step, noise)| step * error(noise))
+    step_and_variance(stretches, about_mean)
+        .map_or(0.0, |(step, variance)| step * error(noise(variance, spread(stretches, step))))
 }
 
 /// Whether a sensor whose noise these stretches show cannot give one value for so many rows, at whatever level it is.
@@ -36,11 +35,12 @@ pub fn is_stuck(stretches: &[&[f64]], rows: usize) -> bool {
     // Once in a million records.
     const RARE: f64 = 1e-6;
     // Of slow noise neighbours err alike, and only what differs between them changes a value.
-    step_and_noise(stretches, stats::white_sd).is_some_and(|(_, noise)| within(0.5, noise).powf(rows as f64) < RARE)
+    step_and_variance(stretches, stats::white_sd)
+        .is_some_and(|(_, variance)| within(0.5, noise(variance, 0.0)).powf(rows as f64) < RARE)
 }
 
-/// Step between the codes of an output, and its noise in steps, from the deviation in pieces of the stretches.
-fn step_and_noise(stretches: &[&[f64]], deviation: impl Fn(&[f64]) -> f64) -> Option<(f64, f64)> {
+/// Step between the codes of an output, and the variance in pieces of the stretches, steps squared.
+fn step_and_variance(stretches: &[&[f64]], deviation: impl Fn(&[f64]) -> f64) -> Option<(f64, f64)> {
     let (low, high) = stretches
         .iter()
         .map(|values| series::range(values))
@@ -55,15 +55,17 @@ fn step_and_noise(stretches: &[&[f64]], deviation: impl Fn(&[f64]) -> f64) -> Op
     let (sum, count) = pieces.fold((0.0, 0.0), |(sum, count), piece| {
         (sum + deviation(piece).powi(2) * piece.len() as f64, count + piece.len() as f64)
     });
-    Some((step, noise(sum / count / (step * step), levels(stretches, step))))
+    Some((step, sum / count / (step * step)))
 }
 
-/// Levels of these stretches that lie apart.
-fn levels(stretches: &[&[f64]], step: f64) -> usize {
-    let mut means: Vec<f64> =
-        stretches.iter().map(|values| stats::mean(values)).filter(|mean| mean.is_finite()).collect();
-    means.sort_by(f64::total_cmp);
-    1 + means.windows(2).filter(|pair| pair[1] - pair[0] > APART * step).count()
+/// Part of a step over which the levels of these stretches spread: levels a whole number of steps apart err alike.
+fn spread(stretches: &[&[f64]], step: f64) -> f64 {
+    let levels = stretches.iter().filter(|values| !values.is_empty());
+    let mut parts: Vec<f64> = levels.map(|values| (stats::mean(values) / step).rem_euclid(1.0)).collect();
+    parts.sort_by(f64::total_cmp);
+    // From one to the next, and from the last round to the first.
+    let next = parts.iter().skip(1).copied().chain(parts.first().map(|first| first + 1.0));
+    1.0 - parts.iter().zip(next).map(|(part, next)| next - part).fold(0.0, f64::max)
 }
 
 /// Root mean square of a mean's error over all levels, steps, for noise in steps.
@@ -78,11 +80,12 @@ fn error(noise: f64) -> f64 {
 }
 
 /// The noise in steps that is behind a variance in steps squared. A level half-way between two codes shows more variance than
-/// the mean over all levels; the fewer levels there are, the more of that is taken for the level's doing.
-fn noise(variance: f64, levels: usize) -> f64 {
+/// the mean over all levels; the less of a step the levels spread over, the more of that is taken for
+/// their doing.
+fn noise(variance: f64, spread: f64) -> f64 {
     let shown = |noise: f64| {
         let usual = noise * noise + 1.0 / 12.0 - error(noise).powi(2);
-        usual + (half_way(noise) - usual).max(0.0) / (levels as f64).sqrt()
+        usual + (half_way(noise) - usual).max(0.0) * (1.0 - spread / 2.0)
     };
     if variance >= FINE * FINE + 1.0 / 12.0 {
         return (variance - 1.0 / 12.0).sqrt();
@@ -157,8 +160,8 @@ mod tests {
                 "{noise_steps}: {} {rms}",
                 error(noise_steps)
             );
-            assert!((noise(variance, 1_000_000_000) - noise_steps).abs() < 2e-3, "{noise_steps}");
-            assert!(noise(largest, 1) < noise_steps + 2e-3, "{noise_steps}");
+            assert!((noise(variance, 2.0) - noise_steps).abs() < 2e-3, "{noise_steps}");
+            assert!(noise(largest, 0.0) < noise_steps + 2e-3, "{noise_steps}");
         }
         assert!((error(0.0) - 1.0 / 12.0_f64.sqrt()).abs() < 1e-12 && error(FINE) == 0.0);
     }

@@ -217,8 +217,8 @@ pub enum Refusal {
     },
     /// Rows repeat the row before, so that the record holds fewer measurements than rows.
     #[error(
-        "{samples} of {total} rows ({:.2} %) repeat the row before on all channels, first in row {first_row}; new rows come at 1/{rows_per_update:.3} of the record's rate",
-        share(*samples, *total)
+        "{samples} of {total} rows ({:.2} %) repeat the row before on all channels, first in row {first_row}; {}",
+        share(*samples, *total), updates(*rows_per_update)
     )]
     Stale {
         /// How many rows.
@@ -227,8 +227,24 @@ pub enum Refusal {
         total: usize,
         /// First of them, from 1.
         first_row: usize,
-        /// Rows for each new one.
-        rows_per_update: f64,
+        /// Rows for each new one, where nearly all come at one pace.
+        rows_per_update: Option<f64>,
+    },
+    /// Counts of a signed sensor were written without their sign.
+    #[error(
+        "{channel} lies at both ends of 0 to {} and never between, in {samples} rows at the upper end, first in row {row}: \
+         signed counts of {bits} bits were written without their sign",
+        f64::from(*bits).exp2() - 1.0
+    )]
+    Unsigned {
+        /// Channel.
+        channel: String,
+        /// Bits of a count.
+        bits: u32,
+        /// Rows at the upper end.
+        samples: usize,
+        /// First of them, from 1.
+        row: usize,
     },
     /// A sensor answers with the wrong sign to its own axis.
     #[error("sensor {axis} answers {response:.6e} to its own axis, expected a positive response")]
@@ -530,8 +546,14 @@ impl Refusal {
             Self::BadRows { .. } | Self::Unbridged { .. } => {
                 "look at the first row named: check the line to the sensor, and record again"
             }
+            Self::Stale { rows_per_update: None, .. } => {
+                "look at the first row named: the sensor or its line stood still there, or its output lay at one end; record again"
+            }
             Self::Stale { .. } => {
                 "keep each new row once and state the rate at which the sensor updates, or read it only when it has new data"
+            }
+            Self::Unsigned { .. } => {
+                "write the counts as signed numbers: take the whole range off those in its upper half"
             }
             Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
             Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
@@ -581,6 +603,14 @@ impl Refusal {
 /// Percent of a total.
 fn share(samples: usize, total: usize) -> f64 {
     samples as f64 * 100.0 / total.max(1) as f64
+}
+
+/// What rows that repeat the row before mean.
+fn updates(rows_per_update: Option<f64>) -> String {
+    match rows_per_update {
+        Some(rows) => format!("new rows come at 1/{rows:.3} of the record's rate"),
+        None => "noise does not give so many".to_owned(),
+    }
 }
 
 /// Whether a time before a step back is the end of a counter of 16, 31 or 32 bits in s, ms, us or ns.

@@ -75,6 +75,11 @@ impl Estimate {
         stats::coverage_factor(0.95, self.dof) * self.sd
     }
 
+    /// Beside an error that the scatter does not show.
+    fn beside(self, error_sd: f64) -> Self {
+        Self { sd: self.sd.hypot(error_sd), ..self }
+    }
+
     fn over(self, divisor: f64) -> Self {
         Self { value: self.value / divisor, sd: self.sd / divisor.abs(), dof: self.dof }
     }
@@ -265,6 +270,8 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
         enough(&place(of_cycle, &cycles), of_cycle)?;
     }
     let lines: Vec<Line> = cycles.iter().map(|of_cycle| Line::through(of_cycle)).collect();
+    let resolution_sd = points.iter().map(|p| p.resolution_sd).fold(0.0, f64::max);
+    let of_steps = |k: usize| lines.iter().map(|line| line.reach[k]).fold(0.0, f64::max) * resolution_sd;
     let (scale_factor, offset) = match &lines[..] {
         [line] => (line.slope_estimate(), line.offset_estimate()),
         _ => {
@@ -272,13 +279,14 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
             (each(|line| line.slope), each(|line| line.offset))
         }
     };
+    let (scale_factor, offset) = (scale_factor.beside(of_steps(0)), offset.beside(of_steps(1)));
     let repeatability = match &lines[..] {
         [_] => Err(Absent::OneCycle),
         [first, ..] if lines.iter().all(|line| line.slope == first.slope) => {
             let what = "scale factors of the cycles";
             return Err(Refusal::Alike { what, count: lines.len(), value: first.slope });
         }
-        _ => Ok(repeatability(&lines.iter().map(|line| line.slope).collect::<Vec<_>>(), 0.0)?),
+        _ => Ok(repeatability(&lines.iter().map(|line| line.slope).collect::<Vec<_>>(), of_steps(0))?),
     };
     let k = scale_factor.value;
     let largest_rate = points.iter().map(|p| p.rate.abs()).fold(0.0, f64::max);
@@ -295,7 +303,7 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
 
     let curve = curve(&residuals, k, full_scale, largest_rate);
     let lack_of_fit = lack_of_fit(&residuals, &curve, &cycles);
-    let reach = lack_of_fit.as_ref().ok().map(|test| reach(&curve, test));
+    let reach = lack_of_fit.as_ref().ok().map(|test| reach(&curve, test, resolution_sd));
     let of_full_scale = |_: &CurvePoint| Some(1.0 / (k * full_scale).abs());
     let of_output = |p: &CurvePoint| p.of_output.map(|_| 1.0 / (k * p.rate).abs());
     let squares: f64 = residuals.iter().map(|(_, r)| r * r).sum();
@@ -307,7 +315,7 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
         nonlinearity_full_scale: Largest::of(&curve, reach.as_deref(), of_full_scale),
         nonlinearity_output: Largest::of(&curve, reach.as_deref(), of_output),
         lack_of_fit,
-        asymmetry: asymmetry(&cycles),
+        asymmetry: asymmetry(&cycles, resolution_sd),
         repeatability,
         suspects: cycles.iter().zip(&lines).flat_map(|(of_cycle, line)| suspects(of_cycle, line)).collect(),
         cycles: cycles
@@ -420,15 +428,17 @@ fn lack_of_fit(residuals: &[(Point, f64)], curve: &[CurvePoint], cycles: &[Vec<P
 }
 
 /// How far each point of the curve may be from where the sensor is, for all points at once: `t s sqrt((1 - h) / visits)` with t
-/// for 95 % shared by the points, h the leverage.
-fn reach(curve: &[CurvePoint], test: &LackOfFit) -> Vec<f64> {
+/// for 95 % shared by the points, h the leverage. Point and line may each be off by what the steps of the output leave open,
+/// half a step at most.
+fn reach(curve: &[CurvePoint], test: &LackOfFit, resolution_sd: f64) -> Vec<f64> {
     let design = Line::through_rates(curve);
     let t = stats::coverage_factor(1.0 - 0.05 / curve.len() as f64, test.pure_dof);
     let own = |p: &CurvePoint| (1.0 - design.leverage(p.rate)).max(0.0) / p.visits as f64;
-    curve.iter().map(|p| t * test.pure_sd * own(p).sqrt()).collect()
+    let of_steps = 2.0 * 3.0_f64.sqrt() * resolution_sd;
+    curve.iter().map(|p| t * test.pure_sd * own(p).sqrt() + of_steps).collect()
 }
 
-fn asymmetry(cycles: &[Vec<Point>]) -> Result<Asymmetry, Absent> {
+fn asymmetry(cycles: &[Vec<Point>], resolution_sd: f64) -> Result<Asymmetry, Absent> {
     let mut senses: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
     for cycle in cycles {
         for (lines, (sense, sign)) in senses.iter_mut().zip([("positive", 1.0), ("negative", -1.0)]) {
@@ -443,6 +453,7 @@ fn asymmetry(cycles: &[Vec<Point>]) -> Result<Asymmetry, Absent> {
     let [positive, negative] = [&senses[0], &senses[1]].map(|l| l.iter().map(|l| l.slope).collect::<Vec<_>>());
     let (plus, minus) = (stats::mean(&positive), stats::mean(&negative));
     let mean = f64::midpoint(plus, minus).abs();
+    let of_steps = senses.iter().flatten().map(|line| line.reach[0]).fold(0.0, f64::max) * 2.0 * resolution_sd;
     let difference = match (&senses[0][..], &senses[1][..]) {
         ([plus], [minus]) => {
             let [a, b] = [plus.slope_estimate(), minus.slope_estimate()];
@@ -455,7 +466,7 @@ fn asymmetry(cycles: &[Vec<Point>]) -> Result<Asymmetry, Absent> {
         positive: plus,
         negative: minus,
         relative: (plus - minus).abs() / mean,
-        uncertainty: difference.map(|d| d.over(mean)).map(|d| (d.sd, d.dof)),
+        uncertainty: difference.map(|d| d.beside(of_steps).over(mean)).map(|d| (d.sd, d.dof)),
     })
 }
 

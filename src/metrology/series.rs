@@ -99,6 +99,41 @@ pub fn unclipped(channel: &str, values: &[f64], rests: &[&[f64]]) -> Result<(), 
     Ok(())
 }
 
+/// Counts of a signed sensor were written with their sign. Without it a level near 0 lies at both ends of the range and never
+/// between, and what wraps is near the rest again once the range is taken off.
+///
+/// # Errors
+/// [`Refusal::Unsigned`].
+pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
+    const BITS: [u32; 5] = [8, 12, 16, 24, 32];
+    // One word or two at the end are those of failed reads.
+    const WORDS: usize = 3;
+    const NEAR: f64 = 20.0;
+    if values.iter().any(|v| *v < 0.0 || v.fract() != 0.0) {
+        return Ok(());
+    }
+    let (_, high) = range(values);
+    let Some(bits) = BITS.into_iter().find(|bits| high < f64::from(*bits).exp2()) else { return Ok(()) };
+    let end = f64::from(bits).exp2();
+    let (mut below, mut wrapped) = (0.0_f64, Vec::new());
+    for (row, value) in values.iter().enumerate() {
+        match value / end {
+            part if part < 0.25 => below = below.max(*value),
+            part if part >= 0.75 => wrapped.push((end - value, row)),
+            _ => return Ok(()),
+        }
+    }
+    let Some(row) = wrapped.first().map(|(_, row)| row + 1) else { return Ok(()) };
+    let samples = wrapped.len();
+    wrapped.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let deepest = wrapped.last().map_or(0.0, |(depth, _)| *depth);
+    wrapped.dedup_by_key(|(depth, _)| *depth);
+    if samples == values.len() || wrapped.len() < WORDS || deepest > NEAR * (below + 1.0) {
+        return Ok(());
+    }
+    Err(Refusal::Unsigned { channel: channel.to_owned(), bits, samples, row })
+}
+
 /// Smallest and largest of finite values.
 #[must_use]
 pub fn range(values: &[f64]) -> (f64, f64) {
@@ -128,6 +163,24 @@ mod tests {
     fn the_first_bad_sample_is_named() {
         let refusal = finite("gx", &[0.0, f64::INFINITY, f64::NAN]).unwrap_err();
         assert_eq!(refusal.to_string(), "gx: sample 1 is inf");
+    }
+
+    /// A level of 30 codes with noise to both sides of 0, as 16 bits without a sign. Failed reads, a level far from 0, a range in
+    /// use throughout and spikes are none.
+    #[test]
+    fn counts_without_their_sign_are_named() {
+        let level = |at: f64| (0..1000).map(|i: i32| at + f64::from(i * 7919 % 101) - 50.0).collect::<Vec<_>>();
+        let wrap = |values: Vec<f64>, end: f64| values.into_iter().map(|v| v.rem_euclid(end)).collect::<Vec<_>>();
+        for (bits, end) in [(16, 65_536.0), (24, 16_777_216.0), (12, 4096.0)] {
+            let refusal = signed("x", &wrap(level(30.0), end)).unwrap_err();
+            assert!(matches!(refusal, Refusal::Unsigned { samples: 150..300, bits: b, .. } if b == bits), "{refusal}");
+        }
+        let with = |words: &[f64]| [level(60.0), words.to_vec()].concat();
+        for good in [level(30.0), level(60.0), wrap(level(-900.0), 65_536.0), with(&[65_535.0; 9])] {
+            assert!(signed("x", &good).is_ok());
+        }
+        assert!(signed("x", &with(&[51_000.0, 60_000.0, 65_000.0])).is_ok());
+        assert!(signed("x", &with(&[20_000.0, 65_535.0, 65_534.0, 65_533.0])).is_ok());
     }
 
     #[test]

@@ -148,6 +148,30 @@ pub fn repeatability(figures: &[f64], resolution_sd: f64) -> Result<Repeatabilit
     Ok(Repeatability { runs: figures.len(), mean, sd, sd_low, sd_high, resolution_sd })
 }
 
+/// Probability by which a good run is named, shared by all runs (Bonferroni).
+const SUSPECT_PROBABILITY: f64 = 0.001;
+
+/// Runs whose figure stands out of the scatter of the others: their places, and by how many standard deviations of the others
+/// (externally studentised, against Student's t with `runs - 2` degrees of freedom).
+#[must_use]
+pub fn suspects(figures: &[f64]) -> Vec<(usize, f64)> {
+    let n = figures.len() as f64;
+    if n < 4.0 {
+        return Vec::new();
+    }
+    let (mean, sd) = stats::mean_sd(figures);
+    let limit = stats::coverage_factor(1.0 - SUSPECT_PROBABILITY / n, n - 2.0);
+    let of = |(place, figure): (usize, &f64)| {
+        let own = 1.0 - 1.0 / n;
+        let residual = figure - mean;
+        let others = (sd * sd * (n - 1.0) - residual * residual / own) / (n - 2.0);
+        let exact = (1e-12 * figure.abs().max(mean.abs())).powi(2);
+        let studentised = residual / (others.max(exact) * own).sqrt();
+        (studentised.abs() > limit).then_some((place, studentised))
+    };
+    figures.iter().enumerate().filter_map(of).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -187,6 +211,21 @@ mod tests {
             (0..1000).map(|k| (0.003 * f64::from(k) + 0.1 * noise(k as usize) / 50.0).round()).collect();
         assert!(coarse.chunks(50).any(|block| block.iter().all(|v| *v == block[0])));
         assert!(stability(&coarse, 10.0, 5.0).is_ok());
+    }
+
+    /// The definition: a figure less the mean of the others, over their deviation and the uncertainty of their mean.
+    #[test]
+    fn a_run_that_stands_out_is_named() {
+        let figures = [10.1, 9.9, 10.2, 9.8, 0.0, 10.0, 10.1, 9.9];
+        let others = [10.1, 9.9, 10.2, 9.8, 10.0, 10.1, 9.9];
+        let (mean, sd) = stats::mean_sd(&others);
+        let [(place, studentised)] = suspects(&figures)[..] else { panic!("{:?}", suspects(&figures)) };
+        assert_eq!(place, 4);
+        assert!(
+            (studentised / ((0.0 - mean) / (sd * (1.0 + 1.0 / 7.0_f64).sqrt())) - 1.0).abs() < 1e-9,
+            "{studentised}"
+        );
+        assert!(suspects(&others).is_empty() && suspects(&figures[2..5]).is_empty());
     }
 
     #[test]

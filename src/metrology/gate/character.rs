@@ -32,8 +32,52 @@ pub(super) struct Piece {
     pub(super) moving: usize,
     /// Whether differences change their sign as noise does.
     pub(super) noisy: bool,
-    /// How many differences follow each other, and in how many the sign changes: (changes, pairs).
-    turns: (usize, usize),
+    turns: Turns,
+}
+
+/// How often differences follow each other, and change their sign.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Turns {
+    changes: usize,
+    pairs: usize,
+    /// Changes to or from a difference of one code.
+    of_one_code: usize,
+}
+
+impl Turns {
+    /// Adds two differences, neither of which is 0.
+    fn add(&mut self, before: f64, after: f64, step: f64) {
+        self.pairs += 1;
+        if (before < 0.0) != (after < 0.0) {
+            self.changes += 1;
+            self.of_one_code += usize::from(before.abs().min(after.abs()) < 1.5 * step);
+        }
+    }
+
+    /// Of the differences of all rows that move.
+    fn of_moving(values: &[f64], step: f64) -> Self {
+        let (mut turns, mut before) = (Self::default(), 0.0);
+        for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
+            let difference = pair[1] - pair[0];
+            if before != 0.0 {
+                turns.add(before, difference, step);
+            }
+            before = difference;
+        }
+        turns
+    }
+
+    /// Whether the sign mostly changes by a code: noise of a code and less. A ramp has large differences of one sign, which say
+    /// nothing of the noise.
+    fn are_of_one_code(self) -> bool {
+        const MOSTLY: f64 = 0.8;
+        self.of_one_code as f64 > MOSTLY * self.changes as f64
+    }
+
+    /// Whether the sign changes as that of noise does.
+    fn are_noise(self) -> bool {
+        self.pairs >= FEWEST && self.changes as f64 > NOISY * self.pairs as f64
+    }
 }
 
 /// One channel.
@@ -47,6 +91,7 @@ pub(super) struct Character {
 
 impl Character {
     pub(super) fn of(values: &[f64], blocks: &[Range<usize>]) -> Self {
+        let step = step(values);
         let mut pieces = Vec::new();
         let mut extremes = Extremes::default();
         let mut room = Room::default();
@@ -59,12 +104,12 @@ impl Character {
                 let end = if rows.end - start < 2 * PIECE { rows.end } else { start + PIECE };
                 // First of all, since it brings the whole piece into the cache.
                 extremes.add(&values[start..end]);
-                pieces.push(room.piece(values, start..end, block));
+                pieces.push(room.piece(values, start..end, block, step));
                 start = end;
             }
         }
         pool(&mut pieces);
-        Self { step: step(values), pieces, extremes }
+        Self { step, pieces, extremes }
     }
 
     /// Chance that noise gives one code in a row and the same in the next; 1 where the record does not say.
@@ -80,7 +125,7 @@ impl Character {
     }
 
     fn chance(&self, piece: &Piece, density: f64) -> f64 {
-        let coarse = piece.moving_scale * MEDIAN_DIFFERENCE < 1.5 * self.step;
+        let coarse = piece.moving_scale * MEDIAN_DIFFERENCE < 1.5 * self.step || piece.turns.are_of_one_code();
         if !piece.noisy || coarse || piece.moving < FEWEST {
             return 1.0;
         }
@@ -120,11 +165,10 @@ impl Room {
         of_lag(1).max(of_lag(3))
     }
 
-    /// Collects the differences that are not 0. How many pairs of them follow each other, and in how many the sign changes:
-    /// (changes, pairs).
-    fn moving(&mut self, part: &[f64], stride: usize) -> (usize, usize) {
+    /// Collects the differences that are not 0.
+    fn moving(&mut self, part: &[f64], stride: usize, step: f64) -> Turns {
         self.differences.clear();
-        let (mut turns, mut pairs) = (0, 0);
+        let mut turns = Turns::default();
         for triple in part.windows(3).step_by(stride) {
             let (before, after) = (triple[1] - triple[0], triple[2] - triple[1]);
             if after != 0.0 {
@@ -133,29 +177,28 @@ impl Room {
                 self.differences.push(before.abs().to_bits());
             }
             if before != 0.0 && after != 0.0 {
-                pairs += 1;
-                turns += usize::from((before < 0.0) != (after < 0.0));
+                turns.add(before, after, step);
             }
         }
-        (turns, pairs)
+        turns
     }
 
-    fn piece(&mut self, values: &[f64], rows: Range<usize>, block: usize) -> Piece {
+    fn piece(&mut self, values: &[f64], rows: Range<usize>, block: usize, step: f64) -> Piece {
         let part = &values[rows.clone()];
         let stride = part.len().div_ceil(LOOKS).max(1);
         let scale = self.scale(part, stride);
         // A stride of its own, so that a pattern of the record does not fall in step with it.
         let stride = if stride > 2 { stride | 1 } else { 1 };
-        let mut turning = self.moving(part, stride);
+        let mut turning = self.moving(part, stride, step);
         if self.differences.len() < FEWEST && stride > 1 {
             // Where the sensor updates seldom, few of those looked at move, and all of them are needed.
-            turning = self.moving(part, 1);
+            turning = self.moving(part, 1, step);
         }
         let moving = self.differences.len();
         let median = median(&mut self.differences);
         // Where every other row repeats, no two differences follow each other: the rows that move are taken alone.
-        let turns = if turning.1 >= FEWEST { turning } else { turns_of_moving(part) };
-        let noisy = is_noisy(turns);
+        let turns = if turning.pairs >= FEWEST { turning } else { Turns::of_moving(part, step) };
+        let noisy = turns.are_noise();
         Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy, turns }
     }
 }
@@ -178,30 +221,15 @@ fn common_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// How often the differences that are not 0 follow each other, and change their sign: (changes, pairs).
-fn turns_of_moving(values: &[f64]) -> (usize, usize) {
-    let (mut turns, mut pairs, mut before) = (0, 0, 0.0);
-    for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
-        let difference = pair[1] - pair[0];
-        if before != 0.0 {
-            pairs += 1;
-            turns += usize::from((before < 0.0) != (difference < 0.0));
-        }
-        before = difference;
-    }
-    (turns, pairs)
-}
-
-/// Whether differences change their sign as noise does.
-fn is_noisy((turns, pairs): (usize, usize)) -> bool {
-    pairs >= FEWEST && turns as f64 > NOISY * pairs as f64
-}
-
 /// Where a sensor updates only a few times in each block, no block alone tells its noise. This takes all blocks together.
 fn pool(pieces: &mut [Piece]) {
-    if pieces.iter().all(|piece| piece.turns.1 < FEWEST) {
-        let turns = pieces.iter().fold((0, 0), |sum, piece| (sum.0 + piece.turns.0, sum.1 + piece.turns.1));
-        pieces.iter_mut().for_each(|piece| piece.noisy = is_noisy(turns));
+    if pieces.iter().all(|piece| piece.turns.pairs < FEWEST) {
+        let turns = pieces.iter().fold(Turns::default(), |sum, Piece { turns, .. }| Turns {
+            changes: sum.changes + turns.changes,
+            pairs: sum.pairs + turns.pairs,
+            of_one_code: sum.of_one_code + turns.of_one_code,
+        });
+        pieces.iter_mut().for_each(|piece| piece.noisy = turns.are_noise());
     }
     let moving: usize = pieces.iter().map(|piece| piece.moving).sum();
     if pieces.iter().any(Piece::speaks) || moving < FEWEST {

@@ -42,7 +42,7 @@ pub(super) fn search(
             for _ in 0..WORDS {
                 let ends = ranges(found, values, character, number, block);
                 let Some(extreme) = usual_extreme(&ends, sign) else { break };
-                if !is_too_often(found, values, block, sign, extreme, (scale, character.step)) {
+                if !is_too_often(found, values, block, sign, extreme, scale, character.step) {
                     break;
                 }
                 let is_word = is_word(found, values, block, extreme, scale);
@@ -50,9 +50,7 @@ pub(super) fn search(
                     found.mark(row, if is_word { Fault::FailedRead } else { Fault::Clipped });
                 }
                 if !is_word {
-                    let channel =
-                        if blocks.len() > 1 { format!("{name} of stretch {}", number + 1) } else { name.to_owned() };
-                    found.clipped_at.get_or_insert((channel, extreme));
+                    found.cut_at(name, number, blocks, extreme);
                     break;
                 }
                 // The end of the noise lies behind the word.
@@ -68,7 +66,8 @@ fn is_too_often(
     block: &Range<usize>,
     sign: f64,
     extreme: f64,
-    (scale, step): (f64, f64),
+    scale: f64,
+    step: f64,
 ) -> bool {
     let width = (INSIDE * scale).max((CODES + 0.5) * step);
     let below = |value: &f64| sign * (extreme - value);

@@ -6,16 +6,16 @@ use std::ops::Range;
 
 use super::character::Character;
 use super::extremes::PART;
-use super::spikes::{CURVED, REACH, SIDE, is_code_end, limit};
+use super::spikes::{CURVED, REACH, SIDE, limit};
 use super::stale::COMMON;
-use super::{Fault, Screening};
+use super::{Fault, Layout, Screening};
 
 /// Marks words that are held for up to [`REACH`] rows. The search for stale rows finds longer ones.
 ///
 /// Only where the record's noise makes repeats rare: a motion without noise has plateaus.
-pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, blocks: &[Range<usize>]) {
+pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
     for piece in character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON) {
-        let block = &blocks[piece.block];
+        let block = &layout.blocks[piece.block];
         // Of a sensor that is read more often than it updates, only the rows that move tell the scale.
         let far = limit(character, piece.scale.max(piece.moving_scale), block);
         let mut from = piece.rows.start;
@@ -23,7 +23,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
             let to = (from + PART).min(piece.rows.end);
             let (low, high) = character.extremes.around(piece.block, &(from.saturating_sub(1).max(block.start)..to));
             if high - low > far {
-                look(found, values, block, from..to, far);
+                look(found, values, layout, block, from..to, far);
             }
             from = to;
         }
@@ -31,15 +31,23 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
 }
 
 /// Words that begin in these rows.
-fn look(found: &mut Screening, values: &[f64], block: &Range<usize>, rows: Range<usize>, far: f64) {
+fn look(
+    found: &mut Screening,
+    values: &[f64],
+    layout: &Layout<'_>,
+    block: &Range<usize>,
+    rows: Range<usize>,
+    far: f64,
+) {
     let mut row = rows.start;
     while row < rows.end {
         let value = values[row];
-        let end = (row..block.end.min(values.len())).find(|at| values[*at] != value).unwrap_or(block.end);
+        let end =
+            row + (row..block.end.min(values.len())).take(REACH + 1).take_while(|at| values[*at] == value).count();
         let begins = row == block.start || values[row - 1] != value;
         if begins
             && (2..=REACH).contains(&(end - row))
-            && !is_code_end(value)
+            && !layout.is_end(value)
             && is_far(found, values, block, &(row..end), far)
         {
             for held in row..end {

@@ -18,6 +18,7 @@ mod extremes;
 mod failed;
 mod held;
 mod mend;
+mod smoother;
 mod spikes;
 mod stale;
 mod tails;
@@ -103,6 +104,14 @@ pub struct Layout<'a> {
     pub range_end: Option<f64>,
 }
 
+impl Layout<'_> {
+    /// Whether a value is an end of the range: the one that is known, or that of a word of 8, 12, 16, 20, 24 or 32 bits.
+    fn is_end(&self, value: f64) -> bool {
+        let of_word = |bits: i32| value == f64::from(bits).exp2() - 1.0 || value == -f64::from(bits).exp2();
+        self.range_end.is_some_and(|end| value.abs() >= end) || [7, 11, 15, 19, 23, 31].into_iter().any(of_word)
+    }
+}
+
 /// A record that is one stretch.
 #[must_use]
 pub fn one_stretch(rows: usize) -> [Range<usize>; 1] {
@@ -130,9 +139,9 @@ impl Screening {
             channels.iter().map(|values| Character::of(&values[..rows], layout.blocks)).collect();
         failed::at_once(&mut found, channels, &characters, layout);
         for (values, character) in channels.iter().zip(&characters) {
-            held::search(&mut found, values, character, layout.blocks);
+            held::search(&mut found, values, character, layout);
         }
-        found.polled = stale::search(&mut found, channels, &characters, layout);
+        found.polled = stale::search(&mut found, names, channels, &characters, layout);
         for (values, character) in channels.iter().zip(&characters) {
             spikes::search(&mut found, values, character, layout);
         }
@@ -249,7 +258,7 @@ impl Screening {
             Rows::ClockedSteps => above(stale, limit_percent),
         };
         if too_many {
-            let rows_per_update = total as f64 / (total - stale).max(1) as f64;
+            let rows_per_update = self.polled.map(|_| total as f64 / (total - stale).max(1) as f64);
             return Err(Refusal::Stale { samples: stale, total, first_row: first(Fault::Stale), rows_per_update });
         }
         Ok(())
@@ -259,6 +268,12 @@ impl Screening {
     #[must_use]
     pub fn rows_per_update(&self) -> Option<f64> {
         self.polled
+    }
+
+    /// Says where and at which value a channel is cut; the first one counts.
+    fn cut_at(&mut self, name: &str, block: usize, blocks: &[Range<usize>], value: f64) {
+        let channel = if blocks.len() > 1 { format!("{name} of stretch {}", block + 1) } else { name.to_owned() };
+        self.clipped_at.get_or_insert((channel, value));
     }
 
     /// Marks a row that nothing is known of yet; whether it did.

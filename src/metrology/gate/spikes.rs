@@ -35,31 +35,30 @@ const POLLED: f64 = 1.5;
 const ON_LEVEL: f64 = 0.5;
 /// Most rows on end that are spikes by that level. More of them are a level of their own: the module or its field moved.
 const LONGEST: usize = 8;
+/// Number of touching bursts that chance gives a record from which two may touch.
+const TOUCHING: f64 = 0.01;
 /// Spikes hide each other; each pass finds what the one before laid open.
 const PASSES: usize = 5;
 
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
     let mut spikes = Vec::new();
-    let mut far = FAR;
-    let mut taken: Vec<usize> = Vec::new();
+    let mut sought = Sought { far: FAR, longest: LONGEST };
     for _ in 0..PASSES {
         let before = spikes.len();
         for piece in &character.pieces {
-            let block = &layout.blocks[piece.block];
-            look(found, values, character, piece, &Where { block, still: layout.still, far }, &mut spikes);
+            look(found, values, character, piece, layout, sought, &mut spikes);
         }
         // Marked after a whole pass, as what they are only when all are known.
         for row in &spikes[before..] {
             found.mark(*row, Fault::Spike);
         }
-        taken.extend(&spikes[before..]);
-        let closer = closest(spikes.len(), values.len());
-        if spikes.is_empty() || (spikes.len() == before && closer >= far) {
+        let next = sought.after(&spikes, values.len());
+        if spikes.is_empty() || (spikes.len() == before && next == sought) {
             break;
         }
-        far = closer.min(far);
+        sought = next;
     }
-    if taken.is_empty() {
+    if spikes.is_empty() {
         return;
     }
     let (lowest, highest) = crate::series::range(values);
@@ -67,10 +66,10 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         .into_iter()
         .filter(|end| spikes.iter().filter(|row| values[**row] == *end).count() > 1)
         .collect();
-    for row in taken {
+    for row in spikes {
         let value = values[row];
-        let at_end = ends.contains(&value) || layout.range_end.is_some_and(|end| value.abs() >= end);
-        if value == 0.0 || value == -1.0 || value == -character.step || at_end || is_code_end(value) {
+        let at_end = ends.contains(&value) || layout.is_end(value);
+        if value == 0.0 || value == -1.0 || value == -character.step || at_end {
             found.reconsider(row);
         }
     }
@@ -87,25 +86,40 @@ impl Screening {
     }
 }
 
+/// What a pass takes for a spike.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sought {
+    /// Scales by which it differs.
+    far: f64,
+    /// Most rows on end.
+    longest: usize,
+}
+
+impl Sought {
+    /// What the next pass takes, where these are known.
+    fn after(self, spikes: &[usize], rows: usize) -> Self {
+        Self { far: closest(spikes.len(), rows).min(self.far), longest: longest(spikes, rows).max(self.longest) }
+    }
+}
+
 /// Scales by which a spike stands out where so many are known: few honest samples are lost for many that are not.
 fn closest(spikes: usize, rows: usize) -> f64 {
     let tails = HONEST * spikes as f64 / rows.max(1) as f64;
     stats::normal_quantile(1.0 - (tails / 2.0).clamp(1e-12, 0.4)).clamp(NEAR, FAR)
 }
 
-/// The end of a range of 8, 12, 16, 20, 24 or 32 bits.
-pub(super) fn is_code_end(value: f64) -> bool {
-    [7, 11, 15, 19, 23, 31]
-        .into_iter()
-        .map(|bits| f64::from(bits).exp2())
-        .any(|end| value == end - 1.0 || value == -end)
-}
-
-/// Where a piece lies, and by how many scales a spike differs there.
-struct Where<'a> {
-    block: &'a Range<usize>,
-    still: bool,
-    far: f64,
+/// Most spikes on end, where these are known: two of the longest bursts, if chance lets bursts touch that are together too
+/// long for one.
+fn longest(spikes: &[usize], rows: usize) -> usize {
+    let mut spikes = spikes.to_vec();
+    spikes.sort_unstable();
+    let lengths = spikes.chunk_by(|row, next| row + 1 == *next).map(<[usize]>::len);
+    let (bursts, longest) = lengths
+        .filter(|length| (LONGEST / 2 + 1..=LONGEST).contains(length))
+        .fold((0_usize, 0), |(bursts, longest), length| (bursts + 1, longest.max(length)));
+    // Each burst ends at the row before another one begins with the chance of a beginning in a row.
+    let touching = (bursts * bursts) as f64 / rows.max(1) as f64;
+    if touching > TOUCHING { 2 * longest } else { LONGEST }
 }
 
 /// Factor for the scale of a short block: from few differences it may be half of the true one.
@@ -115,7 +129,11 @@ fn few(block: &Range<usize>) -> f64 {
 
 /// A sample that differs from both sides by more than this is not noise of this scale.
 pub(super) fn limit(character: &Character, scale: f64, block: &Range<usize>) -> f64 {
-    FAR * few(block) * scale.max(STEP * character.step)
+    limit_of(FAR, character, scale, block)
+}
+
+fn limit_of(far: f64, character: &Character, scale: f64, block: &Range<usize>) -> f64 {
+    far * few(block) * scale.max(STEP * character.step)
 }
 
 fn look(
@@ -123,13 +141,15 @@ fn look(
     values: &[f64],
     character: &Character,
     piece: &Piece,
-    &Where { block, still, far }: &Where<'_>,
+    layout: &Layout<'_>,
+    Sought { far, longest }: Sought,
     spikes: &mut Vec<usize>,
 ) {
+    let block = &layout.blocks[piece.block];
     // Of a sensor that is read more often than it updates most neighbours are equal: the rows that move tell the scale.
     let is_polled = piece.moving_scale > POLLED * piece.scale && character.chance_of_repeat(piece) < stale::COMMON;
     let moving_scale = if is_polled { piece.moving_scale } else { 0.0 };
-    let limit_beside = |scale: f64| far * few(block) * scale.max(moving_scale).max(STEP * character.step);
+    let limit_beside = |scale: f64| limit_of(far, character, scale.max(moving_scale), block);
     let limit = limit_beside(piece.scale);
     // A median of five that lies far away has one of the next three far away.
     let first = piece.rows.start.max(block.start + 3).min(piece.rows.end);
@@ -150,7 +170,7 @@ fn look(
         if !found.keeps(row) {
             return;
         }
-        let leaves = if still { leaves_level(found, values, block, row, limit) } else { None };
+        let leaves = if layout.still { leaves_level(found, values, block, row, limit, longest) } else { None };
         if leaves == Some(true) {
             spikes.push(row);
         } else if leaves.is_none() && stands_out(found, values, block, row, limit) {
@@ -189,31 +209,41 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
 /// Whether a sample lies farther from the levels on both sides than their samples spread. This finds spikes on end, which
 /// hide each other from their nearest neighbours. `Some(false)`: the sample lies on the level, as good ones between spikes
 /// do. `None`: the level does not tell, or too many rows on end leave it.
-fn leaves_level(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> Option<bool> {
-    let side = |rows: &mut dyn Iterator<Item = usize>| -> Vec<f64> {
-        rows.filter(|row| found.keeps(*row)).take(LEVEL).map(|row| values[row]).collect()
-    };
-    let mut left = side(&mut (row.saturating_sub(2 * LEVEL).max(block.start)..row).rev());
-    let mut right = side(&mut (row + 1..(row + 1 + 2 * LEVEL).min(block.end)));
+fn leaves_level(
+    found: &Screening,
+    values: &[f64],
+    block: &Range<usize>,
+    row: usize,
+    limit: f64,
+    longest: usize,
+) -> Option<bool> {
+    let value = values[row];
+    let near = ON_LEVEL * limit;
+    let (mut left, mut right) = ([0.0; LEVEL], [0.0; LEVEL]);
+    let left = beside(found, values, (row.saturating_sub(2 * LEVEL).max(block.start)..row).rev(), &mut left);
+    let right = beside(found, values, row + 1..(row + 1 + 2 * LEVEL).min(block.end), &mut right);
     if left.len().min(right.len()) < SIDE {
         return None;
     }
-    let (to_left, to_right) = (values[row] - stats::median(&mut left), values[row] - stats::median(&mut right));
-    if to_left.abs().max(to_right.abs()) < ON_LEVEL * limit {
+    if has_median_near(left, value, near) && has_median_near(right, value, near) {
+        return Some(false);
+    }
+    let (to_left, to_right) = (value - stats::median(left), value - stats::median(right));
+    if to_left.abs().max(to_right.abs()) < near {
         return Some(false);
     }
     let off = one_sided(to_left, to_right);
     if off.abs() <= limit || (to_left - to_right).abs() > limit {
         return None;
     }
-    let level = values[row] - f64::midpoint(to_left, to_right);
-    let leaves = |row: &usize| (values[*row] - level) * off.signum() > ON_LEVEL * limit;
-    let on_end = (block.start..row).rev().take_while(leaves).take(LONGEST).count()
-        + (row + 1..block.end).take_while(leaves).take(LONGEST).count();
-    if on_end >= LONGEST {
+    let level = value - f64::midpoint(to_left, to_right);
+    let leaves = |row: &usize| (values[*row] - level) * off.signum() > near;
+    let on_end = (block.start..row).rev().take_while(leaves).take(longest).count()
+        + (row + 1..block.end).take_while(leaves).take(longest).count();
+    if on_end >= longest {
         return None;
     }
-    let mut spread: Vec<f64> = left.iter().chain(&right).map(|value| (value - level).abs()).collect();
+    let mut spread: Vec<f64> = left.iter().chain(&*right).map(|value| (value - level).abs()).collect();
     (off.abs() > FAR * stats::median(&mut spread) / stats::MEDIAN_DEVIATION).then_some(true)
 }
 
@@ -278,12 +308,36 @@ fn line(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>, ro
 
 /// Median of the next rows that are used; at the edge of a block two will do, and one says nothing.
 fn median(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>) -> Option<f64> {
-    let mut beside = [0.0; SIDE];
+    let mut room = [0.0; SIDE];
+    let beside = beside(found, values, rows, &mut room);
+    (beside.len() > 1).then(|| stats::median(beside))
+}
+
+/// The values of the next rows that are used, as many as there is room for.
+fn beside<'a>(
+    found: &Screening,
+    values: &[f64],
+    rows: impl Iterator<Item = usize>,
+    room: &'a mut [f64],
+) -> &'a mut [f64] {
     let mut count = 0;
-    for row in rows.filter(|row| found.keeps(*row)).take(SIDE) {
-        beside[count] = values[row];
+    for row in rows.filter(|row| found.faults[*row].is_none()) {
+        if count == room.len() {
+            break;
+        }
+        room[count] = values[row];
         count += 1;
     }
-    let beside = &mut beside[..count];
-    (count > 1).then(|| stats::median(beside))
+    &mut room[..count]
+}
+
+/// Whether the median of some values certainly lies nearer to a value than that. Both middle ones lie nearer then. This
+/// counts, at a tenth of the time of a median.
+fn has_median_near(beside: &[f64], value: f64, near: f64) -> bool {
+    let (below, above) = beside.iter().fold((0_u64, 0_u64), |(below, above), other| {
+        let off = value - other;
+        (below + u64::from(off >= near), above + u64::from(off <= -near))
+    });
+    let most = (beside.len() as u64 - 1) / 2;
+    below <= most && above <= most
 }

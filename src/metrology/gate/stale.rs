@@ -6,37 +6,39 @@ use std::ops::Range;
 use super::character::{Character, Piece};
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
-use super::spikes::is_code_end;
 use super::{Fault, Layout, Screening};
 
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
 /// Part of the rows above which repeats are the rule: a sensor that is read more often than it updates.
 const MANY: f64 = 0.1;
+/// Repeats on end that no sensor gives that is read more often than it updates.
+const LONG: usize = super::MOST_POLLED as usize;
 /// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
 pub(super) const COMMON: f64 = 0.5;
 
 /// Marks stale rows. Gives the rows for each update where the sensor is read more often than it updates.
 pub(super) fn search(
     found: &mut Screening,
+    names: &[&str],
     channels: &[&[f64]],
     characters: &[Character],
     layout: &Layout<'_>,
 ) -> Option<f64> {
     let blocks = layout.blocks;
     let before = found.left_out.stale;
-    on_all(found, channels, characters, layout);
+    on_all(found, names, channels, characters, layout);
     // Behind the search on all channels: what they repeat together is no news on one of them.
     if channels.len() > 1 {
         for (values, character) in channels.iter().zip(characters) {
-            frozen(found, values, character, blocks);
+            frozen(found, values, character, layout);
         }
     }
     polled(found, found.left_out.stale - before, blocks)
 }
 
 /// Marks rows that repeat the row before on all channels.
-fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
+fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
     let blocks = layout.blocks;
     let rows = found.rows();
     let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
@@ -57,21 +59,38 @@ fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], 
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| of_piece(at).len()).sum();
+    let runs = |at: usize| of_piece(at).chunk_by(|row, next| row + 1 == *next);
+    let shortest = |at: usize| excess::shortest_run(chances[at], rows);
+    // Runs that chance does not give are no part of its number.
+    let many = counted as f64 > MANY * rows as f64;
+    let is_unsure = |at: usize, run: &[usize]| many || run.len() < shortest(at);
+    let unsure: usize =
+        judged().flat_map(|at| runs(at).filter(move |run| is_unsure(at, run)).map(<[usize]>::len)).sum();
     // A few are no news where chance gives any.
-    let news = counted.saturating_sub(if expected > 1e-3 { 3 } else { 0 });
+    let news = unsure.saturating_sub(if expected > 1e-3 { 3 } else { 0 });
     let mut excess = Excess::of(news, expected, || steps_beside(channels, characters, blocks));
-    if counted as f64 > MANY * rows as f64 {
+    if many {
         excess = excess.all();
     }
     for at in judged().filter(|at| !of_piece(*at).is_empty()) {
-        let shortest = excess::shortest_run(chances[at], rows);
+        let shortest = shortest(at);
         let block = &blocks[pieces[at].block];
-        for run in of_piece(at).chunk_by(|row, next| row + 1 == *next) {
+        for run in runs(at) {
             // What lies still moves before and after a repeat where two spikes stand beside it.
             if !layout.still && pauses(channels, characters, at, block, run[0]) {
                 found.mark(run[0], Fault::Stale);
             }
-            if run.len() >= shortest || excess.takes(run.len()) {
+            // The methods of several channels check that each lies within its range. Those of one leave it to the gate.
+            if let ([name], [values], [character]) = (names, channels, characters)
+                && run.len() >= shortest.max(LONG)
+                && layout.is_end(values[run[0]])
+                && is_extreme(character, pieces[at].block, values[run[0]])
+            {
+                (run[0] - 1..=run[run.len() - 1]).for_each(|row| {
+                    found.mark(row, Fault::Clipped);
+                });
+                found.cut_at(name, pieces[at].block, blocks, values[run[0]]);
+            } else if run.len() >= shortest || excess.takes(run.len()) {
                 for row in run {
                     found.mark(*row, Fault::Stale);
                 }
@@ -80,18 +99,24 @@ fn on_all(found: &mut Screening, channels: &[&[f64]], characters: &[Character], 
     }
 }
 
+/// Whether a block reaches no farther from 0 than a value.
+fn is_extreme(character: &Character, block: usize, value: f64) -> bool {
+    let parts = character.extremes.of_block(block).iter();
+    parts.copied().all(|(low, high)| if value > 0.0 { high <= value } else { low >= value })
+}
+
 /// Marks rows in which one channel alone repeats itself for longer than chance lets it, while the others go on.
 ///
 /// A channel that is read more often than it updates, as a temperature beside rates, does so all the time: for it an update
 /// counts as one row.
-fn frozen(found: &mut Screening, values: &[f64], character: &Character, blocks: &[Range<usize>]) {
+fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
     let judged = || character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON);
     // Repeats on end, by piece, with how many of them nothing is known of yet.
     let mut runs: Vec<(&Piece, Vec<usize>, usize)> = Vec::new();
     let mut repeats = Vec::new();
     for piece in judged() {
         repeats.clear();
-        note(&[values], piece, &blocks[piece.block], |_| true, &mut repeats);
+        note(&[values], piece, &layout.blocks[piece.block], |_| true, &mut repeats);
         for run in repeats.chunk_by(|row, next| row + 1 == *next) {
             let unknown = run.iter().filter(|row| found.keeps(**row)).count();
             if unknown > 0 {
@@ -111,7 +136,7 @@ fn frozen(found: &mut Screening, values: &[f64], character: &Character, blocks: 
             continue;
         }
         // A sensor at the end of its range is not frozen.
-        for row in run.into_iter().filter(|row| !is_code_end(values[*row])) {
+        for row in run.into_iter().filter(|row| !layout.is_end(values[*row])) {
             found.mark(row, Fault::Stale);
         }
     }

@@ -13,6 +13,8 @@ use crate::stats;
 const BESIDE: usize = 5;
 /// Steps by which the level lies off the word.
 const OFF: f64 = 1.5;
+/// Rows at a code from which two codes tell how fast the tail falls.
+const FEW: f64 = 8.0;
 
 /// The rows among these whose neighbours on both sides lie to one side of the word, and how many of them a channel's noise
 /// gives; `None` where it may give any number.
@@ -54,15 +56,35 @@ pub(super) fn in_tail(
         beyond |= u64::from(off < -0.25 * step);
     }
     let (one, two, beyond) = (one as f64, two as f64, beyond != 0);
-    // Two deviations more at the code beside the word.
-    let ratio = (one + 2.0 * one.sqrt() + 1.0) / f64::max(two, 1.0);
-    let natural = (one + 2.0 * one.sqrt() + 1.0) * ratio;
-    // Where nothing lies beyond the word it may be the end of the range, which holds the whole tail.
+    let ratio = at_most(one) / f64::max(two, 1.0);
+    let natural = at_most(one) * ratio;
     let natural = match beyond {
         true => natural,
-        false if ratio < 1.0 => natural / (1.0 - ratio),
-        false if two == 0.0 => natural,
-        false => return None,
+        // Where nothing lies beyond the word it may be the end of the range, which holds the whole tail.
+        false if ratio < 1.0 && two >= FEW => natural / (1.0 - ratio),
+        false => of_groups(values[..found.rows()].iter().map(|value| side * (value - word) / step))?,
     };
     Some((tail, natural))
+}
+
+/// Two deviations more than a number.
+fn at_most(count: f64) -> f64 {
+    count + 2.0 * count.sqrt() + 1.0
+}
+
+/// How many rows lie at a word or beyond it at most, from how many codes each row lies off it: what holds for the codes one
+/// and two steps off holds for the first 2, 4, 8 ... codes and as many behind them. `None` where no such group tells.
+fn of_groups(offs: impl Iterator<Item = f64>) -> Option<f64> {
+    // Rows up to 1, 2, 4 ... codes off and more than half of that.
+    let mut groups = [0_u64; 64];
+    for off in offs.filter(|off| *off > 0.5) {
+        let codes = (off.round() as u64).max(1);
+        groups[((codes - 1).checked_ilog2().map_or(0, |bits| bits + 1) as usize).min(63)] += 1;
+    }
+    let mut within = 0;
+    groups.windows(2).find_map(|pair| {
+        within += pair[0];
+        let ratio = at_most(within as f64) / pair[1] as f64;
+        (ratio < 1.0).then(|| at_most(within as f64) * ratio / (1.0 - ratio))
+    })
 }

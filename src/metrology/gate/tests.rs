@@ -216,7 +216,9 @@ fn zeros_on_end_go_together() {
 /// alone, and noise that a range cuts at 0, lose none.
 #[test]
 fn zeros_in_the_tail_of_coarse_noise_are_found() {
-    for (sd, level) in [(1.0, 5.0), (1.0, 4.5), (2.0, 10.0), (5.0, 28.5), (8.0, 40.0)] {
+    for (sd, level) in
+        [(1.0, 5.0), (1.0, 4.5), (2.0, 10.0), (2.0, 12.0), (3.0, 15.0), (3.0, 18.0), (5.0, 28.5), (8.0, 40.0)]
+    {
         let mut values = noise(15, 60_000, level, sd);
         assert_eq!(counts(&[&values], true), [0; 4], "{sd} codes at {level}");
         let bad: Vec<usize> = (0..600).map(|at| 50 + at * 99 + at * at % 41).collect();
@@ -285,6 +287,55 @@ fn several_spikes_on_end_leave_a_level() {
         let found = screen(&[&values], &one_stretch(4000), true);
         assert_eq!(found.left_out().total(), 0, "{length} rows");
     }
+}
+
+/// 100 bursts of five rows at random, of which some touch: ten rows on end are two bursts then.
+#[test]
+fn bursts_that_touch_are_spikes() {
+    let mut values = noise(9, 60_000, 5000.0, 100.0);
+    let mut dice = ChaCha8Rng::seed_from_u64(21);
+    let mut bursts: Vec<usize> = (0..98).map(|_| 5 * dice.random_range(100..11_900)).collect();
+    bursts.extend([30_000, 30_005]);
+    bursts.sort_unstable();
+    bursts.dedup();
+    let bad: Vec<usize> = bursts.iter().flat_map(|row| *row..row + 5).collect();
+    bad.iter().for_each(|row| values[*row] += 1000.0);
+    let found = screen(&[&values], &one_stretch(60_000), true);
+    let missed = bad.iter().filter(|row| found.keeps(**row)).count();
+    assert_eq!((missed, bad.len()), (0, found.left_out().spikes));
+}
+
+/// A single column at the end of its range for long is cut, not stale; the end may be that of a word or a stated one. A
+/// polled sensor whose noise passes 127, the end of eight bits, is neither.
+#[test]
+fn a_column_that_stays_at_the_end_of_its_range_is_cut() {
+    for (end, range_end) in [(32_767.0, None), (-8_388_608.0, None), (9000.0, Some(9000.0)), (-9000.0, Some(9000.0))] {
+        for still in [true, false] {
+            let mut values = noise(1, 20_000, 8000.0, 30.0);
+            values[500..700].fill(end);
+            let layout = Layout { blocks: &one_stretch(20_000), still, range_end };
+            let refused = Screening::of(&["w"], &[&values], &layout).admit(Rows::Steps).unwrap_err();
+            let Refusal::Clipped { channel, value, samples, first_row, .. } = refused else { panic!("{refused}") };
+            assert_eq!((channel.as_str(), value, samples, first_row), ("w", end, 200, 501), "still: {still}");
+        }
+    }
+    let updates = noise(14, 2500, 120.0, 30.0);
+    let polled: Vec<f64> = updates.iter().flat_map(|update| [*update; 8]).collect();
+    assert_eq!(counts(&[&polled], true)[3], 0);
+}
+
+/// A sensor that stands still once is not told as one that updates seldom.
+#[test]
+fn what_stands_still_once_has_no_rate_of_its_own() {
+    let mut values = noise(1, 20_000, 8000.0, 30.0);
+    let held = values[499];
+    values[500..800].fill(held);
+    let refused = screen(&[&values], &one_stretch(20_000), true).admit(Rows::Steps).unwrap_err();
+    assert!(matches!(refused, Refusal::Stale { first_row: 501, rows_per_update: None, .. }), "{refused}");
+    assert!(!refused.to_string().contains("rate"), "{refused}");
+    let doubled: Vec<f64> = noise(2, 10_000, 8000.0, 30.0).iter().flat_map(|value| [*value; 2]).collect();
+    let refused = screen(&[&doubled], &one_stretch(20_000), true).admit(Rows::Steps).unwrap_err();
+    assert!(refused.to_string().contains("new rows come at 1/2.0"), "{refused}");
 }
 
 /// Two channels of three stand still for 40 rows while the third goes on.
@@ -445,6 +496,56 @@ fn a_low_pass_makes_no_spikes_of_the_ends_of_a_ramp() {
                     let found = screen(&[&values], &one_stretch(ROWS), false);
                     assert!(!found.keeps(325), "{part} of the rate, {poles} poles: a spike");
                 }
+            }
+        }
+    }
+}
+
+/// A line, several lines, one that wanders, a low-pass and both: with 1 in 100 rows replaced, alone or eight on end, each
+/// part of the spectrum stays that of the record before the damage.
+#[test]
+fn values_in_place_of_others_follow_lines_and_low_passes() {
+    const ROWS: usize = 60_000;
+    const SEGMENT: usize = 512;
+    for (seed, what) in (300..).zip(["line", "lines", "wandering line", "low-pass", "low-pass and line"]) {
+        let mut normal = dice(seed);
+        let (mut phase, mut poles) = (0.0, [0.0; 2]);
+        let clean: Vec<f64> = (0..ROWS)
+            .map(|row| {
+                let turn = |frequency: f64| (std::f64::consts::TAU * (frequency * row as f64).fract() + phase).sin();
+                let mut value = 30.0 * normal();
+                if what.contains("low-pass") {
+                    poles[0] += 0.5 * (value - poles[0]);
+                    poles[1] += 0.5 * (poles[0] - poles[1]);
+                    value = 3.0 * poles[1];
+                }
+                value += match what {
+                    "low-pass" => 0.0,
+                    "lines" => 300.0 * turn(0.2495) + 150.0 * turn(0.11) + 90.0 * turn(0.37),
+                    _ => 300.0 * turn(0.2495),
+                };
+                if what == "wandering line" {
+                    phase += 0.01 * normal();
+                }
+                (8000.0 + value).round()
+            })
+            .collect();
+        for length in [1, 8] {
+            let every = 100 * length;
+            let mut values = clean.clone();
+            for row in (50..ROWS - every).step_by(every).map(|row| row + (row * 7 / every) % (every - 20)) {
+                values[row..row + length].fill(0.0);
+            }
+            let found = screen(&[&values], &one_stretch(ROWS), true);
+            let bad = found.left_out().failed_reads;
+            assert!((580..=600).contains(&bad) && found.left_out().total() == bad, "{what}: {:?}", found.left_out());
+            let density = |values: &[f64]| crate::psd::welch(values, 1.0, SEGMENT).unwrap().density;
+            let (before, after) = (density(&clean), density(&found.refilled(&values, &one_stretch(ROWS))));
+            for band in [0.02..0.1, 0.15..0.2, 0.3..0.35, 0.4..0.48] {
+                let bins = (band.start * SEGMENT as f64) as usize..(band.end * SEGMENT as f64) as usize;
+                let mean = |density: &[f64]| density[bins.clone()].iter().sum::<f64>();
+                let ratio = mean(&after) / mean(&before);
+                assert!((ratio - 1.0).abs() < 0.03, "{what}, {length} rows, {band:?}: {ratio}");
             }
         }
     }

@@ -14,6 +14,8 @@ pub(super) struct Line {
     /// Sum of the squares of the residuals.
     squares: f64,
     points: usize,
+    /// How far slope and offset go where every output is off by 1, with the worst signs.
+    pub(super) reach: [f64; 2],
 }
 
 impl Line {
@@ -41,8 +43,13 @@ impl Line {
         }
         let slope = xy / xx;
         let squares =
-            points.map(|(rate, output)| (output - level - mean - slope * (rate - centre)).powi(2)).sum::<f64>();
-        Self { slope, offset: level + mean - slope * centre, centre, sum_of_squares: xx, squares, points: count }
+            points.clone().map(|(rate, output)| (output - level - mean - slope * (rate - centre)).powi(2)).sum::<f64>();
+        let reach = points.fold([0.0; 2], |[of_slope, of_offset], (rate, _)| {
+            let weight = (rate - centre) / xx;
+            [of_slope + weight.abs(), of_offset + (1.0 / n - centre * weight).abs()]
+        });
+        let offset = level + mean - slope * centre;
+        Self { slope, offset, centre, sum_of_squares: xx, squares, points: count, reach }
     }
 
     pub(super) fn residual(&self, point: &Point) -> f64 {

@@ -1,6 +1,6 @@
 //! From the rows of a record to the points of a line.
 
-use crate::{Refusal, series, stats};
+use crate::{Refusal, quantisation, series, stats};
 
 /// Mean output at one input.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Point {
     pub row: usize,
     /// Rows that were averaged.
     pub rows: usize,
+    /// Standard uncertainty of `output` from its steps ([`quantisation::mean_error_sd`]).
+    pub resolution_sd: f64,
 }
 
 /// Rows of a record; the columns have one length.
@@ -53,10 +55,14 @@ impl Rows<'_> {
                     cycle: cycle(first),
                     row: first + 1,
                     rows: row - first,
+                    resolution_sd: 0.0,
                 });
                 first = row;
             }
         }
+        let stretches: Vec<&[f64]> = points.iter().map(|p| &self.outputs[p.row - 1..p.row - 1 + p.rows]).collect();
+        let resolution_sd = quantisation::mean_error_sd(&stretches);
+        points.iter_mut().for_each(|point| point.resolution_sd = resolution_sd);
         Ok(points)
     }
 }

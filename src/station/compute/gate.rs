@@ -126,6 +126,9 @@ impl GateColumns {
         columns.units.truncate(own);
         let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
 
+        for (name, values) in chip.iter().zip(&columns.numbers) {
+            series::signed(name, values)?;
+        }
         let mut screening = Screening::of(chip, &slices(&columns.numbers[..chip.len()]), layout);
         if !others.is_empty() {
             series::channels(&names, &slices(&others))?;

@@ -79,6 +79,15 @@ impl Repeatability {
         } else {
             report.absent("noise_of_a_mean", "a run of one row does not show its noise");
         }
+        let suspects = stability::suspects(&means);
+        if suspects.is_empty() {
+            report.put("suspects", "no run stands out", json!([]));
+        } else {
+            let of = |(place, studentised): &(usize, f64)| {
+                vec![json!(runs[*place].number), json!(means[*place]), json!(studentised)]
+            };
+            report.rows("suspects", &["run", "mean", "studentised_residual"], suspects.iter().map(of).collect());
+        }
         let rows = runs
             .iter()
             .zip(&means)
