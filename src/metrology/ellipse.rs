@@ -10,7 +10,7 @@
 
 use nalgebra::SMatrix;
 
-use crate::{Refusal, quadric, series};
+use crate::{Refusal, quadric, series, stats};
 
 /// What the correction means.
 pub const EQUATION: &str = "y' = ky (y - dy), x' = [(x - dx) - y' sin_alpha] / sqrt(1 - sin_alpha^2)";
@@ -248,7 +248,7 @@ pub fn fit_algebraic(x: &[f64], y: &[f64]) -> Result<[f64; 5], Refusal> {
 }
 
 fn extremes(x: &[f64], y: &[f64]) -> Extremes {
-    let ((x0, x1), (y0, y1)) = (series::range(x), series::range(y));
+    let ((x0, x1), (y0, y1)) = (stats::range(x), stats::range(y));
     Extremes { dx: f64::midpoint(x0, x1), dy: f64::midpoint(y0, y1), ky: (x1 - x0) / (y1 - y0) }
 }
 

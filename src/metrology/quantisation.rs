@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use statrs::function::erf::erf;
 
-use crate::{series, stats};
+use crate::stats;
 
 /// Rows within which a level stands for one: a jump between two pieces adds to neither.
 const PIECE: usize = 64;
@@ -43,7 +43,7 @@ pub fn is_stuck(stretches: &[&[f64]], rows: usize) -> bool {
 fn step_and_variance(stretches: &[&[f64]], deviation: impl Fn(&[f64]) -> f64) -> Option<(f64, f64)> {
     let (low, high) = stretches
         .iter()
-        .map(|values| series::range(values))
+        .map(|values| stats::range(values))
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), range| (low.min(range.0), high.max(range.1)));
     let floor = ARITHMETIC * low.abs().max(high.abs());
     let steps = stretches.iter().filter_map(|values| least_step(values, floor));

@@ -57,7 +57,7 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
         let samples = values.iter().filter(|v| v.abs() >= limit).count();
         return if samples > 0 { refuse(limit, samples) } else { Ok(()) };
     }
-    let (low, high) = range(values);
+    let (low, high) = stats::range(values);
     for (extreme, inside) in [(high, 1.0), (low, -1.0)] {
         let at_extreme = values.iter().map(|v| usize::from(*v == extreme)).sum::<usize>();
         if at_extreme < REPEATS || at_extreme == values.len() {
@@ -83,7 +83,7 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
 pub fn unclipped(channel: &str, values: &[f64], rests: &[&[f64]]) -> Result<(), Refusal> {
     const PLATEAU: usize = 20;
     const RATIO: usize = 4;
-    let (low, high) = range(values);
+    let (low, high) = stats::range(values);
     for extreme in [high, low].into_iter().filter(|e| (e - values[0]).abs() > 0.5 * (high - low)) {
         let (mut at_extreme, mut elsewhere) = (0, 0);
         for stretch in values.chunk_by(|a, b| a == b) {
@@ -112,7 +112,7 @@ pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     if values.iter().any(|v| *v < 0.0 || v.fract() != 0.0) {
         return Ok(());
     }
-    let (_, high) = range(values);
+    let (_, high) = stats::range(values);
     let Some(bits) = BITS.into_iter().find(|bits| high < f64::from(*bits).exp2()) else { return Ok(()) };
     let end = f64::from(bits).exp2();
     let (mut below, mut wrapped) = (0.0_f64, Vec::new());
@@ -132,27 +132,6 @@ pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
         return Ok(());
     }
     Err(Refusal::Unsigned { channel: channel.to_owned(), bits, samples, row })
-}
-
-/// Smallest and largest of finite values.
-#[must_use]
-pub fn range(values: &[f64]) -> (f64, f64) {
-    const LANES: usize = 8;
-    let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
-    let (whole, rest) = values.as_chunks::<LANES>();
-    // Plain comparisons, which the compiler turns into vectors; f64::min also cares for NaN.
-    for chunk in whole {
-        for l in 0..LANES {
-            low[l] = if chunk[l] < low[l] { chunk[l] } else { low[l] };
-            high[l] = if chunk[l] > high[l] { chunk[l] } else { high[l] };
-        }
-    }
-    let both = |(l, h): (f64, f64), v: f64| (l.min(v), h.max(v));
-    low.into_iter()
-        .chain(high)
-        .chain(rest.iter().copied())
-        .filter(|v| v.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), both)
 }
 
 #[cfg(test)]

@@ -221,6 +221,27 @@ pub fn welch_satterthwaite(contributions: &[(f64, f64)]) -> f64 {
     variance * variance / weighted
 }
 
+/// Smallest and largest of finite values.
+#[must_use]
+pub fn range(values: &[f64]) -> (f64, f64) {
+    const LANES: usize = 8;
+    let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    let (whole, rest) = values.as_chunks::<LANES>();
+    // Plain comparisons, which the compiler turns into vectors; f64::min also cares for NaN.
+    for chunk in whole {
+        for l in 0..LANES {
+            low[l] = if chunk[l] < low[l] { chunk[l] } else { low[l] };
+            high[l] = if chunk[l] > high[l] { chunk[l] } else { high[l] };
+        }
+    }
+    let both = |(l, h): (f64, f64), v: f64| (l.min(v), h.max(v));
+    low.into_iter()
+        .chain(high)
+        .chain(rest.iter().copied())
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), both)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

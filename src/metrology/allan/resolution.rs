@@ -4,7 +4,7 @@
 //! below q (Widrow and Kollár, *Quantization Noise*, chapter 4). Smaller noise hides within a code or toggles between two,
 //! and the record says where the mean lies in a code rather than how large the noise is.
 
-use crate::{quantisation::least_step, series, stats};
+use crate::{quantisation::least_step, stats};
 
 /// Codes of a record that stand too far apart for its noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,7 @@ const ARITHMETIC: f64 = 1e-12;
 /// The step and the noise of a record of rates, where the step is too wide for the noise. Most neighbourhoods decide, so that
 /// neither a spike nor a slow wandering stands for noise.
 pub(super) fn unresolved(rates: &[f64]) -> Option<Unresolved> {
-    let (low, high) = series::range(rates);
+    let (low, high) = stats::range(rates);
     let floor = ARITHMETIC * low.abs().max(high.abs());
     let step = least_step(rates, floor)?;
     let variance = |part: &[f64]| {

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::series;
+use crate::stats;
 
 /// Rows of a part. Pieces begin with one.
 pub(super) const PART: usize = 64;
@@ -24,7 +24,7 @@ impl Extremes {
 
     /// Adds the next rows of the block: whole parts, unless they are its last ones.
     pub(super) fn add(&mut self, values: &[f64]) {
-        self.parts.extend(values.chunks(PART).map(series::range));
+        self.parts.extend(values.chunks(PART).map(stats::range));
     }
 
     /// Smallest and largest value of each part of a block.

@@ -61,7 +61,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
     if spikes.is_empty() {
         return;
     }
-    let (lowest, highest) = crate::series::range(values);
+    let (lowest, highest) = crate::stats::range(values);
     let ends: Vec<f64> = [lowest, highest]
         .into_iter()
         .filter(|end| spikes.iter().filter(|row| values[**row] == *end).count() > 1)
