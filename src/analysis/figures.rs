@@ -43,6 +43,7 @@ use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 
 use crate::capture::Capture;
+use crate::details::{BUDGET, Part};
 pub use allan::fit_json;
 use budget::Budget;
 pub use calibration::Calibration;
@@ -148,16 +149,21 @@ impl Findings {
     /// A figure with the uncertainty of its budget, which is kept in the details.
     fn figure(&mut self, name: impl Into<String>, number: f64, budget: &Budget, probability: f64) {
         let name = name.into();
-        if let Some(budgets) = self.details.as_object_mut() {
-            let budgets = budgets.entry("budget").or_insert_with(|| serde_json::json!({}));
+        if let Some(details) = self.details.as_object_mut() {
+            let budgets = details.entry(BUDGET.key()).or_insert_with(|| serde_json::json!({}));
             if let Some(budgets) = budgets.as_object_mut() {
-                budgets.insert(name.clone(), budget.json(probability));
+                budgets.insert(name.clone(), serde_json::json!(budget.written(probability)));
             }
         }
         self.put(name, Value::estimate(number, budget.unit(), budget.uncertainty(number, probability)));
     }
 
-    /// A detail under a key.
+    /// A part of the details that others read.
+    fn part<T: serde::Serialize>(&mut self, part: &Part<T>, value: T) {
+        self.detail(part.key(), serde_json::json!(value));
+    }
+
+    /// A detail that only people read.
     fn detail(&mut self, key: &str, value: impl Into<serde_json::Value>) {
         if let Some(details) = self.details.as_object_mut() {
             details.insert(key.to_owned(), value.into());

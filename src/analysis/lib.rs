@@ -4,6 +4,7 @@
 //! recomputation years later come to the same. It knows no board, no turntable, no limit and no record.
 
 pub mod capture;
+pub mod details;
 pub mod figures;
 pub mod host_clock;
 pub mod motion;

@@ -8,6 +8,7 @@
 mod of_run;
 mod xml;
 
+use gnc_analysis::details::Contribution;
 use gnc_analysis::figures::calibration::Mag;
 use serde::{Deserialize, Serialize};
 
@@ -190,29 +191,6 @@ pub struct Budget {
     pub probability: f64,
     /// What it is combined from.
     pub contributions: Vec<Contribution>,
-}
-
-/// A contribution to a budget.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Contribution {
-    /// Where it comes from.
-    pub name: String,
-    /// A: from the record itself; B: from elsewhere.
-    #[serde(rename = "type")]
-    pub kind: String,
-    /// Standard uncertainty of the input.
-    pub value: f64,
-    /// Its unit.
-    pub unit: String,
-    /// Distribution of the input.
-    pub distribution: String,
-    /// Degrees of freedom; null stands for infinite.
-    pub dof: Option<f64>,
-    /// Figure per input.
-    pub sensitivity: f64,
-    /// Contribution in the unit of the figure.
-    pub u: f64,
 }
 
 #[cfg(test)]

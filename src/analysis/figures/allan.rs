@@ -1,5 +1,7 @@
 //! Allan deviations of all axes, on compensated data.
 
+use std::collections::BTreeMap;
+
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -10,6 +12,7 @@ use serde_json::json;
 use super::captures::{self, AXES, Triad};
 use super::stability::{Compensation, unit};
 use super::{FigureError, Findings, Question};
+use crate::details::performance::{self as details, CURVES};
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let compensation = Compensation::of(question)?;
@@ -24,7 +27,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         "rate_hz": rate_hz, "record_s": capture.samples.len() as f64 / rate_hz,
         "interval": "68.3 %, chi-square with equivalent degrees of freedom (Greenhall), by the noises of the fit",
     }));
-    let mut curves = serde_json::Map::new();
+    let mut curves = BTreeMap::new();
     for triad in &compensation.triads {
         let series = compensation.blocks(capture, *triad, 1);
         let found = [0, 1, 2].map(|axis| {
@@ -39,38 +42,39 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         walks(&mut findings, *triad, &found);
         floors(&mut findings, *triad, &found);
     }
-    findings.detail("curves", curves);
+    findings.part(&CURVES, curves);
     Ok(findings)
 }
 
-fn curve(analysis: &allan::Analysis, unit: Unit) -> serde_json::Value {
-    let points: Vec<_> = analysis
-        .points
-        .iter()
-        .map(|point| {
-            json!({
-                "tau_s": point.tau_s, "dev": point.dev, "low": point.low, "high": point.high, "edf": point.edf,
-                "n": point.n, "noise": point.noise.map(|noise| noise.to_string()),
-            })
-        })
-        .collect();
+fn curve(analysis: &allan::Analysis, unit: Unit) -> details::Curve {
+    let point = |point: &allan::Point| details::Point {
+        tau_s: point.tau_s,
+        dev: point.dev,
+        low: point.low,
+        high: point.high,
+        edf: Some(point.edf),
+        n: point.n,
+        noise: point.noise.map(|noise| noise.to_string()),
+    };
+    let interval = |c: Coefficient| details::Coefficient { value: c.value, low: Some(c.low), high: Some(c.high) };
     let c = &analysis.coefficients;
-    let interval = |c: Coefficient| json!({ "value": c.value, "low": c.low, "high": c.high });
-    let named = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
-    let reasons: serde_json::Map<_, _> =
-        named.iter().filter_map(|(name, c)| Some(((*name).to_owned(), c.err()?.to_string().into()))).collect();
-    let fit = analysis.fit.as_ref().map(fit_json);
-    let mut curve = json!({
-        "unit": unit.symbol(), "points": points, "reasons": reasons, "fit": fit,
-        "N_psd": analysis.plateau.map(|plateau| interval(plateau.n())),
-        "B_upper_bound": c.b_upper_bound,
-        "B_upper_bound_label":
-            "smallest upper end of a 95 % interval / 0.664: an upper bound, whether a flat part is seen or not",
-    });
-    for (name, c) in named {
-        curve[name] = c.map_or(serde_json::Value::Null, interval);
+    let reasons = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
+    details::Curve {
+        unit: unit.symbol().to_owned(),
+        points: analysis.points.iter().map(point).collect(),
+        reasons: reasons.iter().filter_map(|(name, c)| Some(((*name).to_owned(), c.err()?.to_string()))).collect(),
+        fit: analysis.fit.as_ref().map(fit_json),
+        n_psd: analysis.plateau.map(|plateau| interval(plateau.n())),
+        b_upper_bound: c.b_upper_bound,
+        b_upper_bound_label:
+            "smallest upper end of a 95 % interval / 0.664: an upper bound, whether a flat part is seen or not"
+                .to_owned(),
+        q: c.q.ok().map(interval),
+        n: c.n.ok().map(interval),
+        b: c.b.ok().map(interval),
+        k: c.k.ok().map(interval),
+        r: c.r.ok().map(interval),
     }
-    curve
 }
 
 /// How well a fit of noise terms holds, in the form that records and `compute` share.

@@ -8,12 +8,12 @@ use gnc_executive::bench::Fixture;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::triad::{coupling, nonorthogonality_rad};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use serde_json::json;
 
 use super::Findings;
 use super::budget::Budget;
 use super::captures::AXES;
-use super::json::{matrix, vector};
+use super::json::rows;
+use crate::details::{self, FRAMES};
 
 /// A triad's response relative to the axes of the table, and where the seat is on it.
 pub(super) struct Frames<'r> {
@@ -46,21 +46,20 @@ impl Frames<'_> {
             findings.figure(name, angles_rad[k] * 1e6, &of_angle(&budget(i, j), &budget(j, i)), probability);
         }
         let measured = self.fixture.mounting_rad;
-        findings.detail(
-            "frames",
-            json!({
-                "coupling_to_table": matrix(&coupling(self.response)),
-                "coupling_to_seat": matrix(&seated),
-                "nonorthogonality_rad": vector(&angles_rad),
-                "mounting_deg": measured.map(|mounting| mounting.map(f64::to_degrees)),
-                "mounting_u_deg": self.fixture.mounting_u_rad.to_degrees(),
-                "label": if measured.is_some() {
-                    "the mounting of the seat is that of the bench file; coefficients are relative to the table"
-                } else {
-                    "the mounting of the seat was not measured and counts as zero; coefficients are relative to the table"
-                },
-            }),
-        );
+        let label = if measured.is_some() {
+            "the mounting of the seat is that of the bench file; coefficients are relative to the table"
+        } else {
+            "the mounting of the seat was not measured and counts as zero; coefficients are relative to the table"
+        };
+        let frames = details::Frames {
+            coupling_to_table: rows(&coupling(self.response)),
+            coupling_to_seat: rows(&seated),
+            nonorthogonality_rad: angles_rad.into(),
+            mounting_deg: measured.map(|mounting| mounting.map(f64::to_degrees)),
+            mounting_u_deg: self.fixture.mounting_u_rad.to_degrees(),
+            label: label.to_owned(),
+        };
+        findings.part(&FRAMES, frames);
     }
 }
 

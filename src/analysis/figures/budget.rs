@@ -3,7 +3,8 @@
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
 use gnc_metrology::stats;
-use serde_json::{Value, json};
+
+use crate::details;
 
 /// One contribution.
 #[derive(Debug, Clone)]
@@ -105,35 +106,30 @@ impl Budget {
         Uncertainty::symmetric(figure, u, k, probability)
     }
 
-    /// As a table with its sum.
-    pub(super) fn json(&self, probability: f64) -> Value {
+    /// As the record holds it, with its sum.
+    pub(super) fn written(&self, probability: f64) -> details::Budget {
         let (u, dof) = self.combined();
         let k = self.shape.coverage_factor(probability, dof);
-        let rows: Vec<Value> = self
-            .rows
-            .iter()
-            .map(|row| {
-                json!({
-                    "name": row.name,
-                    "type": row.kind.to_string(),
-                    "value": row.value,
-                    "unit": row.unit,
-                    "distribution": row.distribution,
-                    "dof": finite(row.dof),
-                    "sensitivity": row.sensitivity,
-                    "u": row.value * row.sensitivity.abs(),
-                })
-            })
-            .collect();
-        let mut table = json!({
-            "unit": self.unit.symbol(), "contributions": rows, "u": u, "dof": finite(dof), "k": k.and_then(finite),
-            "U": k.and_then(|k| finite(k * u)),
-            "probability": probability,
-        });
-        if let Some(figure) = self.shape.label() {
-            table["figure"] = figure.into();
+        let row = |row: &Contribution| details::Contribution {
+            name: row.name.to_owned(),
+            kind: row.kind.to_string(),
+            value: row.value,
+            unit: row.unit.to_owned(),
+            distribution: row.distribution.to_owned(),
+            dof: finite(row.dof),
+            sensitivity: row.sensitivity,
+            u: row.value * row.sensitivity.abs(),
+        };
+        details::Budget {
+            unit: self.unit.symbol().to_owned(),
+            contributions: self.rows.iter().map(row).collect(),
+            u,
+            dof: finite(dof),
+            k: k.and_then(finite),
+            expanded: k.and_then(|k| finite(k * u)),
+            probability,
+            figure: self.shape.label(),
         }
-        table
     }
 }
 

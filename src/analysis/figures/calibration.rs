@@ -6,9 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use super::json::{of_rows, rows};
 use super::{FigureError, Findings};
+use crate::details::Part;
 
-/// Key in the details of findings.
-pub(super) const KEY: &str = "calibration";
+/// What an item found of a module's calibration.
+pub const CALIBRATION: Part<Calibration> = Part::new("calibration");
+/// What goes to the module.
+pub const COEFFICIENTS: Part<Coefficients> = Part::new("coefficients");
 
 /// What is known of a module so far. Matrices lie row by row: rows are sensors, columns axes. N is the raw output in
 /// counts, f the specific force in m/s^2, w the angular rate in rad/s.
@@ -82,7 +85,7 @@ impl Calibration {
     pub fn of(earlier: &[(String, Findings)]) -> Result<Self, FigureError> {
         let mut all = Self::default();
         for (name, findings) in earlier {
-            let Some(found) = findings.details.get(KEY) else { continue };
+            let Some(found) = findings.details.get(CALIBRATION.key()) else { continue };
             let found: Self = serde_json::from_value(found.clone())
                 .map_err(|error| FigureError::BadCalibration { item: name.clone(), why: error.to_string() })?;
             all.accel = found.accel.or(all.accel);

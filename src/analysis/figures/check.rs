@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::budget::Budget;
+use super::calibration::COEFFICIENTS;
 use super::captures::{self, AXES};
 use super::json::vector;
 use super::mean::{self, BLOCKS};
@@ -23,7 +24,7 @@ const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
-    if !question.earlier.iter().any(|(_, findings)| findings.details.get("coefficients").is_some()) {
+    if !question.earlier.iter().any(|(_, findings)| findings.details.get(COEFFICIENTS.key()).is_some()) {
         return Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload });
     }
     for capture in question.captures {

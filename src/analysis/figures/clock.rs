@@ -15,9 +15,10 @@ use serde_json::json;
 use super::budget::Budget;
 use super::{FigureError, Findings, Question};
 use crate::capture::{Capture, HostView};
+use crate::details::Part;
 
-/// What an item measures of it, and the key under which its details keep it.
-const BOARD_CLOCK: &str = "board_clock";
+/// What an item measured of it.
+pub(super) const BOARD_CLOCK: Part<BoardClock> = Part::new("board_clock");
 /// Pulses farther apart than a second by this are others: one is missing, or one is a bounce.
 pub(super) const SECOND_NS: (f64, f64) = (0.99e9, 1.01e9);
 /// Scatter of a pulse that is assumed at least, whatever so few of them show: receivers state 20 to 100 ns.
@@ -70,7 +71,7 @@ impl BoardClock {
     /// As the details of the item that measured it.
     #[must_use]
     pub fn details(&self) -> serde_json::Value {
-        json!({ BOARD_CLOCK: self })
+        json!({ BOARD_CLOCK.key(): self })
     }
 }
 
@@ -144,8 +145,7 @@ pub(super) fn drift_ppm() -> f64 {
 }
 
 fn measured(earlier: &[(String, Findings)]) -> Option<BoardClock> {
-    let clocks = earlier.iter().rev().filter_map(|(_, findings)| findings.details.get(BOARD_CLOCK));
-    clocks.filter_map(|clock| BoardClock::deserialize(clock).ok()).next()
+    earlier.iter().rev().find_map(|(_, findings)| BOARD_CLOCK.of(&findings.details))
 }
 
 /// Every capture has its samples on the grid of the board's own time.

@@ -9,7 +9,7 @@ use gnc_protocol::stream::{MAG_LSB_PER_GAUSS, SATURATION};
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::{self, Calibration, Mag};
+use super::calibration::{CALIBRATION, Calibration, Mag};
 use super::captures::{self, Triad};
 use super::mean::MeanVariance;
 use super::roll::{self, Roll};
@@ -17,6 +17,7 @@ use super::spin_blocks::{self, FIGURES};
 use super::still_fit::rare_ratio;
 use super::{FigureError, Findings, Question, thin};
 use crate::capture::{Capture, Pose};
+use crate::details::calibrating::{self as details, FIELD, SPINS};
 
 /// A table that turns more slowly or faster than this (relative) did not do what it was told.
 const RATE_TOLERANCE: f64 = 0.02;
@@ -46,7 +47,9 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     }
     let known = Known::of(&spins, question);
     let skew = Skew::of(&spins, &known);
-    let mut findings = Findings::new(details(&spins, &skew));
+    let mut findings = Findings::new(details(&skew));
+    findings.part(&SPINS, spins.iter().map(Spin::detail).collect());
+    findings.part(&FIELD, spins.iter().map(Spin::field).collect());
     let dx = known.put(&mut findings, Figure::ZeroX, &spins, |e| e.correction.dx, probability);
     let dy = known.put(&mut findings, Figure::ZeroY, &spins, |e| e.correction.dy, probability);
     let ky = known.put(&mut findings, Figure::Ky, &spins, |e| e.correction.ky, probability);
@@ -81,7 +84,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     findings.number("rejected", 100.0 * rejected as f64 / (rejected + used) as f64, Unit::Percent);
     findings.number("turns", spins.iter().map(|spin| spin.roll.turns.abs()).fold(f64::INFINITY, f64::min), Unit::Count);
     let mag = Mag { dx, dy, ky, sin_alpha: skew.alpha.sin() };
-    findings.detail(calibration::KEY, json!(Calibration { mag: Some(mag), ..Calibration::default() }));
+    findings.part(&CALIBRATION, Calibration { mag: Some(mag), ..Calibration::default() });
     Ok(findings)
 }
 
@@ -307,41 +310,57 @@ impl Skew {
     }
 }
 
-fn details(spins: &[Spin<'_>], skew: &Skew) -> serde_json::Value {
-    let rows: Vec<_> = spins
-        .iter()
-        .map(|spin| {
-            let (e, c) = (&spin.found, &spin.found.correction);
-            json!({
-                "capture": spin.capture.about.label, "told_dps": spin.told_rps.to_degrees(),
-                "rate_dps": spin.roll.rate_rps.to_degrees(), "turns": spin.roll.turns,
-                "centre": e.centre, "semi_axes": e.semi_axes, "rotation_deg": e.rotation_deg, "radius": e.radius,
-                "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha, "alpha_deg": spin.alpha().to_degrees(),
-                "sd": { "dx": e.sd.correction.dx, "dy": e.sd.correction.dy, "ky": e.sd.correction.ky, "sin_alpha": e.sd.correction.sin_alpha },
-                "residual_rms": e.residual_rms, "residual_peak_relative": e.residual_peak,
-                "rejected": e.rejected, "used": e.used, "dof": e.dof, "condition": e.condition, "gap_deg": e.gap_deg,
-                "roll_harmonics_deg": spin.roll.harmonics_rad.map(f64::to_degrees),
-                "as_printed": {
-                    "dx": e.extremes.dx, "dy": e.extremes.dy, "ky": e.extremes.ky, "residual_rms": e.residual_rms_as_printed,
-                    "roll_harmonics_deg": spin.as_printed.harmonics_rad.map(f64::to_degrees),
-                },
-            })
-        })
-        .collect();
-    let field: Vec<_> = spins
-        .iter()
-        .map(|spin| {
-            json!({
-                "capture": spin.capture.about.label,
-                "x_gauss": thin::rounded(spin.shown.iter().map(|(x, _)| *x), 6),
-                "y_gauss": thin::rounded(spin.shown.iter().map(|(_, y)| *y), 6),
-            })
-        })
-        .collect();
+impl Spin<'_> {
+    fn detail(&self) -> details::Spin {
+        let (e, c, sd) = (&self.found, &self.found.correction, &self.found.sd.correction);
+        let degrees = |rad: [f64; 2]| rad.map(|rad| Some(rad.to_degrees()));
+        details::Spin {
+            capture: self.capture.about.label.clone(),
+            told_dps: self.told_rps.to_degrees(),
+            rate_dps: self.roll.rate_rps.to_degrees(),
+            turns: Some(self.roll.turns),
+            centre: e.centre,
+            semi_axes: e.semi_axes,
+            rotation_deg: e.rotation_deg,
+            radius: e.radius,
+            dx: c.dx,
+            dy: c.dy,
+            ky: c.ky,
+            sin_alpha: c.sin_alpha,
+            alpha_deg: self.alpha().to_degrees(),
+            sd: details::SpinSd { dx: Some(sd.dx), dy: Some(sd.dy), ky: Some(sd.ky), sin_alpha: Some(sd.sin_alpha) },
+            residual_rms: Some(e.residual_rms),
+            residual_peak_relative: Some(e.residual_peak),
+            rejected: e.rejected,
+            used: e.used,
+            dof: e.dof,
+            condition: Some(e.condition),
+            gap_deg: Some(e.gap_deg),
+            roll_harmonics_deg: degrees(self.roll.harmonics_rad),
+            as_printed: details::SpinAsPrinted {
+                dx: Some(e.extremes.dx),
+                dy: Some(e.extremes.dy),
+                ky: Some(e.extremes.ky),
+                residual_rms: Some(e.residual_rms_as_printed),
+                roll_harmonics_deg: degrees(self.as_printed.harmonics_rad),
+            },
+        }
+    }
+
+    /// The field that the ellipse was fitted to, thinned.
+    fn field(&self) -> details::Field {
+        details::Field {
+            capture: self.capture.about.label.clone(),
+            x_gauss: thin::rounded(self.shown.iter().map(|(x, _)| *x), 6),
+            y_gauss: thin::rounded(self.shown.iter().map(|(_, y)| *y), 6),
+        }
+    }
+}
+
+fn details(skew: &Skew) -> serde_json::Value {
     json!({
-        "field": field,
         "equation": "y' = ky (y - dy), x' = ((x - dx) - y' sin(alpha)) / cos(alpha), roll = atan2(-y', x') plus a constant; gauss at nominal scale",
-        "spins": rows, "alpha_deg": skew.alpha.to_degrees(),
+        "alpha_deg": skew.alpha.to_degrees(),
         "skew_us": skew.skew_s.map(|(skew_s, _)| skew_s * 1e6),
         "label": if skew.skew_s.is_some() {
             "alpha at rest, freed of the sampling skew; the roll errors are those of each spin with its own correction"

@@ -8,8 +8,9 @@ use gnc_metrology::stats;
 use gnc_nmea::{Epoch, Sentences};
 use serde_json::json;
 
-use super::clock::{BoardClock, SECOND_NS};
+use super::clock::{BOARD_CLOCK, BoardClock, SECOND_NS};
 use super::{FigureError, Findings, Question, mean, thin};
+use crate::details::performance::{MEAN_ERROR_M, MeanError, SCATTER, Scatter};
 
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
@@ -44,14 +45,15 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let worth = (dof_of_rms(&east) + dof_of_rms(&north)) / 2.0;
     let mut findings = Findings::new(json!({
         "equation": "root mean square about the surveyed antenna: of east and north together, and of height",
-        "mean_error_m": { "east": stats::mean(&east), "north": stats::mean(&north), "up": stats::mean(&up) },
         "epochs": epochs.len(), "with_fix": fixes.len(), "with_height": up.len(),
         "sentence_errors": sentences.counts().errors, "receiver_faults": sentences.counts().faults,
         "receiver_fault": sentences.fault().map(ToString::to_string), "foreign_frames": sentences.foreign(),
         "survey_u_m": survey_u, "effective": { "horizontal": worth, "height": dof_of_rms(&up) },
         "label": "neighbouring epochs are correlated and counted as what they are worth",
     }));
-    findings.detail("scatter", scatter(&errors));
+    let [east_mean, north_mean, up_mean] = [&east, &north, &up].map(|errors| stats::mean(errors));
+    findings.part(&MEAN_ERROR_M, MeanError { east: east_mean, north: north_mean, up: Some(up_mean) });
+    findings.part(&SCATTER, scatter(&errors));
     let horizontal = (rms(&east).powi(2) + rms(&north).powi(2)).sqrt();
     let position = |rms: f64, dof: f64| spread(rms, dof, survey_u, Unit::Metre, probability);
     findings.put("position_horizontal", position(horizontal, 2.0 * worth));
@@ -89,13 +91,14 @@ fn no_height(fixes: &[&Epoch]) -> String {
 }
 
 /// Errors over the epochs, thinned evenly, with the epoch farthest off in any case.
-fn scatter(errors: &[[f64; 3]]) -> serde_json::Value {
+fn scatter(errors: &[[f64; 3]]) -> Scatter {
     let every = thin::stride(errors.len());
     let off = |error: &[f64; 3]| error[0].hypot(error[1]);
     let worst = errors.iter().enumerate().max_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(place, _)| place);
     let kept: Vec<usize> = (0..errors.len()).filter(|place| place % every == 0 || Some(*place) == worst).collect();
     let of = |axis: usize| thin::rounded(kept.iter().map(|place| errors[*place][axis]), 3);
-    json!({ "every": every, "epoch": kept, "east_m": of(0), "north_m": of(1), "up_m": of(2) })
+    let up_m = of(2).into_iter().map(|up| Some(up).filter(|up| up.is_finite())).collect();
+    Scatter { every, east_m: of(0), north_m: of(1), up_m, epoch: kept }
 }
 
 /// A root mean square with its interval: chi-square, and what the surveyed place may be off.
@@ -132,9 +135,7 @@ fn board_clock(question: &Question<'_>, findings: &mut Findings, probability: f6
     let pulses: Vec<u64> = question.captures.iter().flat_map(|capture| capture.receiver.pulses_ns.clone()).collect();
     match BoardClock::of_pulses(&pulses) {
         Ok(clock) => {
-            if let (Some(details), Some(own)) = (findings.details.as_object_mut(), clock.details().as_object()) {
-                details.extend(own.clone());
-            }
+            findings.part(&BOARD_CLOCK, clock);
             findings.put("board_clock_error", clock.value(probability));
         }
         Err(why) => findings.put("board_clock_error", Value::NotAvailable(why)),

@@ -8,13 +8,14 @@ use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::{self, Calibration, GyroStill};
+use super::calibration::{CALIBRATION, Calibration, GyroStill};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, of_rows, rows, vector};
 use super::mean::MeanVariance;
 use super::six_position::temperatures;
 use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
 use super::{FigureError, Findings, Question, place};
+use crate::details::calibrating::{RATE_RESIDUALS, RateResidual};
 
 /// Before a rotation the scale factors and axes are known to this part only.
 const NOMINAL_BAND: f64 = 0.01;
@@ -165,7 +166,12 @@ fn findings(
     response: &Matrix3<f64>,
     probability: f64,
 ) -> Findings {
-    let mut findings = Findings::new(details(question, fit, found));
+    let mut findings = Findings::new(details(fit, found));
+    let residuals = question.captures.iter().zip(&found.residuals_rps).map(|(capture, residual)| RateResidual {
+        position: capture.about.label.clone(),
+        residual_rps: (*residual).into(),
+    });
+    findings.part(&RATE_RESIDUALS, residuals.collect());
     for (i, axis) in AXES.iter().enumerate() {
         let budget = fit.budget(i, 3, Unit::DegreePerSecond, 1.0_f64.to_degrees());
         findings.figure(format!("bias_{axis}"), found.bias_rps[i].to_degrees(), &budget, probability);
@@ -183,17 +189,11 @@ fn findings(
     temperatures(&mut findings, question.captures, Triad::Gyro);
     let bias = response * found.bias_rps;
     let still = GyroStill { bias: bias.into(), per_force: rows(&(response * found.g_sensitivity)) };
-    findings.detail(calibration::KEY, json!(Calibration { gyro_still: Some(still), ..Calibration::default() }));
+    findings.part(&CALIBRATION, Calibration { gyro_still: Some(still), ..Calibration::default() });
     findings
 }
 
-fn details(question: &Question<'_>, fit: &Fit, found: &gyro_still::StillGyro) -> serde_json::Value {
-    let residuals: Vec<_> = question
-        .captures
-        .iter()
-        .zip(&found.residuals_rps)
-        .map(|(capture, residual)| json!({ "position": capture.about.label, "residual_rps": vector(residual) }))
-        .collect();
+fn details(fit: &Fit, found: &gyro_still::StillGyro) -> serde_json::Value {
     let mut labels = vec!["with the rotation of the earth removed"];
     if fit.site.heading_u_rad.is_none() {
         labels.push("headings unknown: only its vertical part, the horizontal one is in the uncertainty");
@@ -209,7 +209,7 @@ fn details(question: &Question<'_>, fit: &Fit, found: &gyro_still::StillGyro) ->
         "bias_rps": vector(&found.bias_rps), "G": matrix(&found.g_sensitivity),
         "bias_sd_rps": vector(&found.bias_sd_rps), "G_sd": matrix(&found.g_sensitivity_sd),
         "latitude_deg": fit.site.latitude_deg, "gravity_mps2": fit.site.gravity_mps2,
-        "residuals": residuals, "residual_rms_rps": found.residual_rms_rps, "residual_ratio": fit.residual_ratio,
+        "residual_rms_rps": found.residual_rms_rps, "residual_ratio": fit.residual_ratio,
         "dof": found.dof, "condition": found.condition,
         "noise_of_means": fit.noise.map(|noise| json!({ "sd_rps": noise.sd(), "dof": noise.dof })),
         "label": labels.join("; "),

@@ -1,5 +1,7 @@
 //! Power spectral densities of all axes, on compensated data.
 
+use std::collections::BTreeMap;
+
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -9,6 +11,7 @@ use serde_json::json;
 use super::captures::{self, AXES, Triad};
 use super::stability::{self, Compensation};
 use super::{FigureError, Findings, Question};
+use crate::details::performance::{self as details, SPECTRA};
 
 /// Neighbouring frequencies that a line is compared with.
 const NEIGHBOURS: usize = 32;
@@ -27,7 +30,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         "equation": "Welch: periodic Hann window, 50 % overlap, mean of each segment removed, one-sided; white noise reads 2 N^2",
         "rate_hz": rate_hz, "segment": segment,
     }));
-    let mut spectra = serde_json::Map::new();
+    let mut spectra = BTreeMap::new();
     let mut lines = Vec::new();
     for triad in &compensation.triads {
         let series = compensation.blocks(capture, *triad, 1);
@@ -46,7 +49,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     for (name, line) in lines {
         findings.number(name, line, Unit::Count);
     }
-    findings.detail("spectra", spectra);
+    findings.part(&SPECTRA, spectra);
     Ok(findings)
 }
 
@@ -92,12 +95,15 @@ fn spectrum(
     unit: Unit,
     white: Option<psd::Plateau>,
     (line_hz, line): (f64, f64),
-) -> serde_json::Value {
-    json!({
-        "unit": format!("({})^2/Hz", unit.symbol()), "segments": found.segments,
-        "frequency_step_hz": found.frequency_hz.get(1), "density": found.density,
-        "white": white.map(|white| white.density), "white_from_hz": white.map(|white| white.from_hz),
-        "white_to_hz": white.map(|white| white.to_hz),
-        "strongest_line": { "frequency_hz": line_hz, "over_neighbours": line },
-    })
+) -> details::Spectrum {
+    details::Spectrum {
+        unit: format!("({})^2/Hz", unit.symbol()),
+        segments: found.segments,
+        frequency_step_hz: found.frequency_hz.get(1).copied(),
+        density: found.density.clone(),
+        white: white.map(|white| white.density),
+        white_from_hz: white.map(|white| white.from_hz),
+        white_to_hz: white.map(|white| white.to_hz),
+        strongest_line: details::Line { frequency_hz: line_hz, over_neighbours: Some(line) },
+    }
 }

@@ -8,10 +8,11 @@ use nalgebra::Matrix3;
 use serde_json::json;
 
 use super::captures::{AXES, Triad};
-use super::json::matrix;
+use super::json::rows;
 use super::six_position::temperatures;
 use super::{FigureError, Findings, Question, clock, rotation, six_position};
 use crate::capture::{Capture, Pose};
+use crate::details::performance::{ACCEL_RESPONSES, GYRO_RESPONSES};
 
 /// The calibrations of one triad, oldest first.
 #[derive(Debug)]
@@ -94,7 +95,11 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     for series in &all {
         let responses = series.responses();
         let name = series.triad().name();
-        findings.detail(&format!("responses_{name}"), responses.iter().map(matrix).collect::<Vec<_>>());
+        let part = match series.triad() {
+            Triad::Gyro => &GYRO_RESPONSES,
+            Triad::Accel | Triad::Mag => &ACCEL_RESPONSES,
+        };
+        findings.part(part, responses.iter().map(rows).collect());
         for (i, axis) in AXES.iter().enumerate() {
             let first = responses[0][(i, i)];
             let figures: Vec<f64> = responses.iter().map(|response| response[(i, i)] / first).collect();

@@ -11,6 +11,7 @@ use super::captures::{self, AXES, Triad};
 use super::stability::{Compensation, unit};
 use super::{FigureError, Findings, Question, place};
 use crate::capture::{Capture, Pose};
+use crate::details::performance::{STEPS, Step};
 
 /// Fewest steps of a sense, so that their scatter says something.
 const FEWEST: usize = 2;
@@ -51,13 +52,17 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
                 pose_mg / step * 100.0,
             );
             findings.figure(format!("step_response_{}_{name}", triad.name()), worse.mean * 100.0, &budget, probability);
-            shown.push(json!({
-                "channel": format!("{} {name}", triad.name()), "step": step, "unit": unit(*triad).symbol(),
-                "response_up": up.mean, "response_down": down.mean, "dof": finite(worse.dof),
-            }));
+            shown.push(Step {
+                channel: format!("{} {name}", triad.name()),
+                step,
+                unit: unit(*triad).symbol().to_owned(),
+                response_up: up.mean,
+                response_down: down.mean,
+                dof: finite(worse.dof),
+            });
         }
     }
-    findings.detail("steps", shown);
+    findings.part(&STEPS, shown);
     for ((triad, published), (name, unit)) in RANGES.into_iter().zip([
         ("range_gyro", Unit::DegreePerSecond),
         ("range_accel", Unit::Gravity),

@@ -10,13 +10,14 @@ use serde_json::json;
 
 use super::axes::Frames;
 use super::budget::Budget;
-use super::calibration::{self, Calibration, GyroScale};
+use super::calibration::{CALIBRATION, Calibration, GyroScale};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::rest_noise::{Rest, RestNoise};
 use super::six_position::temperatures;
 use super::{FigureError, Findings, Question, clock, place, thin};
 use crate::capture::{Capture, Pose};
+use crate::details::calibrating::{TURNS, Turn, WINDOWS, Window};
 
 /// What the budgets need from the plan.
 #[derive(Debug, Clone, Copy)]
@@ -186,7 +187,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     }
     let solved = solve(question.captures, Known::of(question)?)?;
     let c = &solved.found;
-    let mut findings = Findings::new(details(question.captures, &solved));
+    let mut findings = Findings::new(details(&solved));
     for (i, axis) in AXES.iter().enumerate() {
         let error_ppm = (c.response[(i, i)] / nominal() - 1.0) * 1e6;
         findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
@@ -201,14 +202,15 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         findings.number(format!("mismatch_{axis}"), c.mismatch[i] * 1e6, Unit::PartsPerMillion);
     }
     temperatures(&mut findings, question.captures, Triad::Gyro);
-    findings.detail("records", records(question.captures));
+    findings.part(&TURNS, turns(question.captures));
+    findings.part(&WINDOWS, windows(question.captures, c));
     let scale = GyroScale { response: rows(&c.response), matrix: rows(&c.matrix) };
-    findings.detail(calibration::KEY, json!(Calibration { gyro_scale: Some(scale), ..Calibration::default() }));
+    findings.part(&CALIBRATION, Calibration { gyro_scale: Some(scale), ..Calibration::default() });
     Ok(findings)
 }
 
 /// The rate about the turned axis over time, thinned, of every turn.
-fn records(captures: &[Capture]) -> Vec<serde_json::Value> {
+fn turns(captures: &[Capture]) -> Vec<Turn> {
     let turns = captures.iter().filter_map(|capture| turn_of(capture).map(|(axis, ..)| (capture, axis)));
     turns
         .map(|(capture, axis)| {
@@ -216,29 +218,31 @@ fn records(captures: &[Capture]) -> Vec<serde_json::Value> {
                 captures::channel(capture, Triad::Gyro, axis).iter().map(|code| code / GYRO_LSB_PER_DPS).collect();
             let kept = thin::extremes(&rates);
             let rate_hz = f64::from(capture.about.rate_hz);
-            json!({
-                "capture": capture.about.label, "axis": AXES[axis],
-                "time_s": thin::rounded(kept.iter().map(|place| *place as f64 / rate_hz), 4),
-                "rate_dps": thin::rounded(kept.iter().map(|place| rates[*place]), 4),
-            })
+            Turn {
+                capture: capture.about.label.clone(),
+                axis: AXES[axis].to_owned(),
+                time_s: thin::rounded(kept.iter().map(|place| *place as f64 / rate_hz), 4),
+                rate_dps: thin::rounded(kept.iter().map(|place| rates[*place]), 4),
+            }
         })
         .collect()
 }
 
-fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
-    let c = &solved.found;
+/// The span over which each turn was summed.
+fn windows(captures: &[Capture], found: &rotation::Calibration) -> Vec<Window> {
     let rate_hz = captures.first().map_or(f64::NAN, |capture| f64::from(capture.about.rate_hz));
-    let windows: Vec<_> = c
-        .windows
-        .iter()
-        .map(|window| {
-            json!({
-                "run": window.label, "start_s": window.start as f64 / rate_hz,
-                "span_s": (window.end - window.start) as f64 / rate_hz,
-                "peak_dps": window.peak_lsb / GYRO_LSB_PER_DPS, "integral_counts_s": vector(&window.integral_lsb_s),
-            })
-        })
-        .collect();
+    let window = |window: &rotation::Window| Window {
+        run: window.label.clone(),
+        start_s: window.start as f64 / rate_hz,
+        span_s: (window.end - window.start) as f64 / rate_hz,
+        peak_dps: Some(window.peak_lsb / GYRO_LSB_PER_DPS),
+        integral_counts_s: [0, 1, 2].map(|axis| Some(window.integral_lsb_s[axis])),
+    };
+    found.windows.iter().map(window).collect()
+}
+
+fn details(solved: &Solved) -> serde_json::Value {
+    let c = &solved.found;
     json!({
         "equation": "w = Kg N - epsilon, Kg = S^-1, epsilon = Kg b, from six integrals I = S (theta e_j + earth) + b T per sensor",
         "S": matrix(&c.response), "b_at_attitude": vector(&c.bias_lsb),
@@ -255,7 +259,7 @@ fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
         },
         "sample_clock": solved.known.clock.details(),
         "latitude_deg": solved.known.latitude_deg, "turned_rad": solved.turned_rad,
-        "windows": windows, "mismatch": vector(&c.mismatch), "residual_rms_rad": c.residual_rms_rad,
+        "mismatch": vector(&c.mismatch), "residual_rms_rad": c.residual_rms_rad,
         "dof": super::budget::finite(c.dof), "condition": c.condition,
         "label": "biases at this attitude: they hold g-sensitivity; bias and g-sensitivity come from still positions",
     })

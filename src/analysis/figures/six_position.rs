@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::axes::Frames;
 use super::budget::Budget;
-use super::calibration::{self, Accel, Calibration};
+use super::calibration::{Accel, CALIBRATION, Calibration};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::mean::MeanVariance;
@@ -18,6 +18,7 @@ use super::place::{self, Gravity};
 use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
 use super::{FigureError, Findings, Question};
 use crate::capture::Capture;
+use crate::details::calibrating::{FORCE_RESIDUALS, ForceResidual};
 
 /// What the budgets need from the plan.
 #[derive(Debug, Clone, Copy)]
@@ -155,7 +156,12 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let solved = solve(question.captures, expected, known)?;
     let c = &solved.found;
     let accel = Accel { matrix: rows(&c.matrix), offset: c.nabla_mps2.into() };
-    let mut findings = Findings::new(details(question.captures, &solved));
+    let mut findings = Findings::new(details(&solved));
+    let residuals = question.captures.iter().zip(&c.residuals_mps2).map(|(capture, residual)| ForceResidual {
+        position: capture.about.label.clone(),
+        residual_mps2: (*residual).into(),
+    });
+    findings.part(&FORCE_RESIDUALS, residuals.collect());
     for (i, axis) in AXES.iter().enumerate() {
         let bias_mg = c.bias_mps2()[i] / earth::STANDARD_GRAVITY_MPS2 * 1e3;
         findings.figure(format!("bias_{axis}"), bias_mg, &solved.bias_budget(i), probability);
@@ -169,7 +175,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let rms_mg = c.residual_rms_mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
     findings.number("residual_rms", rms_mg, Unit::Milligravity);
     temperatures(&mut findings, question.captures, Triad::Accel);
-    findings.detail(calibration::KEY, json!(Calibration { accel: Some(accel), ..Calibration::default() }));
+    findings.part(&CALIBRATION, Calibration { accel: Some(accel), ..Calibration::default() });
     Ok(findings)
 }
 
@@ -180,13 +186,8 @@ pub(super) fn temperatures(findings: &mut Findings, captures: &[Capture], triad:
     findings.number("temperature_drift", drift_k, Unit::DegreeCelsius);
 }
 
-fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
+fn details(solved: &Solved) -> serde_json::Value {
     let c = &solved.found;
-    let residuals: Vec<_> = captures
-        .iter()
-        .zip(&c.residuals_mps2)
-        .map(|(capture, residual)| json!({ "position": capture.about.label, "residual_mps2": vector(residual) }))
-        .collect();
     json!({
         "equation": "f = Ka N + nabla, from N = M f + b by least squares; f in m/s^2, +g on the axis that points up; N in counts",
         "Ka": matrix(&c.matrix), "nabla": vector(&c.nabla_mps2),
@@ -195,7 +196,7 @@ fn details(captures: &[Capture], solved: &Solved) -> serde_json::Value {
         "as_printed": { "Ka": matrix(&c.matrix_as_printed), "nabla": vector(&c.nabla_as_printed_mps2) },
         "coupling": matrix(&c.coupling()), "nonorthogonality_rad": vector(&c.nonorthogonality_rad()),
         "gravity_mps2": c.gravity_mps2, "gravity_from": solved.known.gravity.from,
-        "residuals": residuals, "residual_rms_mps2": c.residual_rms_mps2,
+        "residual_rms_mps2": c.residual_rms_mps2,
         "residual_ratio": solved.residual_ratio, "dof": c.dof, "condition": c.condition,
         "cofactor": (0..4).map(|r| (0..4).map(|k| solved.design.cofactor[(r, k)]).collect::<Vec<_>>()).collect::<Vec<_>>(),
         "noise_of_means": solved.noise.map(|noise| json!({ "sd_counts": noise.sd(), "dof": noise.dof })),

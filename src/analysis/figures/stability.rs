@@ -1,5 +1,7 @@
 //! How far biases wander: within an hour, and from power-on to power-on. On compensated data.
 
+use std::collections::BTreeMap;
+
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -12,6 +14,7 @@ use super::captures::{self, AXES, Triad};
 use super::six_position::temperatures;
 use super::{FigureError, Findings, Question, mean};
 use crate::capture::Capture;
+use crate::details::performance::{BLOCK_S, SERIES, Series};
 
 /// Compensation of the triads that the plan wants.
 pub(super) struct Compensation {
@@ -78,10 +81,10 @@ pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError
     }
     let mut findings = Findings::new(json!({
         "equation": "standard deviation (n - 1) of disjoint means of compensated output; tail dropped, no detrending",
-        "block_s": block_s, "blocks": capture.samples.len() / samples, "tail_samples": capture.samples.len() % samples,
+        "blocks": capture.samples.len() / samples, "tail_samples": capture.samples.len() % samples,
         "label": "compensated; with whatever constant the earth's rotation and level add, which the deviation does not see",
     }));
-    let mut series = serde_json::Map::new();
+    let mut series = BTreeMap::new();
     for triad in &compensation.triads {
         let blocks = compensation.blocks(capture, *triad, samples);
         for (i, axis) in AXES.iter().enumerate() {
@@ -93,12 +96,19 @@ pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError
             let (low, high) = stats::sd_interval(found.sd, dof, probability);
             series.insert(
                 format!("{}_{axis}", triad.name()),
-                json!({ "unit": unit(*triad).symbol(), "mean": found.mean, "sd": found.sd, "dof": dof, "means": means }),
+                Series {
+                    unit: unit(*triad).symbol().to_owned(),
+                    mean: found.mean,
+                    sd: Some(found.sd),
+                    dof: Some(dof),
+                    means,
+                },
             );
             findings.put(name, Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)));
         }
     }
-    findings.detail("series", series);
+    findings.part(&BLOCK_S, block_s);
+    findings.part(&SERIES, series);
     temperatures(&mut findings, question.captures, *compensation.used().first().unwrap_or(&Triad::Accel));
     Ok(findings)
 }
@@ -127,7 +137,7 @@ pub(super) fn repeatability(question: &Question<'_>) -> Result<Findings, FigureE
         "runs": runs, "dof": runs - 1,
         "label": "the interval is that of a standard deviation of so few runs (chi-square)",
     }));
-    let mut each = serde_json::Map::new();
+    let mut each = BTreeMap::new();
     for triad in &compensation.triads {
         let means: Vec<Vector3<f64>> = question
             .captures
@@ -144,12 +154,18 @@ pub(super) fn repeatability(question: &Question<'_>) -> Result<Findings, FigureE
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             each.insert(
                 format!("{}_{axis}", triad.name()),
-                json!({ "unit": unit(*triad).symbol(), "mean": found.mean, "sd": found.sd, "means": figures }),
+                Series {
+                    unit: unit(*triad).symbol().to_owned(),
+                    mean: found.mean,
+                    sd: Some(found.sd),
+                    dof: None,
+                    means: figures,
+                },
             );
             findings.put(name, Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)));
         }
     }
-    findings.detail("series", each);
+    findings.part(&SERIES, each);
     temperatures(&mut findings, question.captures, *compensation.used().first().unwrap_or(&Triad::Accel));
     Ok(findings)
 }

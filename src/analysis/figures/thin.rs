@@ -1,7 +1,5 @@
 //! Dense records thinned for pictures: the details of an item hold what the report draws, not what was captured.
 
-use serde_json::{Value, json};
-
 /// Points kept of one curve; a picture of a page's width shows no more.
 pub(super) const MOST_POINTS: usize = 400;
 
@@ -49,9 +47,9 @@ pub(super) fn stride(length: usize) -> usize {
 }
 
 /// Numbers for a picture, with so many decimals: those of a whole `f64` would only fill the record.
-pub(super) fn rounded(values: impl IntoIterator<Item = f64>, decimals: i32) -> Value {
+pub(super) fn rounded(values: impl IntoIterator<Item = f64>, decimals: i32) -> Vec<f64> {
     let scale = 10_f64.powi(decimals);
-    json!(values.into_iter().map(|value| (value * scale).round() / scale).collect::<Vec<f64>>())
+    values.into_iter().map(|value| (value * scale).round() / scale).collect()
 }
 
 #[cfg(test)]
@@ -85,7 +83,7 @@ mod tests {
 
     #[test]
     fn rounding_keeps_what_is_written() {
-        assert_eq!(rounded([0.123_456, -2.0], 4).to_string(), "[0.1235,-2.0]");
+        assert_eq!(serde_json::json!(rounded([0.123_456, -2.0], 4)).to_string(), "[0.1235,-2.0]");
         assert_eq!((stride(400), stride(401), stride(0)), (1, 2, 1));
     }
 }

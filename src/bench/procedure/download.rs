@@ -1,7 +1,7 @@
 //! The coefficients go to the module, are stored there, and are read back after the module was without power.
 
 use chrono::Utc;
-use gnc_analysis::figures::calibration::Coefficients;
+use gnc_analysis::figures::calibration::{COEFFICIENTS, Coefficients};
 use gnc_analysis::motion::OFF_S;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
@@ -21,8 +21,9 @@ const NUMBER: usize = size_of::<u32>();
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let findings = calibration::analyse(ItemId::CalibrationDownload, bench, params, Vec::new(), recorder).await?;
-    let coefficients: Coefficients = serde_json::from_value(findings.details["coefficients"].clone())
-        .map_err(|error| ProcedureError::Analysis { why: error.to_string() })?;
+    let coefficients = COEFFICIENTS
+        .of(&findings.details)
+        .ok_or_else(|| ProcedureError::Analysis { why: "it gave no coefficients".to_owned() })?;
     recorder.found(findings).await?;
     let written = message(&coefficients);
     let board = bench.board;

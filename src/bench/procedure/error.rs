@@ -200,7 +200,7 @@ impl ProcedureError {
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),
             Self::Resume(error) => error.try_this(),
-            Self::Analysis { .. } => "keep the raw samples and recorder this",
+            Self::Analysis { .. } => "keep the raw samples and report this",
             Self::Captures(error) => error.try_this(),
             Self::CanOpen(error) => error.try_this(),
             Self::CanGone(_) => {

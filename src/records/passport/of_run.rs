@@ -1,5 +1,7 @@
 //! The passport of a run, or why it has none.
 
+use gnc_analysis::details::{self, BUDGET, FRAMES};
+use gnc_analysis::figures::calibration::CALIBRATION;
 use gnc_analysis::figures::{Calibration, FigureError, Findings};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::BenchKind;
@@ -13,12 +15,17 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS};
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
-use super::{Accel, Alignment, Budget, Conditions, Contribution, Gyro, Origin, Passport, TempCoeff, Uncertainty};
+use super::{Accel, Alignment, Budget, Conditions, Gyro, Origin, Passport, TempCoeff, Uncertainty};
 
 /// A passport needs all of them.
 const NEEDED: [ItemId; 3] = [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation];
-/// Keys of a calibration's parts, in the order in which their budgets are listed.
-const PARTS: [&str; 4] = ["accel", "gyro_still", "gyro_scale", "mag"];
+/// The parts of a calibration, in the order in which their budgets are listed.
+const PARTS: [fn(&Calibration) -> bool; 4] = [
+    |known| known.accel.is_some(),
+    |known| known.gyro_still.is_some(),
+    |known| known.gyro_scale.is_some(),
+    |known| known.mag.is_some(),
+];
 
 /// Why a run has no passport.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -130,9 +137,10 @@ pub(super) fn of(
 ) -> Result<Passport, NoPassport> {
     let missing = |item: ItemId| FigureError::NotCalibrated { item };
     let calibration = Calibration::of(found)?;
-    let (_, six) = part(found, "accel").ok_or(missing(ItemId::SixPosition))?;
-    let (_, still) = part(found, "gyro_still").ok_or(missing(ItemId::GyroStill))?;
-    let (_, turned) = part(found, "gyro_scale").ok_or(missing(ItemId::Rotation))?;
+    let [accel, still, turned, _] = PARTS.map(|has| newest(found, has));
+    let (_, six) = accel.ok_or(missing(ItemId::SixPosition))?;
+    let (_, still) = still.ok_or(missing(ItemId::GyroStill))?;
+    let (_, turned) = turned.ok_or(missing(ItemId::Rotation))?;
     let scale = calibration.gyro_scale.ok_or(missing(ItemId::Rotation))?;
     let accel = calibration.accel.ok_or(missing(ItemId::SixPosition))?;
     let passport = Passport {
@@ -149,13 +157,13 @@ pub(super) fn of(
 }
 
 fn alignment(six: &Findings, turned: &Findings) -> Alignment {
-    let known = |key: &str| six.details.get("frames").and_then(|frames| frames.get(key)).cloned().unwrap_or_default();
+    let frames = FRAMES.of(&six.details);
     let angles = |findings: &Findings| {
         ["xy", "xz", "yz"].map(|pair| number(findings, &format!("nonorthogonality_{pair}"), Unit::PartsPerMillion))
     };
     Alignment {
-        mounting_deg: serde_json::from_value(known("mounting_deg")).ok(),
-        mounting_u_deg: known("mounting_u_deg").as_f64(),
+        mounting_deg: frames.as_ref().and_then(|frames| frames.mounting_deg),
+        mounting_u_deg: frames.map(|frames| frames.mounting_u_deg),
         nonorthogonality_accel_ppm: angles(six),
         nonorthogonality_gyro_ppm: angles(turned),
     }
@@ -209,12 +217,8 @@ fn check(passport: Passport) -> Result<Passport, NoPassport> {
 }
 
 /// The newest findings that hold this part of a calibration.
-fn part<'f>(found: &'f [(String, Findings)], key: &str) -> Option<&'f (String, Findings)> {
-    found.iter().rev().find(|(_, findings)| parts(findings).is_some_and(|parts| parts.get(key).is_some()))
-}
-
-fn parts(findings: &Findings) -> Option<&serde_json::Value> {
-    findings.details.get("calibration")
+fn newest(found: &[(String, Findings)], has: impl Fn(&Calibration) -> bool) -> Option<&(String, Findings)> {
+    found.iter().rev().find(|(_, findings)| CALIBRATION.of(&findings.details).is_some_and(|known| has(&known)))
 }
 
 /// A number in a unit; NaN where there is none.
@@ -243,7 +247,7 @@ fn worst(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<f64> 
 
 /// From the means of the items that calibrated and their drifts.
 fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
-    let calibrating = found.iter().filter(|(_, findings)| parts(findings).is_some());
+    let calibrating = found.iter().filter(|(_, findings)| CALIBRATION.of(&findings.details).is_some());
     let spans = calibrating.filter_map(|(_, findings)| {
         let mean = Some(number(findings, "temperature", Unit::DegreeCelsius)).filter(|mean| mean.is_finite())?;
         let drift = number(findings, "temperature_drift", Unit::DegreeCelsius);
@@ -273,32 +277,20 @@ fn uncertainty(six: &Findings, still: &Findings, budget: Vec<Budget>) -> Uncerta
     Uncertainty { k, accel_mg: k * accel, gyro_dps: k * gyro, budget }
 }
 
-/// A budget as the figures write it.
-#[derive(Deserialize)]
-struct Written {
-    unit: String,
-    u: f64,
-    dof: Option<f64>,
-    k: Option<f64>,
-    #[serde(rename = "U")]
-    expanded: Option<f64>,
-    probability: f64,
-    contributions: Vec<Contribution>,
-}
-
 /// Those of all parts of the calibration.
 fn budgets(found: &[(String, Findings)]) -> Vec<Budget> {
     let of_part = |(item, findings): &(String, Findings)| {
-        let written = findings.details.get("budget").and_then(serde_json::Value::as_object);
+        let written = findings.details.get(BUDGET.key()).and_then(serde_json::Value::as_object);
+        // One that is not whole, since a number in it is none, is no reason to drop the others.
         let budgets = written.into_iter().flatten().filter_map(|(figure, written)| {
-            let Written { unit, u, dof, k, expanded, probability, contributions } =
-                Written::deserialize(written).ok()?;
+            let details::Budget { unit, u, dof, k, expanded, probability, contributions, .. } =
+                details::Budget::deserialize(written).ok()?;
             let (item, figure) = (plain(item), figure.clone());
             Some(Budget { item, figure, unit, u, dof, k, expanded, probability, contributions })
         });
         budgets.collect::<Vec<_>>()
     };
-    PARTS.iter().filter_map(|key| part(found, key)).flat_map(of_part).collect()
+    PARTS.iter().filter_map(|has| newest(found, has)).flat_map(of_part).collect()
 }
 
 fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {

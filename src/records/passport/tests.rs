@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may end with a panic")]
 
+use gnc_analysis::details::Frames;
 use gnc_analysis::figures::{FigureError, Findings};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
@@ -23,10 +24,18 @@ fn found() -> Vec<(String, Findings)> {
         measured: measured.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         details,
     };
+    let frames = Frames {
+        coupling_to_table: [[0.0; 3]; 3],
+        coupling_to_seat: [[0.0; 3]; 3],
+        nonorthogonality_rad: [1e-4, -2e-4, 3e-4],
+        mounting_deg: Some([0.01, -0.02, 0.0]),
+        mounting_u_deg: 0.002,
+        label: "the mounting of the seat is that of the bench file".to_owned(),
+    };
     let six = findings(
         json!({ "calibration": { "accel": {
             "matrix": [[accel(1.001), 0.0, 0.0], [0.0, accel(1.0), 0.0], [0.0, 0.0, accel(1.0)]], "offset": [0.0, 0.0, 0.0],
-        } }, "frames": { "mounting_deg": [0.01, -0.02, 0.0], "mounting_u_deg": 0.002 } }),
+        } }, "frames": frames }),
         vec![
             ("nonorthogonality_xy", estimate(100.0, Unit::PartsPerMillion, 1.0, 2.0)),
             ("nonorthogonality_xz", estimate(-200.0, Unit::PartsPerMillion, 1.0, 2.0)),

@@ -7,6 +7,7 @@
 //! | a list of lists of numbers | a matrix |
 //! | anything else | a line |
 
+use gnc_analysis::figures::calibration::CALIBRATION;
 use serde_json::{Map, Value};
 
 use super::markup::Page;
@@ -21,7 +22,7 @@ const MOST_COLUMNS: usize = 8;
 /// What the numbers are and what they do not say stands before them.
 const PROSE: [&str; 2] = ["equation", "label"];
 /// The calibration once more, in the form in which later items read it.
-const FOR_ITEMS: &str = "calibration";
+const FOR_ITEMS: &str = CALIBRATION.key();
 
 pub(super) fn show(page: &mut Page, details: &Value) {
     let Value::Object(map) = details else { return };

@@ -10,14 +10,15 @@ mod rotation;
 mod satellites;
 mod wander;
 
+use gnc_analysis::details::calibrating::{FIELD, TURNS};
+use gnc_analysis::details::performance::{CURVES, SCATTER, SERIES, SPECTRA};
 use gnc_executive::catalogue::ItemId;
 use gnc_metrology::AXES;
 use gnc_plot::Panel;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 /// Keys of details that are drawn and not listed: the numbers are in run.json.
-const DRAWN: [&str; 6] = ["curves", "field", "records", "scatter", "series", "spectra"];
+const DRAWN: [&str; 6] = [CURVES.key(), FIELD.key(), TURNS.key(), SCATTER.key(), SERIES.key(), SPECTRA.key()];
 /// Points drawn of one curve; more show nothing new on a page.
 const MOST_POINTS: usize = 400;
 /// Curves of one picture: a plan may ask for many positions or calibrations, a reader sees no more.
@@ -46,11 +47,6 @@ pub(super) fn of(item: ItemId, details: &Value) -> Vec<Panel> {
 /// Whether a key is shown as a picture only.
 pub(super) fn is_drawn(key: &str) -> bool {
     DRAWN.contains(&key)
-}
-
-/// A part of the details; `None` where it is not there or has another form.
-fn part<T: DeserializeOwned>(details: &Value, key: &str) -> Option<T> {
-    details.get(key).and_then(|value| T::deserialize(value).ok())
 }
 
 /// The smallest and the largest of each part of a dense curve; `along` is where a point lies on the page.

@@ -1,48 +1,26 @@
 //! The field in the plane of rotation: raw with its ellipse, corrected with its circle, and what is left.
 
+use gnc_analysis::details::calibrating::{FIELD, SPINS, Spin};
 use gnc_metrology::ellipse::Correction;
 use gnc_plot::{Panel, Series};
-use serde::Deserialize;
 use serde_json::Value;
 
-use super::{MOST_CURVES, part};
+use super::MOST_CURVES;
 
 /// Points of an ellipse as it is drawn.
 const CORNERS: u32 = 120;
 
-#[derive(Deserialize)]
-struct Spin {
-    capture: String,
-    centre: [f64; 2],
-    semi_axes: [f64; 2],
-    rotation_deg: f64,
-    radius: f64,
-    dx: f64,
-    dy: f64,
-    ky: f64,
-    sin_alpha: f64,
+fn correct(spin: &Spin, (x, y): (f64, f64)) -> (f64, f64) {
+    Correction { dx: spin.dx, dy: spin.dy, ky: spin.ky, sin_alpha: spin.sin_alpha }.apply(x, y)
 }
 
-#[derive(Deserialize)]
-struct Field {
-    x_gauss: Vec<f64>,
-    y_gauss: Vec<f64>,
-}
-
-impl Spin {
-    fn correct(&self, (x, y): (f64, f64)) -> (f64, f64) {
-        let Self { dx, dy, ky, sin_alpha, .. } = *self;
-        Correction { dx, dy, ky, sin_alpha }.apply(x, y)
-    }
-
-    fn ellipse(&self) -> Vec<(f64, f64)> {
-        let (sin, cos) = self.rotation_deg.to_radians().sin_cos();
-        let corner = |(x, y): (f64, f64)| {
-            let (along, across) = (self.semi_axes[0] * x, self.semi_axes[1] * y);
-            (self.centre[0] + along * cos - across * sin, self.centre[1] + along * sin + across * cos)
-        };
-        circle(1.0).into_iter().map(corner).collect()
-    }
+fn ellipse(spin: &Spin) -> Vec<(f64, f64)> {
+    let (sin, cos) = spin.rotation_deg.to_radians().sin_cos();
+    let corner = |(x, y): (f64, f64)| {
+        let (along, across) = (spin.semi_axes[0] * x, spin.semi_axes[1] * y);
+        (spin.centre[0] + along * cos - across * sin, spin.centre[1] + along * sin + across * cos)
+    };
+    circle(1.0).into_iter().map(corner).collect()
 }
 
 fn circle(radius: f64) -> Vec<(f64, f64)> {
@@ -51,19 +29,18 @@ fn circle(radius: f64) -> Vec<(f64, f64)> {
 }
 
 pub(super) fn circles(details: &Value) -> Option<Vec<Panel>> {
-    let spins: Vec<Spin> = part(details, "spins")?;
-    let fields: Vec<Field> = part(details, "field")?;
+    let (spins, fields) = (SPINS.of(details)?, FIELD.of(details)?);
     let (mut raw, mut corrected, mut left) = (Vec::new(), Vec::new(), Vec::new());
     for (hue, (spin, field)) in spins.iter().zip(&fields).take(MOST_CURVES).enumerate() {
         let points: Vec<(f64, f64)> = field.x_gauss.iter().copied().zip(field.y_gauss.iter().copied()).collect();
-        let good: Vec<(f64, f64)> = points.iter().map(|point| spin.correct(*point)).collect();
+        let good: Vec<(f64, f64)> = points.iter().map(|point| correct(spin, *point)).collect();
         let residual = |(x, y): &(f64, f64)| (y.atan2(*x).to_degrees(), (x.hypot(*y) - spin.radius) * 1e3);
         left.push(Series::dots(&spin.capture, good.iter().map(residual)).hue(hue));
         raw.push(Series::dots(&spin.capture, points).hue(hue));
         corrected.push(Series::dots(&spin.capture, good).hue(hue));
     }
     let first = spins.first()?;
-    raw.push(Series::dashed("", first.ellipse()).hue(5));
+    raw.push(Series::dashed("", ellipse(first)).hue(5));
     raw.push(Series::dots("", [(first.centre[0], first.centre[1])]).hue(5));
     corrected.push(Series::dashed("", circle(first.radius)).hue(5));
     corrected.push(Series::dots("", [(0.0, 0.0)]).hue(5));

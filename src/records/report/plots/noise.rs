@@ -2,42 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use gnc_analysis::details::performance::{CURVES, Coefficient, Curve, SPECTRA};
 use gnc_plot::{Mark, Panel, Series};
-use serde::Deserialize;
 use serde_json::Value;
 
-use super::{AXES, part, thinned};
+use super::{AXES, thinned};
 
 /// Flat part of a deviation over the bias instability: sqrt(2 ln 2 / pi).
 const FLAT: f64 = 0.664;
 
-#[derive(Deserialize)]
-struct Curve {
-    unit: String,
-    points: Vec<Point>,
-    #[serde(rename = "N")]
-    n: Option<Coefficient>,
-    #[serde(rename = "B")]
-    b: Option<Coefficient>,
-    #[serde(rename = "K")]
-    k: Option<Coefficient>,
-}
-
-#[derive(Deserialize)]
-struct Point {
-    tau_s: f64,
-    dev: f64,
-    low: f64,
-    high: f64,
-}
-
-#[derive(Deserialize)]
-struct Coefficient {
-    value: f64,
-}
-
 pub(super) fn deviations(details: &Value) -> Option<Vec<Panel>> {
-    let curves: BTreeMap<String, Curve> = part(details, "curves")?;
+    let curves = CURVES.of(details)?;
     Some(of_triads(&curves, |curves| {
         let series = curves.iter().flat_map(|(hue, axis, curve)| {
             let points = curve.points.iter().map(|point| (point.tau_s, point.dev));
@@ -66,24 +41,11 @@ fn slopes(curve: &Curve, hue: usize) -> Vec<Series> {
     lines.into_iter().flatten().collect()
 }
 
-#[derive(Deserialize)]
-struct Spectrum {
-    unit: String,
-    frequency_step_hz: f64,
-    density: Vec<f64>,
-    white: Option<f64>,
-    strongest_line: Line,
-}
-
-#[derive(Deserialize)]
-struct Line {
-    frequency_hz: f64,
-}
-
 pub(super) fn spectra(details: &Value) -> Option<Vec<Panel>> {
-    let spectra: BTreeMap<String, Spectrum> = part(details, "spectra")?;
+    let spectra = SPECTRA.of(details)?;
     Some(of_triads(&spectra, |spectra| {
         let series = spectra.iter().flat_map(|(hue, axis, spectrum)| {
+            let step_hz = spectrum.frequency_step_hz.unwrap_or(f64::NAN);
             let points: Vec<(f64, f64)> = spectrum
                 .density
                 .iter()
@@ -91,7 +53,7 @@ pub(super) fn spectra(details: &Value) -> Option<Vec<Panel>> {
                 // Neither what is left of the mean nor the last one, which has no mirror image.
                 .take(spectrum.density.len().saturating_sub(1))
                 .skip(1)
-                .map(|(k, density)| (k as f64 * spectrum.frequency_step_hz, *density))
+                .map(|(k, density)| (k as f64 * step_hz, *density))
                 .collect();
             let ends =
                 points.first().into_iter().chain(points.last()).filter_map(|(hz, _)| Some((*hz, spectrum.white?)));

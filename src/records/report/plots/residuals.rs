@@ -1,54 +1,40 @@
 //! What a fit leaves in each position, and how the means follow a step.
 
+use gnc_analysis::details::calibrating::{FORCE_RESIDUALS, RATE_RESIDUALS};
+use gnc_analysis::details::performance::{STEPS, Step};
 use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
 use gnc_plot::{Mark, Panel, Series};
-use serde::Deserialize;
 use serde_json::Value;
 
 use super::super::number;
-use super::{AXES, part};
+use super::AXES;
 
 /// Beside each other in one position.
 const OFFSET: f64 = 0.2;
 
-#[derive(Deserialize)]
-struct Residual {
-    position: String,
-    #[serde(alias = "residual_mps2", alias = "residual_rps")]
-    of_axes: [f64; 3],
-}
-
 pub(super) fn accelerometers(details: &Value) -> Option<Vec<Panel>> {
-    positions(details, "Residuals of the positions", "mg", 1e3 / STANDARD_GRAVITY_MPS2)
+    let rows = FORCE_RESIDUALS.of(details)?.into_iter().map(|row| (row.position, row.residual_mps2));
+    Some(positions(&rows.collect::<Vec<_>>(), "mg", 1e3 / STANDARD_GRAVITY_MPS2))
 }
 
 pub(super) fn gyroscopes(details: &Value) -> Option<Vec<Panel>> {
-    positions(details, "Residuals of the positions", "deg/h", 3600.0 * 1.0_f64.to_degrees())
+    let rows = RATE_RESIDUALS.of(details)?.into_iter().map(|row| (row.position, row.residual_rps));
+    Some(positions(&rows.collect::<Vec<_>>(), "deg/h", 3600.0 * 1.0_f64.to_degrees()))
 }
 
-fn positions(details: &Value, title: &str, unit: &str, factor: f64) -> Option<Vec<Panel>> {
-    let rows: Vec<Residual> = part(details, "residuals")?;
+fn positions(rows: &[(String, [f64; 3])], unit: &str, factor: f64) -> Vec<Panel> {
     let series = AXES.iter().enumerate().map(|(axis, name)| {
-        let values = || rows.iter().map(|row| row.of_axes[axis] * factor);
+        let values = || rows.iter().map(|(_, residual)| residual[axis] * factor);
         let bars = values().map(|value| (value.min(0.0), value.max(0.0))).collect();
         let places = (0..rows.len()).map(|place| place as f64 + (axis as f64 - 1.0) * OFFSET);
         Series::new(*name, Mark::Bars(bars), places.zip(values()))
     });
-    let panel = Panel::new(title, "position", unit, series.collect());
-    Some(vec![panel.names(rows.iter().map(|row| row.position.clone()))])
-}
-
-#[derive(Deserialize)]
-struct Step {
-    channel: String,
-    step: f64,
-    unit: String,
-    response_up: f64,
-    response_down: f64,
+    let panel = Panel::new("Residuals of the positions", "position", unit, series.collect());
+    vec![panel.names(rows.iter().map(|(position, _)| position.clone()))]
 }
 
 pub(super) fn steps(details: &Value) -> Option<Vec<Panel>> {
-    let rows: Vec<Step> = part(details, "steps")?;
+    let rows = STEPS.of(details)?;
     let sense = |name: &str, pick: fn(&Step) -> f64, offset: f64| {
         let points = rows.iter().enumerate().map(|(place, row)| (place as f64 + offset, 100.0 * pick(row)));
         Series::dots(name, points.collect::<Vec<_>>())

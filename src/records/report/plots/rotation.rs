@@ -1,29 +1,14 @@
 //! Records of the turns, with the windows over which they were summed.
 
+use gnc_analysis::details::calibrating::{TURNS, WINDOWS};
 use gnc_plot::{Panel, Series};
-use serde::Deserialize;
 use serde_json::Value;
 
-use super::{MOST_CURVES, part};
-
-#[derive(Deserialize)]
-struct Record {
-    capture: String,
-    axis: String,
-    time_s: Vec<f64>,
-    rate_dps: Vec<f64>,
-}
-
-#[derive(Deserialize)]
-struct Window {
-    start_s: f64,
-    span_s: f64,
-}
+use super::MOST_CURVES;
 
 /// Both senses of an axis in one picture.
 pub(super) fn records(details: &Value) -> Option<Vec<Panel>> {
-    let records: Vec<Record> = part(details, "records")?;
-    let windows: Vec<Window> = part(details, "windows")?;
+    let (records, windows) = (TURNS.of(details)?, WINDOWS.of(details)?);
     if records.len() != windows.len() {
         return None;
     }

@@ -1,30 +1,11 @@
 //! Fixes about the surveyed antenna.
 
+use gnc_analysis::details::performance::{MEAN_ERROR_M, SCATTER};
 use gnc_plot::{Panel, Series};
-use serde::Deserialize;
 use serde_json::Value;
 
-use super::part;
-
-#[derive(Deserialize)]
-struct Scatter {
-    every: usize,
-    epoch: Vec<usize>,
-    east_m: Vec<f64>,
-    north_m: Vec<f64>,
-    /// Null where the receiver gave no height.
-    up_m: Vec<Option<f64>>,
-}
-
-#[derive(Deserialize)]
-struct MeanError {
-    east: f64,
-    north: f64,
-}
-
 pub(super) fn scatter(details: &Value) -> Option<Vec<Panel>> {
-    let scatter: Scatter = part(details, "scatter")?;
-    let mean: MeanError = part(details, "mean_error_m")?;
+    let (scatter, mean) = (SCATTER.of(details)?, MEAN_ERROR_M.of(details)?);
     let points = scatter.east_m.iter().copied().zip(scatter.north_m.iter().copied());
     let plane = vec![
         Series::dots("fixes", points),

@@ -1,23 +1,15 @@
 //! Biases over an hour and from power-on to power-on; scale factors from calibration to calibration.
 
-use std::collections::BTreeMap;
-
+use gnc_analysis::details::Part;
+use gnc_analysis::details::performance::{ACCEL_RESPONSES, BLOCK_S, GYRO_RESPONSES, SERIES};
 use gnc_plot::{Panel, Series};
-use serde::Deserialize;
 use serde_json::Value;
 
-use super::{AXES, part, thinned};
-
-#[derive(Deserialize)]
-struct Channel {
-    unit: String,
-    mean: f64,
-    means: Vec<f64>,
-}
+use super::{AXES, thinned};
 
 /// Means of blocks over the capture.
 pub(super) fn blocks(details: &Value) -> Option<Vec<Panel>> {
-    let block_s: f64 = part(details, "block_s")?;
+    let block_s = BLOCK_S.of(details)?;
     triads(details, "bias less its mean", "min", |k| (k + 0.5) * block_s / 60.0, true)
 }
 
@@ -28,7 +20,7 @@ pub(super) fn runs(details: &Value) -> Option<Vec<Panel>> {
 
 /// A panel for the gyroscopes and one for the accelerometers, as lines or as dots.
 fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, lines: bool) -> Option<Vec<Panel>> {
-    let channels: BTreeMap<String, Channel> = part(details, "series")?;
+    let channels = SERIES.of(details)?;
     let panel = |(key, name): (&str, &str)| {
         let mut unit = String::new();
         let series: Vec<Series> = AXES
@@ -51,8 +43,8 @@ fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, lines: 
 
 /// Scale factors of the calibrations, as departures from their mean.
 pub(super) fn scale_factors(details: &Value) -> Option<Vec<Panel>> {
-    let panel = |(key, name): (&str, &str)| {
-        let responses: Vec<[[f64; 3]; 3]> = part(details, key)?;
+    let panel = |(part, name): (&Part<Vec<[[f64; 3]; 3]>>, &str)| {
+        let responses = part.of(details)?;
         let series = (0..3).map(|axis| {
             let own: Vec<f64> = responses.iter().map(|response| response[axis][axis]).collect();
             let mean = gnc_metrology::stats::mean(&own);
@@ -61,6 +53,6 @@ pub(super) fn scale_factors(details: &Value) -> Option<Vec<Panel>> {
         });
         Some(Panel::new(format!("{name}: scale factor less its mean"), "calibration", "ppm", series.collect()))
     };
-    let panels = [("responses_gyro", "Gyroscopes"), ("responses_accel", "Accelerometers")];
+    let panels = [(&GYRO_RESPONSES, "Gyroscopes"), (&ACCEL_RESPONSES, "Accelerometers")];
     Some(panels.into_iter().filter_map(panel).collect())
 }

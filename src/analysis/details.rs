@@ -1,0 +1,110 @@
+//! Parts of an item's details that others read: reports draw them, and the passport takes figures from them.
+//!
+//! Details travel as JSON. Each part that is read again stands here once, with its key and its form, so that a figure
+//! cannot write what a reader does not know. Numbers that only people read may be none: JSON has no infinity and writes
+//! null for it.
+
+pub mod calibrating;
+pub mod performance;
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// A part of details: its key, and `T` as its form.
+pub struct Part<T> {
+    key: &'static str,
+    form: PhantomData<fn() -> T>,
+}
+
+impl<T> Part<T> {
+    pub(crate) const fn new(key: &'static str) -> Self {
+        Self { key, form: PhantomData }
+    }
+
+    /// Under which it stands.
+    #[must_use]
+    pub const fn key(&self) -> &'static str {
+        self.key
+    }
+}
+
+impl<T: DeserializeOwned> Part<T> {
+    /// The part of these details; `None` where it is missing or has another form, as those of another version may.
+    #[must_use]
+    pub fn of(&self, details: &Value) -> Option<T> {
+        T::deserialize(details.get(self.key)?).ok()
+    }
+}
+
+/// Budgets of the figures, by the names of the measurements.
+pub const BUDGET: Part<BTreeMap<String, Budget>> = Part::new("budget");
+
+/// How the axes of a calibration lie.
+pub const FRAMES: Part<Frames> = Part::new("frames");
+
+/// Uncertainty budget of one figure.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Budget {
+    /// Unit of `u` and `U`.
+    pub unit: String,
+    /// What it is combined from.
+    pub contributions: Vec<Contribution>,
+    /// Combined standard uncertainty.
+    pub u: f64,
+    /// Effective degrees of freedom; null stands for infinite.
+    pub dof: Option<f64>,
+    /// Coverage factor; null where the interval is not symmetric.
+    pub k: Option<f64>,
+    /// Expanded uncertainty `k u`.
+    #[serde(rename = "U")]
+    pub expanded: Option<f64>,
+    /// Probability of the interval.
+    pub probability: f64,
+    /// What the figure is, where it is no plain value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub figure: Option<String>,
+}
+
+/// A contribution to a budget.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contribution {
+    /// Where it comes from.
+    pub name: String,
+    /// A: from the record itself; B: from elsewhere.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// Standard uncertainty of the input.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Distribution of the input.
+    pub distribution: String,
+    /// Degrees of freedom; null stands for infinite.
+    pub dof: Option<f64>,
+    /// Figure per input.
+    pub sensitivity: f64,
+    /// Contribution in the unit of the figure.
+    pub u: f64,
+}
+
+/// A triad's axes relative to the table, to the module's seat and to each other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Frames {
+    /// Rows are sensors, columns axes of the table.
+    pub coupling_to_table: [[f64; 3]; 3],
+    /// Rows are sensors, columns axes of the seat.
+    pub coupling_to_seat: [[f64; 3]; 3],
+    /// Angles between the sensors' own axes less a right one: xy, xz, yz.
+    pub nonorthogonality_rad: [f64; 3],
+    /// How the seat is mounted on the table; null where that was not measured.
+    pub mounting_deg: Option<[f64; 3]>,
+    /// Standard uncertainty of that.
+    pub mounting_u_deg: f64,
+    /// What the coefficients are relative to.
+    pub label: String,
+}
