@@ -109,17 +109,26 @@ pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     // One word or two at the end are those of failed reads.
     const WORDS: usize = 3;
     const NEAR: f64 = 20.0;
-    if values.iter().any(|v| *v < 0.0 || v.fract() != 0.0) {
+    /// Part of the range above which a count lies at its upper end.
+    const WRAPPED: f64 = 0.75;
+    // Most records with a sign show it at once.
+    if values.iter().take(64).any(|v| *v < 0.0) {
         return Ok(());
     }
-    let (_, high) = stats::range(values);
+    let (low, high) = stats::range(values);
+    if low < 0.0 {
+        return Ok(());
+    }
     let Some(bits) = BITS.into_iter().find(|bits| high < f64::from(*bits).exp2()) else { return Ok(()) };
     let end = f64::from(bits).exp2();
+    if high < WRAPPED * end || values.iter().any(|v| v.fract() != 0.0) {
+        return Ok(());
+    }
     let (mut below, mut wrapped) = (0.0_f64, Vec::new());
     for (row, value) in values.iter().enumerate() {
         match value / end {
-            part if part < 0.25 => below = below.max(*value),
-            part if part >= 0.75 => wrapped.push((end - value, row)),
+            part if part < 1.0 - WRAPPED => below = below.max(*value),
+            part if part >= WRAPPED => wrapped.push((end - value, row)),
             _ => return Ok(()),
         }
     }
