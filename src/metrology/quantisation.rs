@@ -16,46 +16,87 @@ use crate::stats;
 const PIECE: usize = 64;
 /// Noise in steps from which on a mean is off by less than 2e-4 steps.
 const FINE: f64 = 0.6;
+/// Variance in steps squared that noise far below a step does not show at any level, which gives 0.25 at most.
+const QUIET: f64 = 0.3;
 /// Differences below this part of the values are errors of arithmetic.
 const ARITHMETIC: f64 = 1e-12;
 
 /// Standard uncertainty of the means of stretches that each lie at one level, from the steps of the output, in its unit. It is
-/// one error for each level, which is as large for every part of the stretch. 0 where the noise is well above a step, and
-/// where no value tells the step.
+/// one error for each level, which is as large for every part of the stretch; that of the quiet stretches counts for all. 0
+/// where the noise is well above a step, and where no value tells the step.
 #[must_use]
 pub fn mean_error_sd(stretches: &[&[f64]]) -> f64 {
-    let about_mean = |piece: &[f64]| stats::mean_sd(piece).1;
-    step_and_variance(stretches, about_mean)
-        .map_or(0.0, |(step, variance)| step * error(noise(variance, spread(stretches, step))))
+    coarse(stretches).map_or(0.0, |(step, error)| step * error)
 }
 
-/// Whether a sensor whose noise these stretches show cannot give one value for so many rows, at whatever level it is.
+/// The step between the codes of an output whose noise is not well above it.
+pub(crate) fn coarse_step(stretches: &[&[f64]]) -> Option<f64> {
+    coarse(stretches).map(|(step, _)| step)
+}
+
+/// Step, and standard uncertainty of a mean in steps, where that is above 0.
+fn coarse(stretches: &[&[f64]]) -> Option<(f64, f64)> {
+    let step = step(stretches)?;
+    let of_all: Vec<(&[f64], Spread)> = stretches
+        .iter()
+        .map(|values| (*values, Spread::of(values, |piece| stats::mean_sd(piece).1, step)))
+        .filter(|(_, spread)| spread.rows > 0.0)
+        .collect();
+    let is_quiet = |spread: &Spread| spread.variance < QUIET;
+    let any_quiet = of_all.iter().any(|(_, spread)| is_quiet(spread));
+    let counts = || of_all.iter().filter(|(_, spread)| !any_quiet || is_quiet(spread));
+    let (sum, rows) =
+        counts().fold((0.0, 0.0), |(sum, rows), (_, spread)| (sum + spread.variance * spread.rows, rows + spread.rows));
+    let levels: Vec<&[f64]> = counts().map(|(values, _)| *values).collect();
+    let error = error(noise(sum / rows, spread(&levels, step)));
+    (error > 0.0).then_some((step, error))
+}
+
+/// Whether a sensor whose noise these stretches show cannot give one value for so many rows, at whatever level it is. Of the
+/// stretches that change most decide.
 #[must_use]
 pub fn is_stuck(stretches: &[&[f64]], rows: usize) -> bool {
     // Once in a million records.
     const RARE: f64 = 1e-6;
+    // What a level half-way between two codes shows without noise, and its scatter in half a hundred rows.
+    const SEEN: f64 = 0.4;
+    let Some(step) = step(stretches) else { return false };
     // Of slow noise neighbours err alike, and only what differs between them changes a value.
-    step_and_variance(stretches, stats::white_sd)
-        .is_some_and(|(_, variance)| within(0.5, noise(variance, 0.0)).powf(rows as f64) < RARE)
+    let spreads = stretches.iter().map(|values| Spread::of(values, stats::white_sd, step));
+    let mut variances: Vec<f64> = spreads.map(|spread| spread.variance).filter(|variance| *variance > 0.0).collect();
+    variances.sort_by(f64::total_cmp);
+    let usual = variances.get(variances.len().saturating_sub(1) / 2);
+    usual.is_some_and(|variance| *variance > SEEN && within(0.5, noise(*variance, 0.0)).powf(rows as f64) < RARE)
 }
 
-/// Step between the codes of an output, and the variance in pieces of the stretches, steps squared.
-fn step_and_variance(stretches: &[&[f64]], deviation: impl Fn(&[f64]) -> f64) -> Option<(f64, f64)> {
+/// Step between the codes of an output: the least difference of neighbours. Values that stand still tell none, but whole
+/// numbers are counts.
+fn step(stretches: &[&[f64]]) -> Option<f64> {
     let (low, high) = stretches
         .iter()
         .map(|values| stats::range(values))
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), range| (low.min(range.0), high.max(range.1)));
     let floor = ARITHMETIC * low.abs().max(high.abs());
     let steps = stretches.iter().filter_map(|values| least_step(values, floor));
-    // Values that stand still tell no step, but whole numbers are counts.
     let is_long = || stretches.iter().any(|values| values.len() > 1);
     let are_whole = || stretches.iter().all(|values| values.iter().all(|value| value.fract() == 0.0));
-    let step = steps.reduce(f64::min).or_else(|| (is_long() && are_whole()).then_some(1.0))?;
-    let pieces = stretches.iter().flat_map(|values| values.chunks(PIECE)).filter(|piece| piece.len() > 1);
-    let (sum, count) = pieces.fold((0.0, 0.0), |(sum, count), piece| {
-        (sum + deviation(piece).powi(2) * piece.len() as f64, count + piece.len() as f64)
-    });
-    Some((step, sum / count / (step * step)))
+    steps.reduce(f64::min).or_else(|| (is_long() && are_whole()).then_some(1.0))
+}
+
+/// Variance of a stretch in its pieces, steps squared, and the rows that tell it.
+struct Spread {
+    variance: f64,
+    rows: f64,
+}
+
+impl Spread {
+    fn of(values: &[f64], deviation: impl Fn(&[f64]) -> f64, step: f64) -> Self {
+        let pieces = values.chunks(PIECE).filter(|piece| piece.len() > 1);
+        let (sum, rows) = pieces.fold((0.0, 0.0), |(sum, rows), piece| {
+            (sum + deviation(piece).powi(2) * piece.len() as f64, rows + piece.len() as f64)
+        });
+        Self { variance: sum / rows / (step * step), rows }
+    }
 }
 
 /// Part of a step over which the levels of these stretches spread: levels a whole number of steps apart err alike.
@@ -177,13 +218,23 @@ mod tests {
         assert_eq!(mean_error_sd(&[&[9.8; 20], &[-9.8; 20]]), 0.0);
     }
 
-    /// Noise of half a step leaves its most usual code in 31.7 % of the rows (erf(1 / sqrt 2) = 0.6827), so that 40 rows are
-    /// alike once in 4 million records and 8 in twenty. Noise that shows at one level of three is as good as none.
+    /// One stretch that is noisy says nothing of the others.
+    #[test]
+    fn a_noisy_stretch_does_not_hide_a_quiet_one() {
+        let noisy: Vec<f64> = (0..600).map(|k: i32| f64::from(k * 7919 % 7)).collect();
+        let quiet: Vec<f64> = (0..600).map(|k: i32| 40.0 + f64::from(u8::from(k % 50 == 0))).collect();
+        assert!((mean_error_sd(&[&noisy, &quiet]) - 1.0 / 12.0_f64.sqrt()).abs() < 1e-3);
+        let still = [9.0; 600];
+        assert!(is_stuck(&[&noisy, &noisy, &still], 600) && !is_stuck(&[&noisy, &quiet, &still, &still], 600));
+    }
+
+    /// Noise of 0.72 steps leaves its most usual code in half of the rows (erf(0.5 / (0.72 sqrt 2)) = 0.51), so that 40 rows are
+    /// alike once in 10^12 records and 8 in two hundred. Noise that shows at one level of three is as good as none.
     #[test]
     fn one_value_is_stuck_where_the_noise_would_change_it() {
-        let noise = |k: usize| [0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0][k * 7 % 10];
-        let half: Vec<f64> = (0..640).map(noise).collect();
-        assert!(is_stuck(&[&half], 60) && !is_stuck(&[&half], 8));
+        let noise = |k: usize| [0.0, 0.0, 1.0, 0.0, -1.0, -1.0, 0.0, 1.0, 0.0, -1.0][k * 7 % 10];
+        let noisy: Vec<f64> = (0..640).map(noise).collect();
+        assert!(is_stuck(&[&noisy], 40) && !is_stuck(&[&noisy], 8));
         let toggles: Vec<f64> = (0..640).map(|k| f64::from(k * 7919 % 101 % 2)).collect();
         assert!(!is_stuck(&[&toggles, &[7.0; 640], &[99.0; 640]], 640));
         assert!(!is_stuck(&[&[7.0; 640], &[99.0; 640]], 640));

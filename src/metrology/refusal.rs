@@ -232,8 +232,8 @@ pub enum Refusal {
     },
     /// Counts of a signed sensor were written without their sign.
     #[error(
-        "{channel} lies at both ends of 0 to {} and never between, in {samples} rows at the upper end, first in row {row}: \
-         signed counts of {bits} bits were written without their sign",
+        "{channel} lies at both ends of 0 to {} and never between, in {samples} rows at the upper end, first in row {row}, \
+         as signed counts of {bits} bits without their sign do",
         f64::from(*bits).exp2() - 1.0
     )]
     Unsigned {

@@ -348,7 +348,8 @@ impl Found {
         let noise = stats::white_sd(head).min(stats::white_sd(tail)).max(slow) / (block as f64).sqrt();
         let (before, after) = (stats::mean(head), stats::mean(tail));
         let level = f64::midpoint(before, after);
-        let means: Vec<f64> = values.chunks(block).map(stats::mean).collect();
+        // A rest of a block is noisier than the limit takes.
+        let means: Vec<f64> = values.chunks_exact(block).map(stats::mean).collect();
         let peak = means.iter().map(|m| m - level).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
         let limit = (MOVING_FRACTION * peak.abs()).max(MOVING_SIGMA * noise);
         if peak.abs() < 10.0 * MOVING_SIGMA * noise || peak == 0.0 {

@@ -100,17 +100,20 @@ pub fn unclipped(channel: &str, values: &[f64], rests: &[&[f64]]) -> Result<(), 
 }
 
 /// Counts of a signed sensor were written with their sign. Without it a level near 0 lies at both ends of the range and never
-/// between, and what wraps is near the rest again once the range is taken off.
+/// between, and both parts join where the range ends: 65535 stands beside 0.
 ///
 /// # Errors
 /// [`Refusal::Unsigned`].
 pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     const BITS: [u32; 5] = [8, 12, 16, 24, 32];
-    // One word or two at the end are those of failed reads.
-    const WORDS: usize = 3;
-    const NEAR: f64 = 20.0;
     /// Part of the range above which a count lies at its upper end.
     const WRAPPED: f64 = 0.75;
+    /// Different words on either side, or the part of the rows: failed reads are one word, and never so many.
+    const WORDS: usize = 3;
+    const MANY: f64 = 0.1;
+    /// Codes that the parts may lie apart, and the part of their width.
+    const APART: f64 = 3.0;
+    const JOINED: f64 = 0.01;
     // Most records with a sign show it at once.
     if values.iter().take(64).any(|v| *v < 0.0) {
         return Ok(());
@@ -124,23 +127,35 @@ pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     if high < WRAPPED * end || values.iter().any(|v| v.fract() != 0.0) {
         return Ok(());
     }
-    let (mut below, mut wrapped) = (0.0_f64, Vec::new());
-    for (row, value) in values.iter().enumerate() {
+    let (mut below, mut wrapped) = (Vec::new(), Vec::new());
+    for value in values {
         match value / end {
-            part if part < 1.0 - WRAPPED => below = below.max(*value),
-            part if part >= WRAPPED => wrapped.push((end - value, row)),
+            part if part < 1.0 - WRAPPED => below.push(*value),
+            part if part >= WRAPPED => wrapped.push(end - value),
             _ => return Ok(()),
         }
     }
-    let Some(row) = wrapped.first().map(|(_, row)| row + 1) else { return Ok(()) };
     let samples = wrapped.len();
-    wrapped.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let deepest = wrapped.last().map_or(0.0, |(depth, _)| *depth);
-    wrapped.dedup_by_key(|(depth, _)| *depth);
-    if samples == values.len() || wrapped.len() < WORDS || deepest > NEAR * (below + 1.0) {
-        return Ok(());
+    let least = below.len().min(samples) as f64;
+    for side in [&mut below, &mut wrapped] {
+        side.sort_by(f64::total_cmp);
+        side.dedup();
     }
-    Err(Refusal::Unsigned { channel: channel.to_owned(), bits, samples, row })
+    let ([nearest, .., deepest], [smallest, .., largest]) = (&wrapped[..], &below[..]) else {
+        let alone = below.len() == 1 && wrapped.len() == 1 && below[0] + wrapped[0] <= APART;
+        return unsigned(alone && least > MANY * values.len() as f64, channel, values, bits, samples);
+    };
+    let is_joined = nearest + smallest <= APART + JOINED * (deepest + largest);
+    let is_noise = below.len().min(wrapped.len()) >= WORDS || least > MANY * values.len() as f64;
+    unsigned(is_joined && is_noise, channel, values, bits, samples)
+}
+
+fn unsigned(is: bool, channel: &str, values: &[f64], bits: u32, samples: usize) -> Result<(), Refusal> {
+    let upper = f64::from(bits - 1).exp2();
+    match values.iter().position(|value| *value >= upper).filter(|_| is) {
+        Some(row) => Err(Refusal::Unsigned { channel: channel.to_owned(), bits, samples, row: row + 1 }),
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -153,22 +168,35 @@ mod tests {
         assert_eq!(refusal.to_string(), "gx: sample 1 is inf");
     }
 
-    /// A level of 30 codes with noise to both sides of 0, as 16 bits without a sign. Failed reads, a level far from 0, a range in
-    /// use throughout and spikes are none.
+    /// Levels near 0 with fine and coarse noise, without a sign. Failed reads, levels far from 0, a range in use throughout, spikes,
+    /// the sides of a flip and a square wave near both ends of an unsigned converter are none.
     #[test]
     fn counts_without_their_sign_are_named() {
-        let level = |at: f64| (0..1000).map(|i: i32| at + f64::from(i * 7919 % 101) - 50.0).collect::<Vec<_>>();
+        let noise = |i: i32| f64::from(i * 7919 % 101) - 50.0;
+        let level = |at: f64| (0..1000).map(|i| at + noise(i)).collect::<Vec<_>>();
         let wrap = |values: Vec<f64>, end: f64| values.into_iter().map(|v| v.rem_euclid(end)).collect::<Vec<_>>();
         for (bits, end) in [(16, 65_536.0), (24, 16_777_216.0), (12, 4096.0)] {
             let refusal = signed("x", &wrap(level(30.0), end)).unwrap_err();
             assert!(matches!(refusal, Refusal::Unsigned { samples: 150..300, bits: b, .. } if b == bits), "{refusal}");
         }
-        let with = |words: &[f64]| [level(60.0), words.to_vec()].concat();
-        for good in [level(30.0), level(60.0), wrap(level(-900.0), 65_536.0), with(&[65_535.0; 9])] {
-            assert!(signed("x", &good).is_ok());
+        let toggling: Vec<f64> = (0..1000).map(|i| if noise(i) > 20.0 { 0.0 } else { -1.0 }).collect();
+        assert!(signed("x", &wrap(toggling, 65_536.0)).is_err());
+        let with = |base: Vec<f64>, words: &[f64]| [base, words.to_vec()].concat();
+        let near_end = |at: f64| (0..1000).map(|i| at + (noise(i) / 25.0).round()).collect::<Vec<_>>();
+        for good in [
+            level(60.0),
+            wrap(level(-900.0), 65_536.0),
+            with(level(60.0), &[65_535.0; 9]),
+            with(level(60.0), &[51_000.0, 60_000.0, 65_000.0]),
+            with(level(60.0), &[20_000.0, 65_535.0, 65_534.0, 65_533.0]),
+            with(near_end(245.0), &[0.0]),
+            with(near_end(4085.0), &[0.0; 40]),
+            with(near_end(3800.0), &near_end(300.0)),
+            with(vec![100.0; 400], &[4000.0; 400]),
+            [-100.0, -90.0, -80.0, 80.0, 90.0, 100.0].map(|rate| 2048.0 + 20.0 * rate).to_vec(),
+        ] {
+            assert!(signed("x", &good).is_ok(), "{:?}", &good[good.len() - 6..]);
         }
-        assert!(signed("x", &with(&[51_000.0, 60_000.0, 65_000.0])).is_ok());
-        assert!(signed("x", &with(&[20_000.0, 65_535.0, 65_534.0, 65_533.0])).is_ok());
     }
 
     #[test]

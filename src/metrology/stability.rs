@@ -152,9 +152,10 @@ pub fn repeatability(figures: &[f64], resolution_sd: f64) -> Result<Repeatabilit
 const SUSPECT_PROBABILITY: f64 = 0.001;
 
 /// Runs whose figure stands out of the scatter of the others: their places, and by how many standard deviations of the others
-/// (externally studentised, against Student's t with `runs - 2` degrees of freedom).
+/// (externally studentised, against Student's t with `runs - 2` degrees of freedom). The steps of the output, of which each figure
+/// has the standard uncertainty `resolution_sd`, scatter the others too.
 #[must_use]
-pub fn suspects(figures: &[f64]) -> Vec<(usize, f64)> {
+pub fn suspects(figures: &[f64], resolution_sd: f64) -> Vec<(usize, f64)> {
     let n = figures.len() as f64;
     if n < 4.0 {
         return Vec::new();
@@ -166,7 +167,7 @@ pub fn suspects(figures: &[f64]) -> Vec<(usize, f64)> {
         let residual = figure - mean;
         let others = (sd * sd * (n - 1.0) - residual * residual / own) / (n - 2.0);
         let exact = (1e-12 * figure.abs().max(mean.abs())).powi(2);
-        let studentised = residual / (others.max(exact) * own).sqrt();
+        let studentised = residual / ((others.max(exact) + resolution_sd * resolution_sd) * own).sqrt();
         (studentised.abs() > limit).then_some((place, studentised))
     };
     figures.iter().enumerate().filter_map(of).collect()
@@ -219,13 +220,21 @@ mod tests {
         let figures = [10.1, 9.9, 10.2, 9.8, 0.0, 10.0, 10.1, 9.9];
         let others = [10.1, 9.9, 10.2, 9.8, 10.0, 10.1, 9.9];
         let (mean, sd) = stats::mean_sd(&others);
-        let [(place, studentised)] = suspects(&figures)[..] else { panic!("{:?}", suspects(&figures)) };
+        let [(place, studentised)] = suspects(&figures, 0.0)[..] else { panic!("{:?}", suspects(&figures, 0.0)) };
         assert_eq!(place, 4);
         assert!(
             (studentised / ((0.0 - mean) / (sd * (1.0 + 1.0 / 7.0_f64).sqrt())) - 1.0).abs() < 1e-9,
             "{studentised}"
         );
-        assert!(suspects(&others).is_empty() && suspects(&figures[2..5]).is_empty());
+        assert!(suspects(&others, 0.0).is_empty() && suspects(&figures[2..5], 0.0).is_empty());
+    }
+
+    /// Of a coarse output one run in eight shows the next code; two codes away is no rounding.
+    #[test]
+    fn a_run_one_code_away_is_no_suspect_of_a_coarse_output() {
+        let one_code = [100.0, 100.0, 100.0, 100.0, 101.0, 100.0, 100.0, 100.0];
+        assert!(suspects(&one_code, 1.0 / 12.0_f64.sqrt()).is_empty());
+        assert_eq!(suspects(&one_code.map(|v| 100.0 + 5.0 * (v - 100.0)), 1.0 / 12.0_f64.sqrt()).len(), 1);
     }
 
     #[test]

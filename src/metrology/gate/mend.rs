@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::Fault;
 use super::smoother::{STRIDE, Smoother};
-use crate::{Refusal, stats};
+use crate::{Refusal, quantisation, stats};
 
 /// Part of the noise of a sum that one bridge may leave open.
 const BENT: f64 = 0.25;
@@ -48,7 +48,10 @@ pub(super) fn unbent(
         if holes.is_empty() {
             continue;
         }
-        let noise = stats::median_step(&values[block.clone()]) * (block.len() as f64).sqrt();
+        // Noise below a step leaves most neighbours equal, and rounding is its noise.
+        let values_of_block = &values[block.clone()];
+        let rounding = quantisation::least_step(values_of_block, 0.0).unwrap_or(0.0) / 12.0_f64.sqrt();
+        let noise = stats::median_step(values_of_block).max(rounding) * (block.len() as f64).sqrt();
         for hole in holes {
             let slope = |from: usize| {
                 let other = from + 1;

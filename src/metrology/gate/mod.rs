@@ -27,7 +27,7 @@ mod tests;
 
 use std::ops::Range;
 
-use crate::Refusal;
+use crate::{Refusal, quantisation};
 use character::Character;
 
 /// Largest share of failed reads and spikes that is left out of means and of fits to points, percent. Five in a hundred
@@ -38,6 +38,9 @@ pub const MOST_OF_MEANS_PERCENT: f64 = 5.0;
 pub const MOST_OF_SERIES_PERCENT: f64 = 2.0;
 /// A sensor that is read more than so many times for each update is taken for one that stops.
 const MOST_POLLED: f64 = 10.0;
+
+/// Rows from which the step of an output is learned.
+const LEARN_STEP: usize = 1 << 16;
 
 /// What is wrong with a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -223,7 +226,15 @@ impl Screening {
     /// Noise, with values of the same distribution in place of what is left out.
     #[must_use]
     pub fn refilled(&self, values: &[f64], blocks: &[Range<usize>]) -> Vec<f64> {
-        mend::refill(values, &self.faults, blocks)
+        let mut mended = mend::refill(values, &self.faults, blocks);
+        // Where codes show, values between them would hide their step.
+        let kept = self.kept(&values[..values.len().min(LEARN_STEP)]);
+        if let (Some(step), Some(first)) = (quantisation::coarse_step(&[&kept]), kept.first()) {
+            for row in (0..mended.len()).filter(|row| !self.keeps(*row)) {
+                mended[row] = first + ((mended[row] - first) / step).round() * step;
+            }
+        }
+        mended
     }
 
     /// Whether a method may go on with what is left.

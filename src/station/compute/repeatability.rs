@@ -45,7 +45,11 @@ impl Repeatability {
         let runs = self.runs(&columns, has_run)?;
         let means: Vec<f64> = runs.iter().map(|run| stats::mean(&run.values)).collect();
         let stretches: Vec<&[f64]> = runs.iter().map(|run| run.values.as_slice()).collect();
-        let found = stability::repeatability(&means, quantisation::mean_error_sd(&stretches))?;
+        let figures = [means.as_slice()];
+        let are_rows = stretches.iter().all(|values| values.len() == 1);
+        // Figures of one row each are values of the output, and show its steps together.
+        let resolution_sd = quantisation::mean_error_sd(if are_rows { &figures } else { &stretches });
+        let found = stability::repeatability(&means, resolution_sd)?;
         let unit = format!("unit of {}", self.column);
         let mut report = Report::new("repeatability");
         report
@@ -57,7 +61,12 @@ impl Repeatability {
             .put("sd", format!("n - 1, {unit}"), found.sd)
             .put("sd_low", "95 %, chi-square", found.sd_low)
             .put("sd_high", "", found.sd_high)
-            .put("dof", "runs - 1", found.runs - 1);
+            .put("dof", "runs - 1", found.runs - 1)
+            .put(
+                "resolution_of_a_mean",
+                "standard uncertainty of a figure from the steps of the output",
+                found.resolution_sd,
+            );
         match &gated {
             Some(gated) => report.put("gate", "rows", gated.json()),
             None => report.absent("gate", "every row is a run: no row is beside another"),
@@ -71,15 +80,10 @@ impl Repeatability {
             let variance = |run: &Run| stats::white_sd(&run.values).powi(2) / run.values.len() as f64;
             let noise = (runs.iter().map(variance).sum::<f64>() / runs.len() as f64).sqrt();
             report.put("noise_of_a_mean", "what white noise within the runs adds to sd", noise);
-            report.put(
-                "resolution_of_a_mean",
-                "standard uncertainty of a mean from the steps of the output",
-                found.resolution_sd,
-            );
         } else {
             report.absent("noise_of_a_mean", "a run of one row does not show its noise");
         }
-        let suspects = stability::suspects(&means);
+        let suspects = stability::suspects(&means, resolution_sd);
         if suspects.is_empty() {
             report.put("suspects", "no run stands out", json!([]));
         } else {
