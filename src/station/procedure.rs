@@ -150,12 +150,15 @@ pub enum Trouble {
     /// Test frames did not come back as they went out, and the module's controller knows of no error.
     #[error(
         "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
-         and counts no error{}{}{}", lost_here(*by_host), beside(*others, *busy_percent, *span_s), of_before(*stale)
+         and counts no error{}{}{}{}", lost_here(*by_host), beside(*others, *busy_percent, *span_s), of_before(*stale),
+         given_up(*unsent)
     )]
     FramesLost {
         /// Test frames sent.
         sent: u64,
-        /// Of those, not back.
+        /// Test frames that were not sent, since nothing came back any more.
+        unsent: u64,
+        /// Of those sent, not back.
         lost: u64,
         /// Back twice, or before one that was sent earlier.
         astray: u64,
@@ -268,6 +271,10 @@ fn beside(others: u64, busy_percent: f64, span_s: f64) -> String {
         return String::new();
     }
     format!("; {others} other frames passed in {span_s:.1} s, {busy_percent:.0} % of what the bus carries")
+}
+
+fn given_up(unsent: u64) -> String {
+    if unsent == 0 { String::new() } else { format!("; {unsent} more were not sent, since nothing came back any more") }
 }
 
 fn of_before(stale: u64) -> String {

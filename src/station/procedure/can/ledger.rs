@@ -7,6 +7,8 @@ use gnc_protocol::can::{CanFrame, CanId};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Seen {
     pub(super) sent: u64,
+    /// Not sent at all, since nothing came back any more.
+    pub(super) unsent: u64,
     pub(super) lost: u64,
     /// Came back under their id and length with another content, in place of the frame that was sent.
     pub(super) altered: u64,
@@ -134,6 +136,7 @@ impl Ledger {
         let doubtful = if strange + foreign > 0 { standard } else { 0 };
         Seen {
             sent: self.entries.len() as u64 - self.count(Fate::ToSend),
+            unsent: self.count(Fate::ToSend),
             lost: self.count(Fate::UnderWay) + self.count(Fate::Late) + doubtful,
             altered: all - doubtful,
             out_of_order,
@@ -242,7 +245,7 @@ mod tests {
         ledger.give_up();
         assert_eq!((ledger.under_way(), ledger.is_complete(), ledger.seen().lost), (0, false, 4));
         echoes()[..4].iter().for_each(|frame| assert!(ledger.note(frame)));
-        assert_eq!((ledger.is_complete(), ledger.seen()), (true, Seen { sent: 4, ..Seen::default() }));
+        assert_eq!((ledger.is_complete(), ledger.seen()), (true, Seen { sent: 4, unsent: 212, ..Seen::default() }));
         // One that was not sent yet cannot be back.
         assert!(!ledger.note(&echoes()[4]));
         assert_eq!(ledger.seen().strange, 1);

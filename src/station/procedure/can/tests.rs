@@ -287,6 +287,22 @@ async fn frames_that_come_seconds_late_are_no_alteration() {
     }
 }
 
+/// A bus that stands still until the exchange is given up, and then moves again, tests fewer frames: a module that alters
+/// a later one does not pass.
+#[tokio::test(start_paused = true)]
+async fn an_exchange_that_was_given_up_is_no_pass() {
+    let mut given_up = 0;
+    for begins_ms in (4..60).step_by(5) {
+        for delay_ms in (1700..4000).step_by(370) {
+            let late = Some((delay_ms, begins_ms..begins_ms + 2500));
+            let ended = attempts(Unusual { late: late.clone(), module_flips_every: 40, ..Unusual::default() }).await;
+            assert!(ended.iter().all(|attempt| attempt.outcome != "passed"), "{late:?}: {ended:#?}");
+            given_up += usize::from(ended[0].observed.seen.unsent > 0 && ended[0].observed.seen.lost == 0);
+        }
+    }
+    assert!(given_up > 0, "no exchange was given up without a loss");
+}
+
 /// Other stations and modules on the same bus: what they send is neither a fault of this module nor a frame of it.
 #[tokio::test(start_paused = true)]
 async fn what_others_send_under_test_ids_is_told() {

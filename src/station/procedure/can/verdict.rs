@@ -29,12 +29,14 @@ impl Observed {
         if seen.strange + seen.foreign > 0 {
             return Some(Trouble::TestIdsShared { sent, lost, strange: seen.strange, foreign: seen.foreign });
         }
-        if self.settled && lost + astray == 0 {
+        // A frame that was not sent tests nothing, even if the others came back when the bus moved again.
+        if self.settled && lost + astray + seen.unsent == 0 {
             return None;
         }
         let (received, others) = (self.received(), self.others.frames);
         let busy_percent = self.busy_share() * 100.0;
         let (stale, span_s) = (self.stale, self.span.as_secs_f64());
-        Some(Trouble::FramesLost { sent, lost, astray, received, by_host, others, busy_percent, span_s, stale })
+        let unsent = seen.unsent;
+        Some(Trouble::FramesLost { sent, unsent, lost, astray, received, by_host, others, busy_percent, span_s, stale })
     }
 }
