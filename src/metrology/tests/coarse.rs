@@ -4,7 +4,7 @@
 
 mod truth;
 
-use gnc_metrology::gate::{Layout, Rows, Screening};
+use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
 use gnc_metrology::rotation::{self, Axis};
 use gnc_metrology::{AXES, gyro_still, quantisation, scale_factor, six_position, stability, stats, tilt};
@@ -203,7 +203,7 @@ fn clean_captures_of_a_code_or_two_lose_no_row() {
                 let level = uniform(-20.0, 20.0, dice);
                 rounded(100.0 + level, noise, 400, dice)
             });
-            let blocks = [0..400];
+            let blocks = one_stretch(400);
             let layout = Layout { blocks: &blocks, still: true, range_end: None };
             Screening::of(&AXES, &channels.each_ref().map(Vec::as_slice), &layout).left_out().total() > 0
         });
