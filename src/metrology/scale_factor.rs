@@ -39,9 +39,6 @@ const REST: f64 = 1e-3;
 /// Different rates that a line with a residual needs.
 const FEWEST: usize = 3;
 
-/// Points outside by chance in one record of a thousand are named.
-const SUSPECT_PROBABILITY: f64 = 1e-3;
-
 /// How the points are judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -477,14 +474,13 @@ fn suspects(of_cycle: &[Point], line: &Line) -> Vec<Suspect> {
     if dof < 1.0 {
         return Vec::new();
     }
-    let limit = stats::coverage_factor(1.0 - SUSPECT_PROBABILITY / of_cycle.len() as f64, dof);
+    let limit = stats::coverage_factor(1.0 - stats::SUSPECT_PROBABILITY / of_cycle.len() as f64, dof);
     let of = |point: &Point| {
         let own = 1.0 - line.leverage(point.rate);
         let residual = line.residual(point);
-        let others = (line.squares() - residual * residual / own) / dof;
         // Where the others lie on a line to the last digits nothing can be said about scatter.
         let exact = (1e-12 * point.output.abs().max(line.offset.abs())).powi(2);
-        let studentised = residual / (others.max(exact) * own).sqrt();
+        let studentised = stats::studentised(residual, line.squares(), own, dof, exact);
         (own > 1e-9 && studentised.abs() > limit).then_some(Suspect { point: *point, studentised })
     };
     of_cycle.iter().filter_map(of).collect()

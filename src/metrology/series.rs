@@ -141,20 +141,18 @@ pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
         side.sort_by(f64::total_cmp);
         side.dedup();
     }
-    let ([nearest, .., deepest], [smallest, .., largest]) = (&wrapped[..], &below[..]) else {
-        let alone = below.len() == 1 && wrapped.len() == 1 && below[0] + wrapped[0] <= APART;
-        return unsigned(alone && least > MANY * values.len() as f64, channel, values, bits, samples);
+    let ([nearest, .., deepest] | [nearest @ deepest], [smallest, .., largest] | [smallest @ largest]) =
+        (&wrapped[..], &below[..])
+    else {
+        return Ok(());
     };
     let is_joined = nearest + smallest <= APART + JOINED * (deepest + largest);
     let is_noise = below.len().min(wrapped.len()) >= WORDS || least > MANY * values.len() as f64;
-    unsigned(is_joined && is_noise, channel, values, bits, samples)
-}
-
-fn unsigned(is: bool, channel: &str, values: &[f64], bits: u32, samples: usize) -> Result<(), Refusal> {
-    let upper = f64::from(bits - 1).exp2();
-    match values.iter().position(|value| *value >= upper).filter(|_| is) {
-        Some(row) => Err(Refusal::Unsigned { channel: channel.to_owned(), bits, samples, row: row + 1 }),
-        None => Ok(()),
+    match values.iter().position(|value| *value >= WRAPPED * end) {
+        Some(row) if is_joined && is_noise => {
+            Err(Refusal::Unsigned { channel: channel.to_owned(), bits, samples, row: row + 1 })
+        }
+        _ => Ok(()),
     }
 }
 

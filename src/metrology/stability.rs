@@ -148,12 +148,9 @@ pub fn repeatability(figures: &[f64], resolution_sd: f64) -> Result<Repeatabilit
     Ok(Repeatability { runs: figures.len(), mean, sd, sd_low, sd_high, resolution_sd })
 }
 
-/// Probability by which a good run is named, shared by all runs (Bonferroni).
-const SUSPECT_PROBABILITY: f64 = 0.001;
-
 /// Runs whose figure stands out of the scatter of the others: their places, and by how many standard deviations of the others
 /// (externally studentised, against Student's t with `runs - 2` degrees of freedom). The steps of the output, of which each figure
-/// has the standard uncertainty `resolution_sd`, scatter the others too.
+/// has the standard uncertainty `resolution_sd`, are the least scatter.
 #[must_use]
 pub fn suspects(figures: &[f64], resolution_sd: f64) -> Vec<(usize, f64)> {
     let n = figures.len() as f64;
@@ -161,13 +158,13 @@ pub fn suspects(figures: &[f64], resolution_sd: f64) -> Vec<(usize, f64)> {
         return Vec::new();
     }
     let (mean, sd) = stats::mean_sd(figures);
-    let limit = stats::coverage_factor(1.0 - SUSPECT_PROBABILITY / n, n - 2.0);
+    let limit = stats::coverage_factor(1.0 - stats::SUSPECT_PROBABILITY / n, n - 2.0);
     let of = |(place, figure): (usize, &f64)| {
         let own = 1.0 - 1.0 / n;
         let residual = figure - mean;
-        let others = (sd * sd * (n - 1.0) - residual * residual / own) / (n - 2.0);
         let exact = (1e-12 * figure.abs().max(mean.abs())).powi(2);
-        let studentised = residual / ((others.max(exact) + resolution_sd * resolution_sd) * own).sqrt();
+        let least = exact.max(resolution_sd * resolution_sd);
+        let studentised = stats::studentised(residual, sd * sd * (n - 1.0), own, n - 2.0, least);
         (studentised.abs() > limit).then_some((place, studentised))
     };
     figures.iter().enumerate().filter_map(of).collect()

@@ -3,6 +3,17 @@
 
 use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF, StudentsT};
 
+/// Probability by which a good point is named as a suspect, shared by all points (Bonferroni).
+pub(crate) const SUSPECT_PROBABILITY: f64 = 0.001;
+
+/// Externally studentised residual of a point of a fit: over the standard deviation that the other points give it. `squares`
+/// is the sum of the squares of all residuals, `own` is 1 less the leverage of the point, `dof` are the degrees of freedom of
+/// the others; `floor` is a variance that there is at least.
+pub(crate) fn studentised(residual: f64, squares: f64, own: f64, dof: f64, floor: f64) -> f64 {
+    let others = (squares - residual * residual / own) / dof;
+    residual / (others.max(floor) * own).sqrt()
+}
+
 /// The two-sided probability of one standard deviation of a normal distribution, erf(1/sqrt 2).
 pub const ONE_SIGMA: f64 = 0.682_689_492_137_085_9;
 

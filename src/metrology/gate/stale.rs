@@ -55,12 +55,15 @@ fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters
     }
     let alone: Vec<f64> = channels.iter().map(|values| repeats_alone(&values[..rows], repeats.len())).collect();
     let of_piece = |at: usize| &repeats[at.checked_sub(1).map_or(0, |before| ends[before])..ends[at]];
-    let chances: Vec<f64> = (0..pieces.len()).map(|at| chance(characters, &alone, at)).collect();
+    let chances_of = |of: OfChannel| (0..pieces.len()).map(|at| chance(characters, &alone, at, of)).collect::<Vec<_>>();
+    let chances = chances_of(Character::chance_of_repeat);
+    // A run stays at one code, and the most usual one stays longest.
+    let chances_to_stay = chances_of(Character::chance_of_code);
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| of_piece(at).len()).sum();
     let runs = |at: usize| of_piece(at).chunk_by(|row, next| row + 1 == *next);
-    let shortest = |at: usize| excess::shortest_run(chances[at], rows);
+    let shortest = |at: usize| excess::shortest_run(chances_to_stay[at], rows);
     // Runs that chance does not give are no part of its number.
     let many = counted as f64 > MANY * rows as f64;
     let is_unsure = |at: usize, run: &[usize]| many || run.len() < shortest(at);
@@ -131,8 +134,13 @@ fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: 
     let chance = judged().map(|piece| character.chance_of_repeat(piece)).fold(0.0, f64::max);
     let each = update(runs.iter().map(|(.., unknown)| *unknown).collect(), rows, chance);
     for (piece, run, unknown) in runs {
-        let shortest = excess::shortest_run(character.chance_of_repeat(piece), found.rows());
-        if unknown + 1 < each.saturating_mul(shortest.saturating_add(1)) {
+        // A code that is usual in the piece stays for longer than others by chance.
+        let is_short = |chance: f64| {
+            let shortest = excess::shortest_run(chance, found.rows());
+            unknown + 1 < each.saturating_mul(shortest.saturating_add(1))
+        };
+        let chance = character.chance_of_code(piece);
+        if is_short(chance) || is_short(chance.max(usual(values, piece, &run))) {
             continue;
         }
         // A sensor at the end of its range is not frozen.
@@ -140,6 +148,14 @@ fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: 
             found.mark(row, Fault::Stale);
         }
     }
+}
+
+/// Part of the other rows of a piece that show the code of these repeats.
+fn usual(values: &[f64], piece: &Piece, run: &[usize]) -> f64 {
+    let Some(code) = run.first().map(|row| values[*row]) else { return 0.0 };
+    let held = run.len() + 1;
+    let same = values[piece.rows.clone()].iter().filter(|value| **value == code).count();
+    same.saturating_sub(held) as f64 / piece.rows.len().saturating_sub(held).max(1) as f64
 }
 
 /// Rows for each update of a channel, from its repeats on end: the length that one update in ten exceeds, beside those that
@@ -200,12 +216,14 @@ fn repeats_alone(values: &[f64], on_all: usize) -> f64 {
     if repeats > 2 * on_all { repeats as f64 / values.len() as f64 } else { 0.0 }
 }
 
+/// A chance that a channel gives in a piece.
+type OfChannel = fn(&Character, &Piece) -> f64;
+
 /// Chance of a repeat on all channels in a piece; of a piece that stands still, the larger one of those beside it. A channel
 /// that repeats itself alone gives its part of such rows, whatever its noise.
-fn chance(characters: &[Character], alone: &[f64], at: usize) -> f64 {
+fn chance(characters: &[Character], alone: &[f64], at: usize, of: OfChannel) -> f64 {
     let of_piece = |at: usize| -> f64 {
-        let of_channel =
-            |(character, alone): (&Character, &f64)| character.chance_of_repeat(&character.pieces[at]).max(*alone);
+        let of_channel = |(character, alone): (&Character, &f64)| of(character, &character.pieces[at]).max(*alone);
         characters.iter().zip(alone).map(of_channel).product()
     };
     let speaks = |at: &usize| characters.iter().any(|character| character.pieces[*at].speaks());

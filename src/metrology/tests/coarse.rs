@@ -4,7 +4,7 @@
 
 mod truth;
 
-use gnc_metrology::gate::{Layout, Rows, Screening};
+use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
 use gnc_metrology::rotation::{self, Axis};
 use gnc_metrology::{AXES, gyro_still, quantisation, scale_factor, six_position, stability, stats, tilt};
@@ -190,4 +190,25 @@ fn spreads() {
         Some(vec![(found.sd_low..=found.sd_high).contains(&(of_row / (ROWS as f64).sqrt()))])
     };
     holds("stability", &blocks, 0.05);
+}
+
+/// Noise of a code or two repeats codes by chance, and the usual one for several rows on end. Of 1,000 clean captures of 400 rows
+/// none has a row left out; at 1.4 steps 4 in 1,000 had when the mean chance of all codes stood for the usual one.
+#[test]
+fn clean_captures_of_a_code_or_two_lose_no_row() {
+    for noise in [0.8, 1.0, 1.2, 1.4, 1.6, 2.0, 3.0, 10.0] {
+        let bad = (0..1000).filter(|seed| {
+            let dice = &mut Dice::new(*seed);
+            let channels = [0, 1, 2].map(|_| {
+                let level = uniform(-20.0, 20.0, dice);
+                rounded(100.0 + level, noise, 400, dice)
+            });
+            let blocks = one_stretch(400);
+            let layout = Layout { blocks: &blocks, still: true, range_end: None };
+            Screening::of(&AXES, &channels.each_ref().map(Vec::as_slice), &layout).left_out().total() > 0
+        });
+        let bad = bad.count();
+        println!("noise of {noise} steps: {bad} of 1000");
+        assert_eq!(bad, 0, "noise of {noise} steps");
+    }
 }

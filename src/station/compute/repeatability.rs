@@ -56,7 +56,11 @@ impl Repeatability {
             .record(&columns)
             .put("runs", "", found.runs)
             .put("mean", unit.clone(), found.mean)
-            .put("mean_sd", "standard uncertainty of the mean, sd / sqrt(runs)", found.mean_sd())
+            .put(
+                "mean_sd",
+                "standard uncertainty of the mean: sd / sqrt(runs) and the steps of the output",
+                found.mean_sd(),
+            )
             .put("mean_expanded", "95 %, Student t", found.mean_expanded())
             .put("sd", format!("n - 1, {unit}"), found.sd)
             .put("sd_low", "95 %, chi-square", found.sd_low)
