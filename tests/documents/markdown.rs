@@ -19,9 +19,8 @@ pub(crate) fn links(page: &str) -> Vec<Placed<'_>> {
 /// The anchors of a page: its headings as web pages of repositories name them.
 #[must_use]
 pub(crate) fn anchors(page: &str) -> BTreeSet<String> {
-    let headings =
-        prose(page).filter_map(|(_, text)| text.starts_with('#').then(|| text.trim_start_matches('#').trim()));
-    headings.map(anchor).collect()
+    let headings = prose(page).filter(|(_, text)| text.starts_with('#'));
+    headings.map(|(_, text)| anchor(text.trim_start_matches('#').trim())).collect()
 }
 
 fn anchor(heading: &str) -> String {
