@@ -1,4 +1,43 @@
-//! What to look at, in Russian: the sentences of the catalogue, each with its translation.
+//! The catalogue in Russian: the title of each item, and the sentences that say what to look at, each with its translation.
+
+use gnc_executive::catalogue::ItemId;
+
+/// The title of an item.
+pub(super) fn item_title(item: ItemId) -> &'static str {
+    match item {
+        ItemId::Identity => "Паспорт и питание",
+        ItemId::Cpu => "ЦП, оба ядра",
+        ItemId::Timers => "Таймеры и прерывания",
+        ItemId::InternalRam => "Внутреннее ОЗУ",
+        ItemId::Sdram => "SDRAM",
+        ItemId::SpiFlash => "Флеш-память SPI",
+        ItemId::InternalFlash => "Внутренняя флеш-память",
+        ItemId::Imu => "ИИМ в покое",
+        ItemId::Gnss => "Приёмник ГНСС",
+        ItemId::Ad => "Каналы АЦП и магнитометр",
+        ItemId::Io => "Линии ввода-вывода",
+        ItemId::Spi => "SPI",
+        ItemId::Sci => "Эхо SCI (RS-422)",
+        ItemId::Can => "Эхо CAN",
+        ItemId::SixPosition => "Калибровка в шести положениях",
+        ItemId::GyroStill => "Гироскопы в покое",
+        ItemId::Rotation => "Гироскопы на поворотах",
+        ItemId::GyroBias => "Смещение гироскопов",
+        ItemId::AccelBias => "Смещение акселерометров",
+        ItemId::BiasStability => "Стабильность смещений",
+        ItemId::BiasRepeatability => "Повторяемость смещений",
+        ItemId::ScaleFactorRepeatability => "Повторяемость масштаба",
+        ItemId::CrossCoupling => "Взаимное влияние осей",
+        ItemId::Resolution => "Разрешение",
+        ItemId::Allan => "Вариация Аллана",
+        ItemId::Psd => "Спектр шума",
+        ItemId::MagnetometerEllipse => "Магнитометр: эллипс",
+        ItemId::MagnetometerEllipsoid => "Магнитометр: эллипсоид",
+        ItemId::GnssAccuracy => "Точность ГНСС",
+        ItemId::CalibrationDownload => "Запись калибровки",
+        ItemId::CalibrationCheck => "Проверка калибровки",
+    }
+}
 
 /// The sentence in Russian; English where the catalogue has a new one, which a test finds.
 pub(super) fn look_at_sentence(english: &'static str) -> &'static str {
