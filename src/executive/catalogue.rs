@@ -13,6 +13,7 @@ mod noise;
 mod page;
 mod performance;
 pub mod ports;
+pub mod power;
 pub mod processor;
 mod repeated;
 pub mod sensors;
@@ -94,6 +95,8 @@ items! {
     Sci = "sci": ports::SCI,
     /// CAN echo.
     Can = "can": ports::CAN,
+    /// The board's switch takes the supply away and gives it back: the module starts each time, as soon, and draws the same.
+    PowerCycle = "power-cycle": power::POWER_CYCLE,
     /// Accelerometer calibration from six, twelve or twenty-four positions.
     SixPosition = "six-position": calibration::SIX_POSITION,
     /// Gyroscope bias and g-sensitivity from still positions.

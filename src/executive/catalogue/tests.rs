@@ -69,7 +69,7 @@ fn needs_stand_before() {
 #[test]
 fn power_cycles_exclude_everything() {
     for item in ItemId::ALL {
-        for switches in [ItemId::BiasRepeatability, ItemId::Identity] {
+        for switches in [ItemId::BiasRepeatability, ItemId::Identity, ItemId::PowerCycle] {
             assert!(switches.excludes(item) && item.excludes(switches), "{item}");
         }
     }
