@@ -19,6 +19,7 @@ use crate::devices::lines::LineFaults;
 use crate::devices::memory::{INTERNAL_WORDS, MemoryFaults, SDRAM_WORDS};
 use crate::devices::playback::{LONGEST, Recording};
 use crate::devices::sci::SciFaults;
+use crate::devices::start::StartFaults;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
 use crate::wire_faults::{WireFaults, WireRates};
@@ -136,9 +137,9 @@ fn line_pair(pair: &[Spanned<u32>; 2], name: &str, high: u8) -> Result<(u8, u8),
 impl raw::Personality {
     pub(super) fn check(self, load: Load<'_>) -> Result<Model, Mistake> {
         let d = Model::default();
-        let raw::Module { serial_number, part, hardware, firmware, protocol } = self.module;
+        let raw::Module { serial_number, part, hardware, firmware, protocol, swapped_after } = self.module;
         let oscillator = self.board.oscillator(d.oscillator)?;
-        let raw::Board { serial, firmware: board_firmware, .. } = self.board;
+        let raw::Board { serial, firmware: board_firmware, caches_identity, .. } = self.board;
         let serial_number = match &serial_number {
             Some(_) => Some(short_text(serial_number.as_ref(), "serial_number", 64, String::new())?),
             None => None,
@@ -156,6 +157,28 @@ impl raw::Personality {
             supply: SupplyModel {
                 voltage_v: number(self.supply.voltage_v.as_ref(), "voltage_v", 0.0, 12.0, d.supply.voltage_v)?,
                 current_a: number(self.supply.current_a.as_ref(), "current_a", 0.0, 5.0, d.supply.current_a)?,
+                off_voltage_v: number(
+                    self.supply.off_voltage_v.as_ref(),
+                    "off_voltage_v",
+                    0.0,
+                    12.0,
+                    d.supply.off_voltage_v,
+                )?,
+                off_current_a: number(
+                    self.supply.off_current_a.as_ref(),
+                    "off_current_a",
+                    0.0,
+                    5.0,
+                    d.supply.off_current_a,
+                )?,
+                meter_holds: self.supply.meter_holds,
+            },
+            caches_identity,
+            start: StartFaults {
+                late_every: count(self.start.late_every.as_ref(), "late_every")?,
+                late_s: number(self.start.late_ms.as_ref(), "late_ms", 0.0, 60_000.0, 0.0)? * 1e-3,
+                hangs_every: count(self.start.hangs_every.as_ref(), "hangs_every")?,
+                swapped_after: count(swapped_after.as_ref(), "swapped_after")?,
             },
             rails: Rails {
                 v5_v: number(self.rails.v5_v.as_ref(), "v5_v", 0.0, 6.0, d.rails.v5_v)?,

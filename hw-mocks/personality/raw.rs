@@ -16,6 +16,7 @@ pub(super) struct Personality {
     pub(super) board: Board,
     pub(super) sampling: Sampling,
     pub(super) supply: Supply,
+    pub(super) start: Start,
     pub(super) rails: Rails,
     pub(super) cpu: Cpu,
     pub(super) timers: Timers,
@@ -49,6 +50,7 @@ pub(super) struct Module {
     pub(super) hardware: Option<Spanned<String>>,
     pub(super) firmware: Option<Spanned<String>>,
     pub(super) protocol: Option<Spanned<u32>>,
+    pub(super) swapped_after: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -58,6 +60,7 @@ pub(super) struct Board {
     pub(super) firmware: Option<Spanned<String>>,
     pub(super) clock_error_ppm: Option<Spanned<f64>>,
     pub(super) clock_drift_ppm_per_h: Option<Spanned<f64>>,
+    pub(super) caches_identity: bool,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -81,6 +84,17 @@ pub(super) struct TimeStep {
 pub(super) struct Supply {
     pub(super) voltage_v: Option<Spanned<f64>>,
     pub(super) current_a: Option<Spanned<f64>>,
+    pub(super) off_voltage_v: Option<Spanned<f64>>,
+    pub(super) off_current_a: Option<Spanned<f64>>,
+    pub(super) meter_holds: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Start {
+    pub(super) late_every: Option<Spanned<u32>>,
+    pub(super) late_ms: Option<Spanned<f64>>,
+    pub(super) hangs_every: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
