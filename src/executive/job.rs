@@ -1,14 +1,13 @@
 //! A plan on a bench: what can be run, what is chosen, and what comes next.
 
+use gnc_config::{Mistake, Mistakes, nearest};
 use gnc_text::quoted;
 
 use crate::catalogue::{Device, Resource};
 use crate::event::{PlannedItem, StopHow};
-use crate::mistake::{Mistake, Mistakes};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
 use crate::state::{Attempt, Row, RunState};
-use crate::suggest::nearest;
 
 /// What a bench can do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,9 +8,7 @@ use gnc_text::{printable, quoted};
 use super::item::{self, RawItem};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
 use crate::catalogue::ParamKind;
-use crate::mistake::{Mistake, Mistakes, Source};
-use crate::spanned::{Span, Table, Walk, parse};
-use crate::suggest::nearest;
+use gnc_config::{Mistake, Mistakes, Source, Span, Table, Walk, nearest, parse};
 
 /// Characters of a name, which becomes a folder.
 const NAME_CHARACTERS: usize = 64;
