@@ -37,7 +37,7 @@ pub mod world;
 pub use bench::{Bench, LineTruth, Options, Speed, Truth};
 pub use can::Adapter;
 pub use driver::{BenchGone, Cable, Control, RunningBench, TableError};
-pub use personality::{Expectation, Load, Personality, PersonalityError, PersonalityMistake, beside, boards};
+pub use personality::{Expectation, Load, Personality, beside, boards};
 pub use turntable::{TableModel, TableRefusal, TableTruth};
 pub use wire_faults::Toll;
 pub use world::{Axis, Sign};

@@ -97,7 +97,7 @@ enum ProgramError {
     #[error("no file {name} and no board of this name comes with the program; --boards lists them")]
     Unknown { name: String },
     #[error(transparent)]
-    Personality(#[from] crate::personality::PersonalityError),
+    Personality(#[from] gnc_config::Mistakes),
     #[error("cannot open the ports")]
     Start(#[source] io::Error),
     #[error("cannot serve {} at {rate_baud} baud", port.display())]
