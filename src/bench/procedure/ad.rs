@@ -58,7 +58,7 @@ async fn magnetometer(
     recorder.number("mag_x_span", span(0), Unit::Gauss).await?;
     recorder.number("mag_y_span", span(1), Unit::Gauss).await?;
     let z: Vec<f64> = fields_gauss.iter().map(|field| field[2]).collect();
-    Ok(recorder.number("mag_z", gnc_analysis::statistics::mean(&z), Unit::Gauss).await?)
+    Ok(recorder.number("mag_z", gnc_metrology::stats::mean(&z), Unit::Gauss).await?)
 }
 
 /// All eight channels, in volts.

@@ -5,11 +5,11 @@ use std::time::Duration;
 use gnc_analysis::capture::Timing;
 use gnc_analysis::figures::clock::sample_rate_error;
 use gnc_analysis::figures::{self, SAMPLE_RATE_ERROR};
-use gnc_analysis::statistics::{mean, standard_deviation};
 use gnc_board::stream::Closed;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::AXES;
+use gnc_metrology::stats::{mean, mean_sd};
 use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION, StreamId};
 use gnc_protocol::wire::{Reader, Wire as _};
@@ -31,18 +31,18 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
     for (axis, name) in gyro.iter().enumerate() {
         let counts: Vec<f64> = channel(&|sample| sample.gyro[axis]);
         faults.look_at(name, &counts);
-        recorder.number(name, mean(&counts) / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
-        let noise_dps = standard_deviation(&counts) / GYRO_LSB_PER_DPS;
-        recorder.number(&format!("{name}_noise"), noise_dps, Unit::DegreePerSecond).await?;
+        let (mean, sd) = mean_sd(&counts);
+        recorder.number(name, mean / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
+        recorder.number(&format!("{name}_noise"), sd / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
     }
     for (axis, name) in accel.iter().enumerate() {
         let counts: Vec<f64> = channel(&|sample| sample.accel[axis]);
         faults.look_at(name, &counts);
-        let force_g = mean(&counts) / ACCEL_LSB_PER_G;
+        let (mean, sd) = mean_sd(&counts);
+        let force_g = mean / ACCEL_LSB_PER_G;
         squares += force_g * force_g;
         recorder.number(name, force_g, Unit::Gravity).await?;
-        let noise_mg = standard_deviation(&counts) / ACCEL_LSB_PER_G * 1e3;
-        recorder.number(&format!("{name}_noise"), noise_mg, Unit::Milligravity).await?;
+        recorder.number(&format!("{name}_noise"), sd / ACCEL_LSB_PER_G * 1e3, Unit::Milligravity).await?;
     }
     recorder.number("accel_norm", squares.sqrt(), Unit::Gravity).await?;
     let gyro_temperature: Vec<f64> = channel(&|sample| sample.gyro_temperature.into());

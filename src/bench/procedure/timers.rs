@@ -1,8 +1,8 @@
 //! Intervals of the module's timers against the slave's reference clock.
 
-use gnc_analysis::statistics::{mean, standard_deviation};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
+use gnc_metrology::stats::mean_sd;
 use gnc_protocol::message::TimerMeasure;
 
 use super::{Bench, ProcedureError, Recorder};
@@ -26,9 +26,10 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
             let nominal = f64::from(period_us);
             let worst = intervals_us.iter().map(|us| (us / nominal - 1.0).abs()).fold(0.0, f64::max);
             let prefix = format!("timer{timer}_{name}");
-            recorder.number(&format!("{prefix}_mean"), mean(&intervals_us), Unit::Microsecond).await?;
+            let (mean, sd) = mean_sd(&intervals_us);
+            recorder.number(&format!("{prefix}_mean"), mean, Unit::Microsecond).await?;
             recorder.number(&format!("{prefix}_worst"), worst * 100.0, Unit::Percent).await?;
-            recorder.number(&format!("{prefix}_jitter"), standard_deviation(&intervals_us), Unit::Microsecond).await?;
+            recorder.number(&format!("{prefix}_jitter"), sd, Unit::Microsecond).await?;
         }
         recorder.number(&format!("timer{timer}_interrupts_missing"), missing, Unit::Count).await?;
     }

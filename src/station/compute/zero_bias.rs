@@ -128,7 +128,7 @@ impl ZeroBias {
         }
         let rms = |column: usize| {
             let values: Vec<f64> = rows.iter().filter_map(|r| r[column].as_f64()).collect();
-            (!values.is_empty()).then(|| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt())
+            (!values.is_empty()).then(|| stats::rms(&values))
         };
         let (before, after, fused) = (rms(3), rms(4), rms(7));
         let by_cycle =

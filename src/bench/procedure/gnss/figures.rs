@@ -3,9 +3,9 @@
 use chrono::NaiveDate;
 use gnc_analysis::figures::Findings;
 use gnc_analysis::figures::clock::BoardClock;
-use gnc_analysis::statistics::mean;
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::quantity::Unit;
+use gnc_metrology::stats::mean;
 use gnc_nmea::{Epoch, Fault, Fix};
 
 use super::Heard;
