@@ -4,6 +4,7 @@ use gnc_config::Table;
 
 use super::checks::{count, needs};
 use crate::can_faults::{CanRates, CanWireFaults};
+use crate::fault_queue::QueueRates;
 use crate::wire_faults::{WireFaults, WireRates};
 
 pub(super) fn wire(table: &Table<'_, '_>) -> WireFaults {
@@ -28,47 +29,42 @@ fn share(table: &Table<'_, '_>, key: &'static str) -> f64 {
     table.number(key, (0.0, 1e6)).unwrap_or(0.0)
 }
 
-/// How long frames are delayed and the line stands still. Neither does anything without the other half of its pair.
-fn times_ms(table: &Table<'_, '_>) -> (f64, f64) {
-    let pair = |share: &'static str, time: &'static str| {
+/// What the queue of either kind of line does. Half of a pair does nothing.
+fn queue(table: &Table<'_, '_>) -> QueueRates {
+    for (share, time) in [("delayed_frames_per_million", "delay_ms"), ("stalled_frames_per_million", "stall_ms")] {
         needs(table, share, time);
         needs(table, time, share);
-        table.number(time, (0.0, 60_000.0)).unwrap_or(0.0)
-    };
-    (pair("delayed_frames_per_million", "delay_ms"), pair("stalled_frames_per_million", "stall_ms"))
+    }
+    let time_ms = |key: &'static str| table.number(key, (0.0, 60_000.0)).unwrap_or(0.0);
+    QueueRates {
+        doubled_frames: share(table, "doubled_frames_per_million"),
+        overtaken_frames: share(table, "overtaken_frames_per_million"),
+        delayed_frames: share(table, "delayed_frames_per_million"),
+        delay_ms: time_ms("delay_ms"),
+        stalled_frames: share(table, "stalled_frames_per_million"),
+        stall_ms: time_ms("stall_ms"),
+    }
 }
 
 fn along(table: &Table<'_, '_>) -> WireRates {
-    let (delay_ms, stall_ms) = times_ms(table);
     WireRates {
         lost_bytes: share(table, "lost_bytes_per_million"),
         lost_byte_at: count(table, "lost_byte_at"),
         flipped_bits: share(table, "flipped_bits_per_million"),
         lost_frames: share(table, "lost_frames_per_million"),
         cut_frames: share(table, "cut_frames_per_million"),
-        doubled_frames: share(table, "doubled_frames_per_million"),
-        overtaken_frames: share(table, "overtaken_frames_per_million"),
-        delayed_frames: share(table, "delayed_frames_per_million"),
-        delay_ms,
-        stalled_frames: share(table, "stalled_frames_per_million"),
-        stall_ms,
         babbled_frames: share(table, "babbled_frames_per_million"),
         echoed_frames: share(table, "echoed_frames_per_million"),
+        queue: queue(table),
     }
 }
 
 fn can_along(table: &Table<'_, '_>) -> CanRates {
-    let (delay_ms, stall_ms) = times_ms(table);
     CanRates {
         lost_frames: share(table, "lost_frames_per_million"),
         lost_bursts: share(table, "lost_bursts_per_million"),
         flipped_frames: share(table, "flipped_frames_per_million"),
-        doubled_frames: share(table, "doubled_frames_per_million"),
-        overtaken_frames: share(table, "overtaken_frames_per_million"),
-        delayed_frames: share(table, "delayed_frames_per_million"),
-        delay_ms,
-        stalled_frames: share(table, "stalled_frames_per_million"),
-        stall_ms,
         babbled_frames: share(table, "babbled_frames_per_million"),
+        queue: queue(table),
     }
 }
