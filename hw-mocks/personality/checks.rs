@@ -1,6 +1,6 @@
 //! Checks that several tables of a personality need.
 
-use gnc_config::{Entry, Table, nearest};
+use gnc_config::{Entry, Table, did_you_mean};
 use gnc_text::quoted;
 
 use crate::world::Axis;
@@ -74,10 +74,7 @@ pub(super) fn choice<'t>(entry: &Entry<'_, 't>, known: &[&str]) -> Option<&'t st
     if known.contains(&text) {
         return Some(text);
     }
-    let hint = match nearest(text, known.iter().copied()) {
-        Some(name) => format!("did you mean \"{name}\"?"),
-        None => format!("it may be {}", known.join(", ")),
-    };
+    let hint = did_you_mean(text, known.iter().copied(), || format!("it may be {}", known.join(", ")));
     entry.mistake(format!("{} cannot be {}", entry.key(), quoted(text)), hint);
     None
 }

@@ -18,6 +18,6 @@ mod suggest;
 mod walk;
 
 pub use mistake::{MAX_MISTAKES, Mistake, Mistakes, Place, Source};
-pub use suggest::nearest;
+pub use suggest::{did_you_mean, nearest};
 pub use toml::de::DeValue as Value;
 pub use walk::{Entry, Span, Table, Walk, parse, read};

@@ -19,6 +19,15 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
+/// A hint for a name that is not known: the candidate that was probably meant, or what `otherwise` says.
+pub fn did_you_mean<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+    otherwise: impl FnOnce() -> String,
+) -> String {
+    nearest(name, candidates).map_or_else(otherwise, |meant| format!("did you mean \"{meant}\"?"))
+}
+
 /// Letters and digits in lower case: case and joining marks are what people mix up most.
 fn plain(name: &str) -> Vec<char> {
     name.chars().filter(|c| !matches!(c, '-' | '_' | ' ')).flat_map(char::to_lowercase).collect()
@@ -55,6 +64,8 @@ mod tests {
         assert_eq!(nearest("SPI_FLASH", names), Some("spi-flash"));
         assert_eq!(nearest("imuu", names), Some("imu"));
         assert_eq!(nearest("gnss", names), None);
+        assert_eq!(did_you_mean("imuu", names, || "no item".to_owned()), "did you mean \"imu\"?");
+        assert_eq!(did_you_mean("gnss", names, || "no item".to_owned()), "no item");
         assert_eq!(nearest("", names), None);
         assert_eq!(nearest(&"x".repeat(1_000_000), names), None);
     }

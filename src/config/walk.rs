@@ -12,7 +12,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::mistake::{Mistakes, Source, syntax_message};
-use crate::suggest::nearest;
+use crate::suggest::did_you_mean;
 
 /// Bytes of a file that are marked at a mistake.
 pub type Span = Range<usize>;
@@ -219,10 +219,9 @@ impl<'w, 't> Table<'w, 't> {
     pub fn finish(self) {
         for entry in self.unknown() {
             let known = self.known.borrow();
-            let hint = match nearest(entry.key, known.iter().map(Cow::as_ref)) {
-                Some(key) => format!("did you mean \"{key}\"?"),
-                None => format!("the keys are {}", known.iter().map(Cow::as_ref).collect::<Vec<_>>().join(", ")),
-            };
+            let keys = || known.iter().map(Cow::as_ref);
+            let hint =
+                did_you_mean(entry.key, keys(), || format!("the keys are {}", keys().collect::<Vec<_>>().join(", ")));
             entry.key_mistake(format!("unknown key {}", quoted(entry.key)), hint);
         }
     }

@@ -1,6 +1,6 @@
 //! One `[[item]]` of a plan.
 
-use gnc_config::{Span, Table, Walk, nearest};
+use gnc_config::{Span, Table, Walk, did_you_mean};
 use gnc_text::quoted;
 
 use super::closure::check_name;
@@ -34,10 +34,9 @@ pub(super) struct RawItem {
 pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Option<RawItem> {
     let (id, id_span) = table.required_text("id", "write id = \"imu\", or another item of the table")?;
     let Some(id) = ItemId::from_id(id) else {
-        let hint = match nearest(id, ItemId::ALL.iter().map(|item| item.as_str())) {
-            Some(id) => format!("did you mean \"{id}\"?"),
-            None => "`docs/plan.schema.json` lists the items; an editor that reads it offers them".to_owned(),
-        };
+        let hint = did_you_mean(id, ItemId::ALL.iter().map(|item| item.as_str()), || {
+            "`docs/plan.schema.json` lists the items; an editor that reads it offers them".to_owned()
+        });
         walk.mistake(id_span, format!("unknown item {}", quoted(id)), hint);
         return None;
     };

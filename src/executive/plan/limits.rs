@@ -1,6 +1,6 @@
 //! The `[item.limits]` of a plan.
 
-use gnc_config::{Entry, Span, Table, Value, Walk, nearest};
+use gnc_config::{Entry, Span, Table, Value, Walk, did_you_mean};
 use gnc_text::quoted;
 
 use super::{ItemLimit, Params};
@@ -133,10 +133,7 @@ fn unknown(entry: &Entry<'_, '_>, id: ItemId) {
     } else {
         format!("{id} does not measure {}", quoted(key))
     };
-    let hint = match nearest(key, names()) {
-        Some(name) => format!("did you mean \"{name}\"?"),
-        None => format!("it measures {}", names().collect::<Vec<_>>().join(", ")),
-    };
+    let hint = did_you_mean(key, names(), || format!("it measures {}", names().collect::<Vec<_>>().join(", ")));
     entry.key_mistake(what, hint);
 }
 

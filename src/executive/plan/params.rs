@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gnc_config::{Entry, Table, Value, nearest};
+use gnc_config::{Entry, Table, Value, did_you_mean};
 use gnc_text::quoted;
 
 use crate::catalogue::{ItemId, ParamKind, When};
@@ -131,11 +131,10 @@ pub(super) fn read(table: Option<&Table<'_, '_>>, id: ItemId) -> Params {
     for entry in table.into_iter().flat_map(Table::entries) {
         let Some(param) = spec.param(entry.key()) else {
             let names: Vec<&str> = spec.params.iter().map(|param| param.name).collect();
-            let hint = match nearest(entry.key(), names.iter().copied()) {
-                Some(name) => format!("did you mean \"{name}\"?"),
-                None if names.is_empty() => "it has no parameters".to_owned(),
-                None => format!("its parameters are {}", names.join(", ")),
-            };
+            let hint = did_you_mean(entry.key(), names.iter().copied(), || match names.is_empty() {
+                true => "it has no parameters".to_owned(),
+                false => format!("its parameters are {}", names.join(", ")),
+            });
             let what = format!("{id} has no parameter {}", quoted(entry.key()));
             entry.key_mistake(what, hint);
             continue;
@@ -235,10 +234,9 @@ fn written(entry: &Entry<'_, '_>) -> String {
 }
 
 fn choices_hint(text: &str, of: &[&'static str]) -> String {
-    match nearest(text, of.iter().copied()) {
-        Some(choice) => format!("did you mean \"{choice}\"?"),
-        None => format!("it may be {}", of.iter().map(|choice| format!("\"{choice}\"")).collect::<Vec<_>>().join(", ")),
-    }
+    did_you_mean(text, of.iter().copied(), || {
+        format!("it may be {}", of.iter().map(|choice| format!("\"{choice}\"")).collect::<Vec<_>>().join(", "))
+    })
 }
 
 fn missing(name: &str, wanted: &'static str) -> ParamError {
