@@ -155,6 +155,14 @@ pub(super) fn gnss(table: &Table<'_, '_>, load: Load<'_>) -> (GnssFaults, Option
 
 fn playback(table: &Table<'_, '_>, load: Load<'_>) -> Option<Playback> {
     needs(table, "playback_hz", "playback");
+    // A receiver that plays a log back does not look at the sky.
+    for key in ["no_sky", "repeater_north_m", "repeater_east_m", "covered_after_fix_s"] {
+        if table.has("playback")
+            && let Some(entry) = table.entry(key)
+        {
+            entry.key_mistake(format!("{key} changes nothing beside a playback"), "remove one of the two");
+        }
+    }
     let epochs_hz = table.number("playback_hz", (0.01, EPOCHS_HZ)).unwrap_or(1.0);
     let entry = table.entry("playback")?;
     let name = entry.text()?;

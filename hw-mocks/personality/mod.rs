@@ -112,8 +112,9 @@
 //! covered_after_fix_s = 1.0
 //! pps_open = true
 //! pps_jitter_ns = 300.0                # deviation, beside the usual one
-//! playback = "lost-fix.nmea"           # a log beside this file, NMEA or UBX, that the receiver plays from each start on
-//! playback_hz = 1.0                    # its epochs a second, at most 5
+//! ## Or, in place of a sky, a log beside this file, NMEA or UBX, that the receiver plays from each start on:
+//! ## playback = "lost-fix.nmea"
+//! ## playback_hz = 1.0                  # its epochs a second, at most 5
 //!
 //! [ad]
 //! unwired_switches = [2]
@@ -189,8 +190,7 @@
 //! after_ms = 20.0                      # of board time
 //! at_board_time_s = 60.0               # once, whatever runs
 //! # "#;
-//! # let mut log = |_: &str| Ok(b"$GPGGA,,,,,,0,,,,,,,,*66".to_vec());
-//! # hw_mocks::Personality::with_files("everything", text, &mut log).unwrap();
+//! # hw_mocks::Personality::from_toml("everything", text).unwrap();
 //! ```
 
 mod checks;

@@ -6,7 +6,7 @@ use gnc_config::{Entry, Table};
 use gnc_text::quoted;
 use nalgebra::{Matrix3, Vector3};
 
-use super::checks::{axes, axis, needs, numbers, required_number, whole};
+use super::checks::{axes, axis, numbers, required_number, whole};
 use crate::devices::inertial::bandwidth::{Bandwidth, Order};
 use crate::devices::inertial::faults::{FailedReads, MOST_VIBRATIONS, Spikes, Vibration};
 use crate::devices::inertial::model::Published;
@@ -189,26 +189,30 @@ fn response(entry: &Entry<'_, '_>) -> Option<Matrix3<f64>> {
 }
 
 fn bandwidth(table: &Table<'_, '_>, default: Option<Bandwidth>) -> Option<Bandwidth> {
+    let default_hz = default.map(|bandwidth| bandwidth.cutoff_hz);
     let cutoff_hz = match table.entry("bandwidth_hz") {
-        None => default.map(|bandwidth| bandwidth.cutoff_hz),
+        None => default_hz,
         Some(entry) => match entry.number((0.0, HIGHEST_HZ)) {
             // Zero takes the low-pass away.
             Some(0.0) => None,
             Some(cutoff_hz) if cutoff_hz < 0.1 => {
                 entry.mistake(format!("bandwidth_hz is {cutoff_hz}"), "it may be 0, for none, or 0.1 to 100000");
-                None
+                default_hz
             }
-            cutoff_hz => cutoff_hz,
+            cutoff_hz => cutoff_hz.or(default_hz),
         },
     };
-    let order = table.entry("bandwidth_order").map(|entry| {
-        if default.is_none() {
-            needs(table, "bandwidth_order", "bandwidth_hz");
+    let order = table.entry("bandwidth_order").and_then(|entry| {
+        if cutoff_hz.is_none() {
+            entry.key_mistake(
+                "bandwidth_order changes nothing without a low-pass",
+                "write bandwidth_hz = 80.0 beside it",
+            );
         }
-        if whole(&entry, (1, 2)) == Some(1_u8) { Order::First } else { Order::Second }
+        Some(if whole::<u8>(&entry, (1, 2))? == 1 { Order::First } else { Order::Second })
     });
-    let default = default.map_or(Order::Second, |bandwidth| bandwidth.order);
-    cutoff_hz.map(|cutoff_hz| Bandwidth { cutoff_hz, order: order.unwrap_or(default) })
+    let order = order.or(default.map(|bandwidth| bandwidth.order)).unwrap_or(Order::Second);
+    cutoff_hz.map(|cutoff_hz| Bandwidth { cutoff_hz, order })
 }
 
 fn faults(table: &Table<'_, '_>, units: &Units) -> TriadFaults {

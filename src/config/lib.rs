@@ -15,6 +15,8 @@
 
 mod mistake;
 mod suggest;
+#[cfg(test)]
+mod tests;
 mod walk;
 
 pub use mistake::{MAX_MISTAKES, Mistake, Mistakes, Place, Source};

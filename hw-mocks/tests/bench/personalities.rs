@@ -215,6 +215,14 @@ fn a_key_without_effect_is_refused() {
             "2:1: nth changes nothing alone [write on beside it]",
         ],
     );
+    refused(
+        "[gnss]\nno_sky = true\nplayback = \"no.nmea\"\n",
+        &[
+            "2:1: no_sky changes nothing beside a playback [remove one of the two]",
+            "3:12: playback \"no.nmea\" cannot be read: files are read beside a board's own file only \
+             [it is a log of NMEA or UBX beside this file]",
+        ],
+    );
     refused("[gnss]\nplayback_hz = 2.0\n", &["2:1: playback_hz changes nothing alone [write playback beside it]"]);
 }
 
@@ -257,7 +265,11 @@ fn what_real_sensors_do_is_checked() {
     refused("[gyro]\nbandwidth_order = 3\n", &["2:19: bandwidth_order is 3, and must be 1 to 2"]);
     refused(
         "[mag]\nbandwidth_order = 1\n",
-        &["2:1: bandwidth_order changes nothing alone [write bandwidth_hz beside it]"],
+        &["2:1: bandwidth_order changes nothing without a low-pass [write bandwidth_hz = 80.0 beside it]"],
+    );
+    refused(
+        "[gyro]\nbandwidth_hz = 0\nbandwidth_order = 1\n",
+        &["3:1: bandwidth_order changes nothing without a low-pass [write bandwidth_hz = 80.0 beside it]"],
     );
     refused("[accel]\nupdate_rate_hz = 0\n", &["2:18: update_rate_hz is 0, and must be 0.01 to 100000"]);
     refused("[accel]\nclip_low_g = nan\n", &["2:14: clip_low_g is nan, and must be -inf to inf"]);
