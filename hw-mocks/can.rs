@@ -12,8 +12,8 @@ use gnc_protocol::frame::{Frame, FrameError};
 use gnc_protocol::serial::LineCounters;
 
 use crate::can_faults::{CanWireFaults, FaultyBus};
+use crate::fault_queue::Toll;
 use crate::noise::{Dice, Source};
-use crate::wire_faults::Toll;
 
 /// Frames of streams that wait beyond which the board drops samples: 0.3 s of the bus.
 const SAMPLES_WAIT: usize = 1024;

@@ -6,7 +6,6 @@
 //! checksum of this protocol, and nobody could tell what altered them. Garbage comes under any id but those of raw
 //! frames, for the same reason. Chance comes from seeded dice, time is link time.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use gnc_protocol::can::id::{
@@ -14,13 +13,9 @@ use gnc_protocol::can::id::{
 };
 use gnc_protocol::can::{CanFrame, CanId};
 
+use crate::fault_queue::{FaultQueue, QueueRates, Sent, Toll};
 use crate::noise::Dice;
-use crate::wire_faults::Toll;
 
-/// Frames that may pass one that is overtaken.
-const OVERTAKEN_BY: f64 = 3.0;
-/// An overtaken frame that nothing follows goes on after this long.
-const OVERTAKEN_FOR: Duration = Duration::from_millis(20);
 /// Longest burst of lost frames: what an adapter holds.
 const BURST: f64 = 32.0;
 /// Ids of messages.
@@ -34,15 +29,10 @@ pub(crate) struct CanRates {
     pub(crate) lost_bursts: f64,
     /// One bit is another one; only in frames of messages.
     pub(crate) flipped_frames: f64,
-    pub(crate) doubled_frames: f64,
-    pub(crate) overtaken_frames: f64,
-    pub(crate) delayed_frames: f64,
-    pub(crate) delay_ms: f64,
-    /// Frames before which nothing goes on for a while, as `delayed_frames`, with a time of its own.
-    pub(crate) stalled_frames: f64,
-    pub(crate) stall_ms: f64,
     /// Frames before which there is one that nobody sent.
     pub(crate) babbled_frames: f64,
+    /// A stall comes before a frame: no frame is cut.
+    pub(crate) queue: QueueRates,
 }
 
 /// Faults of both directions.
@@ -52,109 +42,77 @@ pub(crate) struct CanWireFaults {
     pub(crate) to_board: CanRates,
 }
 
+/// No frame stops in the middle.
+impl Sent for CanFrame {
+    fn stopped(self, _: &mut Dice) -> (Option<Self>, Self) {
+        (None, self)
+    }
+}
+
 /// One direction with faults.
 #[derive(Debug)]
 pub(crate) struct FaultyBus {
     rates: CanRates,
-    dice: Dice,
-    /// Frames and when they go on, in their order.
-    queue: VecDeque<(Duration, CanFrame)>,
-    /// A frame that others overtake: how many still, and how long at most.
-    overtaken: Option<(u32, Duration, CanFrame)>,
+    queue: FaultQueue<CanFrame>,
     burst: usize,
     harmed: bool,
-    toll: Toll,
 }
 
 impl FaultyBus {
     pub(crate) fn new(rates: CanRates, dice: Dice) -> Self {
-        Self { rates, dice, queue: VecDeque::new(), overtaken: None, burst: 0, harmed: false, toll: Toll::default() }
+        Self { rates, queue: FaultQueue::new(rates.queue, dice), burst: 0, harmed: false }
     }
 
     pub(crate) fn toll(&self) -> Toll {
-        self.toll
+        self.queue.toll
     }
 
     /// A frame meets its fate.
     pub(crate) fn push(&mut self, frame: CanFrame, now: Duration) {
         let rates = self.rates;
-        self.toll.frames += 1;
-        let passed = self.overtaken.as_mut().is_some_and(|(left, _, _)| {
-            *left -= 1;
-            *left == 0
-        });
-        if self.happens(rates.babbled_frames)
-            && let Some(garbage) = self.garbage()
+        self.queue.toll.frames += 1;
+        let passed = self.queue.passes();
+        if self.queue.dice.happens(rates.babbled_frames)
+            && let Some(garbage) = garbage(&mut self.queue.dice)
         {
-            self.toll.others += 1;
-            self.enqueue(garbage, now);
+            self.queue.toll.others += 1;
+            self.queue.enqueue(garbage, now);
         }
-        if self.burst == 0 && self.happens(rates.lost_bursts) {
-            self.burst = 1 + self.below(BURST);
+        if self.burst == 0 && self.queue.dice.happens(rates.lost_bursts) {
+            self.burst = 1 + self.queue.dice.below(BURST);
         }
         let in_burst = self.burst > 0;
         self.burst = self.burst.saturating_sub(1);
-        if in_burst || self.happens(rates.lost_frames) {
+        if in_burst || self.queue.dice.happens(rates.lost_frames) {
             self.harmed = true;
-            self.toll.spoilt += 1;
+            self.queue.toll.spoilt += 1;
         } else {
-            let frame = if self.happens(rates.flipped_frames) { self.flip(frame) } else { frame };
-            if self.happens(rates.doubled_frames) {
-                self.toll.others += 1;
-                self.enqueue(frame, now);
-            }
-            if self.overtaken.is_none() && self.happens(rates.overtaken_frames) {
-                self.toll.others += 1;
-                let by = 1 + self.below(OVERTAKEN_BY) as u32;
-                self.overtaken = Some((by, now + OVERTAKEN_FOR, frame));
-            } else {
-                self.enqueue(frame, now);
-            }
+            let frame = if self.queue.dice.happens(rates.flipped_frames) { self.flip(frame) } else { frame };
+            self.queue.send(frame, now);
         }
-        if passed && let Some((_, _, frame)) = self.overtaken.take() {
-            self.enqueue(frame, now);
+        if passed {
+            self.queue.release(now);
         }
     }
 
     /// The next frame that has gone on by `now`.
     pub(crate) fn pop(&mut self, now: Duration) -> Option<CanFrame> {
-        if let Some((_, _, frame)) = self.overtaken.take_if(|(_, until, _)| *until <= now) {
-            self.enqueue(frame, now);
-        }
-        self.queue.front().filter(|(due, _)| *due <= now)?;
-        self.queue.pop_front().map(|(_, frame)| frame)
+        self.queue.pop(now)
     }
 
     /// When more goes on.
     pub(crate) fn next_due(&self) -> Option<Duration> {
-        let front = self.queue.front().map(|(due, _)| *due);
-        let overtaken = self.overtaken.as_ref().map(|(_, until, _)| *until);
-        [front, overtaken].into_iter().flatten().min()
+        self.queue.next_due()
     }
 
     /// Frames on their way.
     pub(crate) fn len(&self) -> usize {
-        self.queue.len() + usize::from(self.overtaken.is_some())
+        self.queue.iter().count()
     }
 
     /// Whether something was lost or damaged since this was asked last.
     pub(crate) fn take_harmed(&mut self) -> bool {
         std::mem::take(&mut self.harmed)
-    }
-
-    /// Behind all that is on its way: only what is overtaken lets others pass.
-    fn enqueue(&mut self, frame: CanFrame, now: Duration) {
-        let ms = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
-        let mut due = self.queue.back().map_or(Duration::ZERO, |(due, _)| *due).max(now);
-        if self.happens(self.rates.delayed_frames) {
-            self.toll.others += 1;
-            due = due.max(now + ms(self.rates.delay_ms));
-        }
-        if self.happens(self.rates.stalled_frames) {
-            self.toll.others += 1;
-            due += ms(self.rates.stall_ms);
-        }
-        self.queue.push_back((due, frame));
     }
 
     fn flip(&mut self, frame: CanFrame) -> CanFrame {
@@ -163,35 +121,25 @@ impl FaultyBus {
             return frame;
         }
         self.harmed = true;
-        self.toll.spoilt += 1;
+        self.queue.toll.spoilt += 1;
         let mut data = frame.data().to_vec();
-        let bit = self.below(data.len() as f64 * 8.0);
+        let bit = self.queue.dice.below(data.len() as f64 * 8.0);
         data[bit / 8] ^= 1 << (bit % 8);
         CanFrame::new(frame.id(), &data).unwrap_or(frame)
     }
+}
 
-    /// Half of it under the ids of messages; `None` where the id belongs to raw frames.
-    fn garbage(&mut self) -> Option<CanFrame> {
-        let id = match self.below(4.0) {
-            0 => CanId::Extended(self.below(f64::from(CanId::MAX_EXTENDED)) as u32),
-            1 => CanId::Standard(self.below(f64::from(CanId::MAX_STANDARD)) as u16),
-            _ => CanId::Standard(MESSAGES[self.below(MESSAGES.len() as f64)]),
-        };
-        let is_raw =
-            matches!(id, CanId::Standard(BOARD_EVENTS | IMU_GYRO..=PPS)) || is_echo(id) || echo_of(id).is_some();
-        let length = self.below(9.0);
-        let data: Vec<u8> = (0..length).map(|_| self.dice.between(0.0, 256.0) as u8).collect();
-        CanFrame::new(id, &data).filter(|_| !is_raw)
-    }
-
-    /// Without a rate no dice are thrown.
-    fn happens(&mut self, per_million: f64) -> bool {
-        per_million > 0.0 && self.dice.between(0.0, 1e6) < per_million
-    }
-
-    fn below(&mut self, bound: f64) -> usize {
-        self.dice.between(0.0, bound.max(1.0)) as usize
-    }
+/// Half of it under the ids of messages; `None` where the id belongs to raw frames.
+fn garbage(dice: &mut Dice) -> Option<CanFrame> {
+    let id = match dice.below(4.0) {
+        0 => CanId::Extended(dice.below(f64::from(CanId::MAX_EXTENDED)) as u32),
+        1 => CanId::Standard(dice.below(f64::from(CanId::MAX_STANDARD)) as u16),
+        _ => CanId::Standard(MESSAGES[dice.below(MESSAGES.len() as f64)]),
+    };
+    let is_raw = matches!(id, CanId::Standard(BOARD_EVENTS | IMU_GYRO..=PPS)) || is_echo(id) || echo_of(id).is_some();
+    let length = dice.below(9.0);
+    let data: Vec<u8> = (0..length).map(|_| dice.between(0.0, 256.0) as u8).collect();
+    CanFrame::new(id, &data).filter(|_| !is_raw)
 }
 
 #[cfg(test)]
@@ -212,6 +160,10 @@ mod tests {
         }
         assert_eq!(bus.len(), 0);
         (frames, now)
+    }
+
+    fn queued(queue: QueueRates) -> (Vec<CanFrame>, Duration) {
+        through(CanRates { queue, ..CanRates::default() })
     }
 
     fn numbered(number: u8) -> CanFrame {
@@ -248,19 +200,19 @@ mod tests {
         let altered = frames.iter().zip(0..).filter(|(frame, number)| **frame != numbered(*number)).count();
         assert!(frames.len() == 200 && (30..90).contains(&altered), "{altered}");
 
-        let (frames, _) = through(CanRates { doubled_frames: share, ..CanRates::default() });
+        let (frames, _) = queued(QueueRates { doubled_frames: share, ..QueueRates::default() });
         assert!((230..290).contains(&frames.len()) && numbers(&frames).is_sorted(), "{}", frames.len());
 
-        let (frames, _) = through(CanRates { overtaken_frames: share, ..CanRates::default() });
+        let (frames, _) = queued(QueueRates { overtaken_frames: share, ..QueueRates::default() });
         let mut left = numbers(&frames);
         assert!(left.len() == 200 && !left.is_sorted());
         left.sort_unstable();
         assert_eq!(left, (0..200).collect::<Vec<u8>>());
 
-        let (frames, end) = through(CanRates { delayed_frames: share, delay_ms: 80.0, ..CanRates::default() });
+        let (frames, end) = queued(QueueRates { delayed_frames: share, delay_ms: 80.0, ..QueueRates::default() });
         assert!(numbers(&frames).is_sorted() && end == SECOND + Duration::from_millis(80), "{end:?}");
 
-        let (frames, end) = through(CanRates { stalled_frames: 1e6, stall_ms: 5.0, ..CanRates::default() });
+        let (frames, end) = queued(QueueRates { stalled_frames: 1e6, stall_ms: 5.0, ..QueueRates::default() });
         assert!(numbers(&frames).is_sorted() && end == SECOND * 2, "two hundred stalls, one after the other: {end:?}");
 
         let (frames, _) = through(CanRates { babbled_frames: share, ..CanRates::default() });

@@ -82,6 +82,16 @@ impl Dice {
         low + (high - low) * self.generator.random::<f64>()
     }
 
+    /// Whether something of so many in a million happens; without a rate no dice are thrown.
+    pub(crate) fn happens(&mut self, per_million: f64) -> bool {
+        per_million > 0.0 && self.between(0.0, 1e6) < per_million
+    }
+
+    /// A whole number from 0 to below `bound`; 0 below one.
+    pub(crate) fn below(&mut self, bound: f64) -> usize {
+        self.between(0.0, bound.max(1.0)) as usize
+    }
+
     /// Any 32-bit number.
     pub fn word(&mut self) -> u32 {
         self.generator.random()

@@ -97,7 +97,7 @@ enum ProgramError {
     #[error("no file {name} and no board of this name comes with the program; --boards lists them")]
     Unknown { name: String },
     #[error(transparent)]
-    Personality(#[from] crate::personality::PersonalityError),
+    Personality(#[from] gnc_config::Mistakes),
     #[error("cannot open the ports")]
     Start(#[source] io::Error),
     #[error("cannot serve {} at {rate_baud} baud", port.display())]
@@ -126,13 +126,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match serve(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let mut text = format!("error: {error}");
-            let mut cause = std::error::Error::source(&error);
-            while let Some(inner) = cause {
-                text.push_str(&format!(": {inner}"));
-                cause = inner.source();
-            }
-            let _ = writeln!(io::stderr(), "{text}");
+            let _ = writeln!(io::stderr(), "error: {}", gnc_text::with_causes(&error));
             ExitCode::from(2)
         }
     }

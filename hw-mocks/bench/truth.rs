@@ -5,8 +5,8 @@ use nalgebra::Matrix3;
 
 use super::Bench;
 use crate::devices::inertial::{SensorModels, TrueSensors};
+use crate::fault_queue::Toll;
 use crate::turntable::TableTruth;
-use crate::wire_faults::Toll;
 use crate::world::{Influence, Site};
 
 /// What really is, for tests: nothing of it may reach the station.

@@ -1,7 +1,8 @@
 //! Personalities: what a board and its module are like, as TOML.
 //!
 //! A personality says how the world, the devices and the wire differ from those of a good module; a file that says
-//! nothing is a good module. `[expect.PLAN]` tables say for people and for tests how a plan should end; the bench
+//! nothing is a good module. All mistakes of a file come at once, with line, column and a hint; a key of which the unit
+//! is another sensor's is one, and so is a key that changes nothing. `[expect.PLAN]` tables say for people and for tests how a plan should end; the bench
 //! carries them and never looks at them. All that a file may hold, with units last in the names:
 //!
 //! ```
@@ -71,8 +72,8 @@
 //! bad_bits = [{ sector = 0, word = 17, bit = 3, level = 0 }]
 //! erase_factor = 10.0                  # times as long as usual
 //!
-//! [gyro]                               # [accel] alike, in mg and g; [mag] without noise figures, in gauss
-//! bias_stability_dph = [4.5995, 5.12, 4.07] # of X, Y, Z, or one number for all; so with all that has a unit
+//! [gyro]                               # [accel] alike: _mg for _dph, _g for _dps; [mag]: _gauss, and no key in _dph
+//! bias_stability_dph = [4.5995, 5.12, 4.07] # of X, Y, Z, or one number for all; so with all that has such a unit
 //! bias_repeatability_dph = 1.2403
 //! turn_on_dph = [90.0, 0.8, 0.7]       # instead of what follows from the two
 //! flicker_dph = [25.0, 0.4, 0.4]       # the same
@@ -122,8 +123,9 @@
 //! covered_after_fix_s = 1.0
 //! pps_open = true
 //! pps_jitter_ns = 300.0                # deviation, beside the usual one
-//! playback = "lost-fix.nmea"           # a log beside this file, NMEA or UBX, that the receiver plays from each start on
-//! playback_hz = 1.0                    # its epochs a second, at most 5
+//! ## Or, in place of a sky, a log beside this file, NMEA or UBX, that the receiver plays from each start on:
+//! ## playback = "lost-fix.nmea"
+//! ## playback_hz = 1.0                  # its epochs a second, at most 5
 //!
 //! [ad]
 //! unwired_switches = [2]
@@ -188,6 +190,8 @@
 //! angle_error_arcsec = 2.0
 //! rate_error_ppm = 20.0
 //! wobble_arcsec = 2.0
+//! field_mgauss = [0.15, -0.1, 0.2]
+//! field_swing_ppm = 150.0
 //! lever_arm_mm = [3.0, -2.0, 4.0]
 //! slew_s = 6.0                         # to orient; 0: at once
 //!
@@ -197,27 +201,25 @@
 //! after_ms = 20.0                      # of board time
 //! at_board_time_s = 60.0               # once, whatever runs
 //! # "#;
-//! # let mut log = |_: &str| Ok(b"$GPGGA,,,,,,0,,,,,,,,*66".to_vec());
-//! # hw_mocks::Personality::with_files("everything", text, &mut log).unwrap();
+//! # hw_mocks::Personality::from_toml("everything", text).unwrap();
 //! ```
 
-mod check;
-mod mistakes;
-mod raw;
-mod sampling;
+mod checks;
+mod clocks;
+mod devices;
 mod sensors;
 mod table;
+mod wires;
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-use serde::Deserialize;
-use toml::Spanned;
-use toml::de::DeTable;
+use gnc_config::{Mistakes, Source, Table};
 
-use check::Mistake;
+use checks::{count, set, short_text, whole};
+use sensors::{ACCEL, GYRO, MAG, Triad};
 
 use crate::boards::BOARDS;
 use crate::can_faults::CanWireFaults;
@@ -225,11 +227,11 @@ use crate::devices::ad::Rails;
 use crate::devices::calibration::CalibrationFaults;
 use crate::devices::can::CanFaults;
 use crate::devices::cpu::CpuFaults;
-use crate::devices::flash::FlashFaults;
+use crate::devices::flash::{FlashFaults, INTERNAL_FLASH, SPI_FLASH};
 use crate::devices::gnss::{GnssFaults, Playback};
 use crate::devices::inertial::{SensorFaults, SensorModels};
 use crate::devices::lines::LineFaults;
-use crate::devices::memory::MemoryFaults;
+use crate::devices::memory::{INTERNAL_WORDS, MemoryFaults, SDRAM_WORDS};
 use crate::devices::playback::LONGEST;
 use crate::devices::sci::SciFaults;
 use crate::devices::start::StartFaults;
@@ -253,42 +255,16 @@ pub struct Personality {
 }
 
 /// How a plan should end with a personality.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Expectation {
     /// An outcome in the records' words: passed, failed, errored.
     pub outcome: String,
     /// The items that do not pass.
-    #[serde(default)]
     pub items: Vec<String>,
     /// The measured figures that do not pass; empty where the items say all. Names are the plan's and mean nothing here.
-    #[serde(default)]
     pub figures: Vec<String>,
     /// Figures so near to their limit that chance decides: they, and with them their items, may pass or not.
-    #[serde(default)]
     pub chance: Vec<String>,
-}
-
-/// Why a text is no personality: all mistakes of its syntax, or else of its meaning, in the order of the text.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}", .mistakes.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-pub struct PersonalityError {
-    /// At least one.
-    pub mistakes: Vec<PersonalityMistake>,
-}
-
-/// A mistake in a personality, with its place.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{name}:{line}:{column}: {message}")]
-pub struct PersonalityMistake {
-    /// Name of the personality.
-    pub name: String,
-    /// Line, from 1.
-    pub line: usize,
-    /// Column, from 1, in characters.
-    pub column: usize,
-    /// What is wrong.
-    pub message: String,
 }
 
 /// When the board restarts by itself.
@@ -361,8 +337,8 @@ impl Personality {
     /// Reads a personality that needs no other file.
     ///
     /// # Errors
-    /// [`PersonalityError`] for a text that is not TOML, has keys unknown here or values out of their range.
-    pub fn from_toml(name: &str, text: &str) -> Result<Self, PersonalityError> {
+    /// The first mistake of syntax, or else all of meaning: unknown keys, wrong types, values out of their range.
+    pub fn from_toml(name: &str, text: &str) -> Result<Self, Mistakes> {
         Self::with_files(name, text, &mut |_| Err("files are read beside a board's own file only".to_owned()))
     }
 
@@ -370,29 +346,95 @@ impl Personality {
     ///
     /// # Errors
     /// As [`Personality::from_toml`]; or a file cannot be read.
-    pub fn with_files(name: &str, text: &str, load: Load<'_>) -> Result<Self, PersonalityError> {
-        let read = |table: Spanned<DeTable<'_>>| {
-            let deserializer = toml::Deserializer::from(table);
-            let raw = raw::Personality::deserialize(deserializer).map_err(|error| Mistake::of(&error))?;
-            let raw::Personality { description, expect, .. } = &raw;
-            let (description, expect) = (description.clone(), expect.clone());
-            Ok(Self { name: name.to_owned(), description, expect, model: raw.check(load)? })
-        };
-        mistakes::all(text, read).map_err(|mistakes| PersonalityError {
-            mistakes: mistakes.into_iter().map(|mistake| PersonalityMistake::of(name, text, &mistake)).collect(),
+    pub fn with_files(name: &str, text: &str, load: Load<'_>) -> Result<Self, Mistakes> {
+        let source = Source { name: name.to_owned(), text: text.to_owned() };
+        gnc_config::read(&source, |root| Self {
+            name: name.to_owned(),
+            description: root.text("description").map(|(text, _)| text.to_owned()).unwrap_or_default(),
+            expect: root.within("expect", expectations).unwrap_or_default(),
+            model: Model::read(root, load),
         })
     }
 }
 
-impl PersonalityMistake {
-    fn of(name: &str, text: &str, Mistake { span, message, .. }: &Mistake) -> Self {
-        let before = text.get(..span.start).unwrap_or(text);
-        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+fn expectations(table: &Table<'_, '_>) -> BTreeMap<String, Expectation> {
+    let expectation = |table: &Table<'_, '_>| {
+        let names = |key| table.texts(key).into_iter().map(|(name, _)| name.to_owned()).collect();
+        let outcome = table.required_text("outcome", "it may be passed, failed or errored");
+        Expectation {
+            outcome: outcome.map(|(text, _)| text.to_owned()).unwrap_or_default(),
+            items: names("items"),
+            figures: names("figures"),
+            chance: names("chance"),
+        }
+    };
+    // Each key is a plan's name.
+    let plans = table.entries().into_iter().map(|entry| entry.key().to_owned());
+    plans.filter_map(|plan| Some((plan.clone(), table.within(plan, expectation)?))).collect()
+}
+
+impl Model {
+    fn read(root: &Table<'_, '_>, load: Load<'_>) -> Self {
+        let mut model = Self::default();
+        root.within("module", |table| {
+            model.serial_number = short_text(table, "serial_number", 64);
+            set(&mut model.part, short_text(table, "part", 32));
+            set(&mut model.hardware, short_text(table, "hardware", 32));
+            set(&mut model.firmware, short_text(table, "firmware", 32));
+            set(&mut model.protocol, table.entry("protocol").and_then(|entry| whole(&entry, (0, 255))));
+            model.start.swapped_after = count(table, "swapped_after");
+        });
+        root.within("board", |table| {
+            set(&mut model.board_serial, short_text(table, "serial", 32));
+            set(&mut model.board_firmware, short_text(table, "firmware", 32));
+            model.caches_identity = table.flag("caches_identity");
+            model.oscillator = clocks::oscillator(table, model.oscillator);
+        });
+        let triad = |units, default| Triad::read(root, units, default);
+        let gyro = triad(&GYRO, model.sensors.gyro);
+        let accel = triad(&ACCEL, model.sensors.accel);
+        let mag = triad(&MAG, model.sensors.mag);
+        let memory = |key, words, width| root.within(key, |table| devices::memory(table, words, width));
+        let flash = |key, part| root.within(key, |table| devices::flash(table, part));
+        let (gnss, playback) = root.within("gnss", |table| devices::gnss(table, load)).unwrap_or_default();
         Self {
-            name: name.to_owned(),
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
-            message: message.trim().replace('\n', "; "),
+            sampling: root.within("sampling", clocks::sampling).unwrap_or_default(),
+            supply: root.within("supply", devices::supply).unwrap_or_default(),
+            start: StartFaults {
+                swapped_after: model.start.swapped_after,
+                ..root.within("start", devices::start).unwrap_or_default()
+            },
+            rails: root.within("rails", devices::rails).unwrap_or_default(),
+            cpu: root.within("cpu", devices::cpu).unwrap_or_default(),
+            timers: root.within("timers", devices::timers).unwrap_or_default(),
+            internal_ram: memory("internal_ram", INTERNAL_WORDS, 16).unwrap_or_default(),
+            sdram: memory("sdram", SDRAM_WORDS, 32).unwrap_or_default(),
+            spi_flash: flash("spi_flash", &SPI_FLASH).unwrap_or_default(),
+            internal_flash: flash("internal_flash", &INTERNAL_FLASH).unwrap_or_default(),
+            sensors: SensorModels { gyro: gyro.model, accel: accel.model, mag: mag.model, ..model.sensors },
+            sensor_faults: SensorFaults {
+                gyro: gyro.faults,
+                accel: accel.faults,
+                mag: mag.faults,
+                mag_y_skew_us: mag.y_skew_us,
+                vibrations: sensors::vibrations(root),
+                failed_reads: root.within("imu", sensors::failed_reads).flatten(),
+            },
+            calibration: root.within("calibration", devices::calibration).unwrap_or_default(),
+            gnss,
+            playback,
+            unwired_switches: root.within("ad", devices::ad).unwrap_or_default(),
+            lines: LineFaults {
+                flip_every_bits: root.within("spi", |table| count(table, "flip_every_bits")).unwrap_or(0),
+                ..root.within("io", devices::io).unwrap_or_default()
+            },
+            sci: root.within("sci", devices::sci).unwrap_or_default(),
+            can: root.within("can", devices::can).unwrap_or_default(),
+            wire: root.within("wire", wires::wire).unwrap_or_default(),
+            can_wire: root.within("can_wire", wires::can_wire).unwrap_or_default(),
+            turntable: root.within("turntable", table::turntable).unwrap_or_default(),
+            reboot: root.within("reboot", devices::reboot),
+            ..model
         }
     }
 }

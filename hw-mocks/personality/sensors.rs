@@ -1,10 +1,12 @@
-//! Gyroscopes, accelerometers and magnetometer of a personality, checked.
+//! Gyroscopes, accelerometers and magnetometer of a personality: what they are like and what is wrong with them.
+//!
+//! Keys have their unit in the name, and each kind of sensors takes its own: a figure under another unit is refused.
 
+use gnc_config::{Entry, Table};
+use gnc_text::quoted;
 use nalgebra::{Matrix3, Vector3};
-use toml::Spanned;
 
-use super::check::{Mistake, axes, axis, integer, mistake, number};
-use super::raw::{self, PerAxis};
+use super::checks::{axes, axis, numbers, required_number, whole};
 use crate::devices::inertial::bandwidth::{Bandwidth, Order};
 use crate::devices::inertial::faults::{FailedReads, MOST_VIBRATIONS, Spikes, Vibration};
 use crate::devices::inertial::model::Published;
@@ -14,189 +16,309 @@ use crate::devices::inertial::{TriadFaults, TriadModel};
 const MOST: f64 = 1e6;
 /// Frequencies above this are those of a radio, not of a sensor.
 const HIGHEST_HZ: f64 = 1e5;
+/// Offsets and amplitudes.
+const WIDE: (f64, f64) = (-1e4, 1e4);
 
-fn each(value: Option<&Spanned<PerAxis>>, name: &str, low: f64) -> Result<Option<[f64; 3]>, Mistake> {
-    let Some(spanned) = value else { return Ok(None) };
-    let PerAxis(numbers) = *spanned.get_ref();
-    // A NaN lies in no range.
-    match numbers.into_iter().find(|number| !(low..=MOST).contains(number)) {
-        Some(number) => Err(mistake(spanned, format!("{name} {number} is not in {low} to {MOST}"))),
-        None => Ok(Some(numbers)),
+/// Units of a kind of sensors.
+pub(super) struct Units {
+    /// The table.
+    kind: &'static str,
+    /// Of what the sensors feel, as in keys and for people.
+    signal: (&'static str, &'static str),
+    /// Of the bias and its noise, alike; `None`: the table takes no such figures.
+    bias: Option<(&'static str, &'static str)>,
+    /// The unit of the bias in that of the signal.
+    bias_in_signal: f64,
+}
+
+pub(super) const GYRO: Units =
+    Units { kind: "gyro", signal: ("dps", "deg/s"), bias: Some(("dph", "deg/h")), bias_in_signal: 1.0 / 3600.0 };
+pub(super) const ACCEL: Units =
+    Units { kind: "accel", signal: ("g", "g"), bias: Some(("mg", "mg")), bias_in_signal: 1e-3 };
+pub(super) const MAG: Units = Units { kind: "mag", signal: ("gauss", "gauss"), bias: None, bias_in_signal: 1.0 };
+
+/// What a key says of the sensors.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Of {
+    Signal,
+    Bias,
+    BiasPerHour,
+}
+
+/// Keys of a triad that have a unit of the kind of sensors, without it.
+const OF_TRIAD: [(&str, Of); 12] = [
+    ("bias_stability", Of::Bias),
+    ("bias_repeatability", Of::Bias),
+    ("turn_on", Of::Bias),
+    ("flicker", Of::Bias),
+    ("drift", Of::BiasPerHour),
+    ("wander", Of::Bias),
+    ("deadband", Of::Signal),
+    ("step", Of::Signal),
+    ("range", Of::Signal),
+    ("offset", Of::Signal),
+    ("clip_low", Of::Signal),
+    ("clip_high", Of::Signal),
+];
+/// Keys of spikes that have one.
+const OF_SPIKES: [(&str, Of); 1] = [("size", Of::Signal)];
+
+impl Units {
+    /// The key, and its unit for people; `None` where the kind of sensors does not take it.
+    fn key(&self, stem: &str, of: Of) -> Option<(String, String)> {
+        let (unit, shown) = if of == Of::Signal { self.signal } else { self.bias? };
+        let per_hour = if of == Of::BiasPerHour { ("_per_h", " per hour") } else { ("", "") };
+        Some((format!("{stem}_{unit}{}", per_hour.0), format!("{shown}{}", per_hour.1)))
+    }
+
+    /// The entry of this meaning in the unit that belongs to it.
+    fn entry<'w, 't>(&self, table: &Table<'w, 't>, stem: &str, of: Of) -> Option<Entry<'w, 't>> {
+        table.entry(self.key(stem, of)?.0)
+    }
+
+    /// The three axes.
+    fn triple(&self, table: &Table<'_, '_>, stem: &str, of: Of, low: f64) -> Option<[f64; 3]> {
+        per_axis(&self.entry(table, stem, of)?, (low, MOST))
+    }
+
+    /// Refuses what has a unit that does not belong to these sensors, or none; tells whether there is such a key.
+    fn refuse_others(&self, table: &Table<'_, '_>, known: &[(&str, Of)]) -> bool {
+        let mut refused = false;
+        for entry in table.unknown() {
+            let key = entry.key();
+            let is = |stem: &str| key.strip_prefix(stem).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+            let Some((stem, of)) = known.iter().find(|(stem, _)| is(stem)) else { continue };
+            let kind = self.kind;
+            match self.key(stem, *of) {
+                Some((right, unit)) => entry.key_mistake(
+                    format!("{} is not in {unit}, the unit of {stem} in [{kind}]", quoted(key)),
+                    format!("give it in {unit} as {right}"),
+                ),
+                None => entry.key_mistake(
+                    format!("[{kind}] takes no {}: its noise has no published figures", quoted(key)),
+                    "remove it; noise_factor makes the noise larger",
+                ),
+            }
+            // It has been said what is wrong with it.
+            table.entry(key.to_owned());
+            refused = true;
+        }
+        refused
     }
 }
 
-impl raw::Triad {
-    /// The model of the sensors; what belongs to the bias is given in `unit`.
-    pub(super) fn model(&self, default: TriadModel, unit: f64) -> Result<TriadModel, Mistake> {
-        let mut model = match (&self.bias_stability, &self.bias_repeatability) {
-            (None, None) => default,
-            (Some(stability), Some(repeatability)) => {
-                let figures = |value, name| Ok(each(Some(value), name, 0.0)?.unwrap_or_default());
-                let stability = figures(stability, "bias_stability")?;
-                let repeatability = figures(repeatability, "bias_repeatability")?;
-                default.with_published(&Published { stability, repeatability }.scaled(unit))
-            }
-            (Some(alone), None) | (None, Some(alone)) => {
-                let message = "bias_stability and bias_repeatability belong together: the noise follows from both";
-                return Err(mistake(alone, message.to_owned()));
-            }
-        };
-        let turn_on = each(self.turn_on.as_ref(), "turn_on", 0.0)?;
-        let flicker = each(self.flicker.as_ref(), "flicker", 0.0)?;
-        for (axis, noise) in model.noise.iter_mut().enumerate() {
-            noise.turn_on = turn_on.map_or(noise.turn_on, |values| values[axis] * unit);
-            noise.flicker = flicker.map_or(noise.flicker, |values| values[axis] * unit);
-        }
-        if let Some(rows) = &self.response {
-            let mut response = Matrix3::zeros();
-            for (row, columns) in rows.iter().enumerate() {
-                for (column, value) in columns.iter().enumerate() {
-                    response[(row, column)] = number(Some(value), "response", -100.0, 100.0, 0.0)?;
-                }
-            }
-            model.response = response;
-        }
-        model.bandwidth = self.bandwidth(model.bandwidth)?;
-        if let Some(update_hz) = &self.update_rate_hz {
-            model.update_rate_hz = Some(number(Some(update_hz), "update_rate_hz", 0.01, HIGHEST_HZ, 0.0)?);
-        }
-        if let Some(per_k) = &self.noise_per_k {
-            let PerAxis(each) = *per_k.get_ref();
-            // More than a thousandfold in seven kelvin is no noise of a sensor.
-            match each.into_iter().find(|per_k| !(-1.0..=1.0).contains(per_k)) {
-                Some(out) => return Err(mistake(per_k, format!("noise_per_k {out} is not in -1 to 1"))),
-                None => model.noise_per_k = Vector3::from(each),
-            }
-        }
-        Ok(model)
+/// A number for all three axes, or one for each.
+fn per_axis(entry: &Entry<'_, '_>, bounds: (f64, f64)) -> Option<[f64; 3]> {
+    const WANTED: &str = "a number, or three for X, Y and Z";
+    if entry.value().as_array().is_some() {
+        return numbers(entry, WANTED, bounds);
+    }
+    if entry.value().as_integer().is_none() && entry.value().as_float().is_none() {
+        entry.wrong_type(WANTED);
+        return None;
+    }
+    entry.number(bounds).map(|number| [number; 3])
+}
+
+/// A table [gyro], [accel] or [mag]; `skew_us` is that of the magnetometer.
+pub(super) struct Triad {
+    pub(super) model: TriadModel,
+    pub(super) faults: TriadFaults,
+    pub(super) y_skew_us: f64,
+}
+
+impl Triad {
+    /// What a file without the table has.
+    fn good(model: TriadModel) -> Self {
+        Self { model, faults: TriadFaults::default(), y_skew_us: 0.0 }
     }
 
-    fn bandwidth(&self, default: Option<Bandwidth>) -> Result<Option<Bandwidth>, Mistake> {
-        let cutoff_hz = match &self.bandwidth_hz {
+    /// Reads a table.
+    pub(super) fn read(root: &Table<'_, '_>, units: &Units, default: TriadModel) -> Self {
+        let read = |table: &Table<'_, '_>| {
+            let y_skew_us = table.entry("y_skew_us").and_then(|entry| {
+                if units.kind == MAG.kind {
+                    return entry.number((-1e6, 1e6));
+                }
+                entry.key_mistake(format!("[{}] takes no y_skew_us", units.kind), "only [mag] does");
+                None
+            });
+            let (model, faults) = (model(table, units, default), faults(table, units));
+            units.refuse_others(table, &OF_TRIAD);
+            Self { model, faults, y_skew_us: y_skew_us.unwrap_or(0.0) }
+        };
+        root.within(units.kind, read).unwrap_or_else(|| Self::good(default))
+    }
+}
+
+fn model(table: &Table<'_, '_>, units: &Units, default: TriadModel) -> TriadModel {
+    let figures = |stem| units.entry(table, stem, Of::Bias).map(|entry| (entry, per_axis(&entry, (0.0, MOST))));
+    let mut model = match (figures("bias_stability"), figures("bias_repeatability")) {
+        (None, None) => default,
+        (Some((_, stability)), Some((_, repeatability))) => {
+            let (stability, repeatability) = (stability.unwrap_or_default(), repeatability.unwrap_or_default());
+            default.with_published(&Published { stability, repeatability }.scaled(units.bias_in_signal))
+        }
+        (Some((alone, _)), None) | (None, Some((alone, _))) => {
+            let what = "bias_stability and bias_repeatability belong together: the noise follows from both";
+            alone.key_mistake(what, "write both, or neither");
+            default
+        }
+    };
+    let turn_on = units.triple(table, "turn_on", Of::Bias, 0.0);
+    let flicker = units.triple(table, "flicker", Of::Bias, 0.0);
+    for (axis, noise) in model.noise.iter_mut().enumerate() {
+        noise.turn_on = turn_on.map_or(noise.turn_on, |values| values[axis] * units.bias_in_signal);
+        noise.flicker = flicker.map_or(noise.flicker, |values| values[axis] * units.bias_in_signal);
+    }
+    if let Some(response) = table.entry("response").and_then(|entry| response(&entry)) {
+        model.response = response;
+    }
+    model.bandwidth = bandwidth(table, model.bandwidth);
+    model.update_rate_hz = table.number("update_rate_hz", (0.01, HIGHEST_HZ)).or(model.update_rate_hz);
+    // More than a thousandfold in seven kelvin is no noise of a sensor.
+    let noise_per_k = table.entry("noise_per_k").and_then(|entry| per_axis(&entry, (-1.0, 1.0)));
+    model.noise_per_k = noise_per_k.map_or(model.noise_per_k, Vector3::from);
+    model
+}
+
+fn response(entry: &Entry<'_, '_>) -> Option<Matrix3<f64>> {
+    let rows = entry.array::<3>("three rows of three numbers")?;
+    let [x, y, z] = rows.map(|row| numbers::<3>(&row, "a row of three numbers", (-100.0, 100.0)));
+    Some(Matrix3::from_rows(&[x?, y?, z?].map(|row| Vector3::from(row).transpose())))
+}
+
+fn bandwidth(table: &Table<'_, '_>, default: Option<Bandwidth>) -> Option<Bandwidth> {
+    let default_hz = default.map(|bandwidth| bandwidth.cutoff_hz);
+    let cutoff_hz = match table.entry("bandwidth_hz") {
+        None => default_hz,
+        Some(entry) => match entry.number((0.0, HIGHEST_HZ)) {
             // Zero takes the low-pass away.
-            Some(cutoff_hz) if *cutoff_hz.get_ref() == 0.0 => None,
-            Some(cutoff_hz) => Some(number(Some(cutoff_hz), "bandwidth_hz", 0.1, HIGHEST_HZ, 0.0)?),
-            None => default.map(|bandwidth| bandwidth.cutoff_hz),
-        };
-        let order = match &self.bandwidth_order {
-            None => default.map_or(Order::Second, |bandwidth| bandwidth.order),
-            Some(alone) if cutoff_hz.is_none() => {
-                return Err(mistake(alone, "bandwidth_order has no bandwidth_hz beside it".to_owned()));
+            Some(0.0) => None,
+            Some(cutoff_hz) if cutoff_hz < 0.1 => {
+                entry.mistake(format!("bandwidth_hz is {cutoff_hz}"), "it may be 0, for none, or 0.1 to 100000");
+                default_hz
             }
-            Some(order) if integer(order, "bandwidth_order", 1, 2)? == 1 => Order::First,
-            Some(_) => Order::Second,
-        };
-        Ok(cutoff_hz.map(|cutoff_hz| Bandwidth { cutoff_hz, order }))
-    }
+            cutoff_hz => cutoff_hz.or(default_hz),
+        },
+    };
+    let order = table.entry("bandwidth_order").and_then(|entry| {
+        if cutoff_hz.is_none() {
+            entry.key_mistake(
+                "bandwidth_order changes nothing without a low-pass",
+                "write bandwidth_hz = 80.0 beside it",
+            );
+        }
+        Some(if whole::<u8>(&entry, (1, 2))? == 1 { Order::First } else { Order::Second })
+    });
+    let order = order.or(default.map(|bandwidth| bandwidth.order)).unwrap_or(Order::Second);
+    cutoff_hz.map(|cutoff_hz| Bandwidth { cutoff_hz, order })
+}
 
-    /// Their faults; what belongs to the bias is given in `unit`.
-    pub(super) fn faults(&self, unit: f64) -> Result<TriadFaults, Mistake> {
-        let mut offset = Vector3::zeros();
-        if let Some(values) = &self.offset {
-            for (axis, value) in values.iter().enumerate() {
-                offset[axis] = number(Some(value), "offset", -1e4, 1e4, 0.0)?;
+fn faults(table: &Table<'_, '_>, units: &Units) -> TriadFaults {
+    let none = TriadFaults::default();
+    let vector = |stem, of, low| Vector3::from(units.triple(table, stem, of, low).unwrap_or_default());
+    let clip = |stem| {
+        let entry = units.entry(table, stem, Of::Signal)?;
+        // An infinite limit is none.
+        Some((entry, Vector3::from(per_axis(&entry, (f64::NEG_INFINITY, f64::INFINITY))?)))
+    };
+    let clip_low = clip("clip_low").map_or(none.clip_low, |(_, low)| low);
+    let clip_high = clip("clip_high").map_or(none.clip_high, |(entry, high)| {
+        if (0..3).any(|axis| clip_low[axis] >= high[axis]) {
+            entry.mistake("clip_high is not above clip_low", "");
+        }
+        high
+    });
+    if let Some((wander, _)) = units.key("wander", Of::Bias)
+        && table.has("wander_s")
+        && !table.has(&wander)
+        && let Some(entry) = table.entry("wander_s")
+    {
+        entry.key_mistake("wander_s changes nothing alone", format!("write {wander} beside it"));
+    }
+    let offset = units.entry(table, "offset", Of::Signal).and_then(|entry| per_axis(&entry, WIDE));
+    let scale_turn_on = table.entry("scale_turn_on").and_then(|entry| per_axis(&entry, (0.0, MOST)));
+    TriadFaults {
+        stuck: axes(table, "stuck_axes"),
+        dead: axes(table, "dead_axes"),
+        swapped: table.entry("swapped_axes").and_then(|entry| {
+            let [one, other] = entry.array("two different axes")?;
+            let (a, b) = (axis(&one), axis(&other));
+            let (a, b) = (a?, b?);
+            if a == b {
+                other.mistake("an axis cannot be swapped with itself", "two different ones are needed");
             }
-        }
-        let swapped = match &self.swapped_axes {
-            None => None,
-            Some([one, other]) => {
-                let pair = (axis(one)?, axis(other)?);
-                if pair.0 == pair.1 {
-                    return Err(mistake(other, "an axis cannot be swapped with itself".to_owned()));
-                }
-                Some(pair)
+            Some((a, b))
+        }),
+        noise_factor: table.number("noise_factor", (0.0, 1e6)).unwrap_or(none.noise_factor),
+        offset: Vector3::from(offset.unwrap_or_default()),
+        drift_per_h: vector("drift", Of::BiasPerHour, -MOST) * units.bias_in_signal,
+        wander: vector("wander", Of::Bias, 0.0) * units.bias_in_signal,
+        wander_s: table.number("wander_s", (1.0, 1e6)).unwrap_or(none.wander_s),
+        scale_turn_on: Vector3::from(scale_turn_on.unwrap_or_default()),
+        coupling_turn_on: table.number("coupling_turn_on", (0.0, 1.0)).unwrap_or(none.coupling_turn_on),
+        deadband: vector("deadband", Of::Signal, 0.0),
+        step: vector("step", Of::Signal, 0.0),
+        range: vector("range", Of::Signal, 0.0),
+        clip_low,
+        clip_high,
+        spikes: table.within("spikes", |table| spikes(table, units)).flatten(),
+        failed_reads: failed_reads(table),
+    }
+}
+
+fn spikes(table: &Table<'_, '_>, units: &Units) -> Option<Spikes> {
+    let share = required_number(table, "share", (0.0, 1.0));
+    let size = units.entry(table, "size", Of::Signal).map(|entry| entry.number((0.0, MOST)));
+    let axis = table.entry("axis").and_then(|entry| axis(&entry));
+    if !units.refuse_others(table, &OF_SPIKES) && size.is_none() {
+        let (key, unit) = units.key("size", Of::Signal)?;
+        table.mistake(format!("{key} is missing"), format!("write how large spikes are, in {unit}"));
+    }
+    Some(Spikes { share: share?, size: size??, axis })
+}
+
+/// Reads of a chip, or of all on the bus, that fail.
+pub(super) fn failed_reads(table: &Table<'_, '_>) -> Option<FailedReads> {
+    let read = |table: &Table<'_, '_>| {
+        let share = required_number(table, "share", (0.0, 1.0));
+        let codes = FailedReads::CODES.map(|code| code.to_string()).join(", ");
+        let entry = table.required("code", &format!("it may be {codes}"));
+        let code = entry.and_then(|entry| {
+            let code = whole(&entry, (i32::MIN.into(), i32::MAX.into()))?;
+            if !FailedReads::CODES.contains(&code) {
+                entry.mistake(format!("code is {code}"), format!("it may be {codes}"));
             }
-        };
-        let vector = |value: &Option<Spanned<PerAxis>>, name, low| {
-            Ok(Vector3::from(each(value.as_ref(), name, low)?.unwrap_or_default()))
-        };
-        let none = TriadFaults::default();
-        let clip_low = limits(self.clip_low.as_ref(), "clip_low", none.clip_low)?;
-        let clip_high = limits(self.clip_high.as_ref(), "clip_high", none.clip_high)?;
-        if let Some(high) = &self.clip_high
-            && (0..3).any(|axis| clip_low[axis] >= clip_high[axis])
-        {
-            return Err(mistake(high, "clip_high is not above clip_low".to_owned()));
-        }
-        Ok(TriadFaults {
-            stuck: axes(&self.stuck_axes)?,
-            dead: axes(&self.dead_axes)?,
-            swapped,
-            noise_factor: number(self.noise_factor.as_ref(), "noise_factor", 0.0, 1e6, 1.0)?,
-            offset,
-            drift_per_h: vector(&self.drift, "drift", -MOST)? * unit,
-            wander: vector(&self.wander, "wander", 0.0)? * unit,
-            wander_s: number(self.wander_s.as_ref(), "wander_s", 1.0, 1e6, 60.0)?,
-            scale_turn_on: vector(&self.scale_turn_on, "scale_turn_on", 0.0)?,
-            coupling_turn_on: number(self.coupling_turn_on.as_ref(), "coupling_turn_on", 0.0, 1.0, 0.0)?,
-            deadband: vector(&self.deadband, "deadband", 0.0)?,
-            step: vector(&self.step, "step", 0.0)?,
-            range: vector(&self.range, "range", 0.0)?,
-            clip_low,
-            clip_high,
-            spikes: self.spikes.as_ref().map(raw::Spikes::check).transpose()?,
-            failed_reads: self.failed_reads.as_ref().map(raw::FailedReads::check).transpose()?,
-        })
-    }
-}
-
-/// Limits of the three axes; an infinite one is none.
-fn limits(value: Option<&Spanned<PerAxis>>, name: &str, default: Vector3<f64>) -> Result<Vector3<f64>, Mistake> {
-    let Some(spanned) = value else { return Ok(default) };
-    let PerAxis(numbers) = *spanned.get_ref();
-    if numbers.iter().any(|number| number.is_nan()) {
-        return Err(mistake(spanned, format!("{name} NaN is no number")));
-    }
-    Ok(Vector3::from(numbers))
-}
-
-fn share(value: &Spanned<f64>) -> Result<f64, Mistake> {
-    number(Some(value), "share", 0.0, 1.0, 0.0)
-}
-
-impl raw::Spikes {
-    fn check(&self) -> Result<Spikes, Mistake> {
-        Ok(Spikes {
-            share: share(&self.share)?,
-            size: number(Some(&self.size), "size", 0.0, MOST, 0.0)?,
-            axis: self.axis.as_ref().map(axis).transpose()?,
-        })
-    }
-}
-
-impl raw::FailedReads {
-    pub(super) fn check(&self) -> Result<FailedReads, Mistake> {
-        let code = *self.code.get_ref();
-        if !FailedReads::CODES.contains(&code) {
-            let message =
-                format!("code {code} is not one of {}", FailedReads::CODES.map(|code| code.to_string()).join(", "));
-            return Err(mistake(&self.code, message));
-        }
-        Ok(FailedReads { share: share(&self.share)?, code })
-    }
+            Some(code)
+        });
+        Some(FailedReads { share: share?, code: code? })
+    };
+    table.within("failed_reads", read).flatten()
 }
 
 /// What the module is shaken with.
-pub(super) fn vibrations(raw: &[raw::Vibration]) -> Result<[Vibration; MOST_VIBRATIONS], Mistake> {
-    if let Some(one_more) = raw.get(MOST_VIBRATIONS) {
-        let message = format!("more than {MOST_VIBRATIONS} vibrations");
-        return Err(mistake(&one_more.frequency_hz, message));
-    }
-    let amplitude = |values: &Option<[Spanned<f64>; 3]>, name| {
-        let mut checked = Vector3::zeros();
-        for (axis, value) in values.iter().flatten().enumerate() {
-            checked[axis] = number(Some(value), name, -1e4, 1e4, 0.0)?;
-        }
-        Ok(checked)
-    };
+pub(super) fn vibrations(root: &Table<'_, '_>) -> [Vibration; MOST_VIBRATIONS] {
     let mut vibrations = [Vibration::default(); MOST_VIBRATIONS];
-    for (place, raw) in vibrations.iter_mut().zip(raw) {
-        *place = Vibration {
-            frequency_hz: number(Some(&raw.frequency_hz), "frequency_hz", 1e-3, HIGHEST_HZ, 0.0)?,
-            rate_dps: amplitude(&raw.rate_dps, "rate_dps")?,
-            force_g: amplitude(&raw.force_g, "force_g")?,
-            field_gauss: amplitude(&raw.field_gauss, "field_gauss")?,
-        };
+    for (place, table) in root.tables("vibration").into_iter().enumerate() {
+        if place == MOST_VIBRATIONS {
+            table.mistake(format!("more than {MOST_VIBRATIONS} vibrations"), "remove some of them");
+        }
+        let vibration = table.read(|table| {
+            let amplitude = |key: &'static str| {
+                let read = table.entry(key).and_then(|entry| numbers(&entry, "three numbers for X, Y and Z", WIDE));
+                Vector3::from(read.unwrap_or_default())
+            };
+            Vibration {
+                frequency_hz: required_number(table, "frequency_hz", (1e-3, HIGHEST_HZ)).unwrap_or_default(),
+                rate_dps: amplitude("rate_dps"),
+                force_g: amplitude("force_g"),
+                field_gauss: amplitude("field_gauss"),
+            }
+        });
+        if let Some(place) = vibrations.get_mut(place) {
+            *place = vibration;
+        }
     }
-    Ok(vibrations)
+    vibrations
 }

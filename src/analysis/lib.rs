@@ -8,4 +8,3 @@ pub mod details;
 pub mod figures;
 pub mod host_clock;
 pub mod motion;
-pub mod statistics;

@@ -29,14 +29,13 @@
 
 mod fixture;
 
+use gnc_config::{Mistakes, Source, Span, Table, read};
 use gnc_text::quoted;
 use serde::{Deserialize, Serialize};
 
 pub use fixture::Fixture;
 
-use crate::mistake::{Mistakes, Source};
-use crate::quantity::{Dimension, Quantity, Unit};
-use crate::spanned::{Table, Walk, parse};
+use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
 
 /// Bytes of a bench file; one has about 1 kB.
 pub const MAX_BENCH_BYTES: usize = 64 << 10;
@@ -125,129 +124,113 @@ impl BenchFile {
     /// # Errors
     /// All mistakes of meaning, or the first syntax error alone.
     pub fn read(name: &str, bytes: Vec<u8>) -> Result<BenchFile, Mistakes> {
-        let source = Source::new(name, bytes, MAX_BENCH_BYTES)?;
-        let tree = parse(&source)?;
-        let walk = Walk::new(&source, Mistakes::default());
-        let root = Table::new(&walk, &tree, 0..0);
-        let (station_id, records, key) = match root.table("station") {
-            Some(table) => station(&walk, table),
-            None => {
-                walk.mistake(0..0, "the table [station] is missing", "write [station] and id = \"line-2\" below it");
-                (String::new(), None, None)
-            }
-        };
-        let site = root.table("site").map(|table| site(&walk, table));
-        let fixture = root.table("fixture").map(|table| fixture::fixture(&walk, table));
-        // A bench may know its fixture without knowing its place.
-        let site = match (site, fixture) {
-            (None, None) => None,
-            (site, fixture) => Some(Site { fixture, ..site.unwrap_or_default() }),
-        };
-        let has_can = root.entry("can").is_some();
-        let socket = root.table("socket").and_then(|table| socket(&walk, table, has_can));
-        let can = root.table("can").and_then(|table| can(&walk, table));
-        root.finish();
-        walk.into_mistakes().or(BenchFile { station_id, records, key, site, socket, can })
+        read(&Source::new(name, bytes, MAX_BENCH_BYTES)?, |root| {
+            let station = root.within("station", station).unwrap_or_else(|| {
+                if !root.has("station") {
+                    root.mistake("the table [station] is missing", "write [station] and id = \"line-2\" below it");
+                }
+                Station::default()
+            });
+            let site = root.within("site", site);
+            // A bench may know its fixture without knowing its place.
+            let site = match (site, root.within("fixture", fixture::fixture)) {
+                (None, None) => None,
+                (site, fixture) => Some(Site { fixture, ..site.unwrap_or_default() }),
+            };
+            let has_can = root.has("can");
+            let socket = root.within("socket", |table| socket(table, has_can)).flatten();
+            let can = root.within("can", can).flatten();
+            let Station { id: station_id, records, key } = station;
+            BenchFile { station_id, records, key, site, socket, can }
+        })
     }
 }
 
-fn station(walk: &Walk<'_>, table: Table<'_, '_>) -> (String, Option<String>, Option<String>) {
-    let id = table.required_text("id", "write id = \"line-2\" below [station]");
-    let (records, key) = (table.text("records"), table.text("key"));
-    for (text, span) in id.iter().chain(&records).chain(&key) {
-        check_text(walk, text, span.clone());
-    }
-    table.finish();
-    let owned = |text: Option<(&str, _)>| text.map(|(text, _)| text.to_owned());
-    (owned(id).unwrap_or_default(), owned(records), owned(key))
+/// The table [station].
+#[derive(Default)]
+struct Station {
+    id: String,
+    records: Option<String>,
+    key: Option<String>,
 }
 
-fn site(walk: &Walk<'_>, table: Table<'_, '_>) -> Site {
-    let name = table.text("name").map(|(name, span)| {
-        check_text(walk, name, span);
-        name.to_owned()
-    });
-    let bounded = |key, unit: Unit, min: f64, max: f64| {
-        let (quantity, span) = table.quantity(key, unit.dimension())?;
-        let number = quantity.in_unit(unit).filter(|number| (min..=max).contains(number));
-        if number.is_none() {
-            let hint = format!("it may be {} to {}", Quantity::new(min, unit), Quantity::new(max, unit));
-            walk.mistake(span, format!("{key} is {quantity}"), hint);
-        }
-        number
-    };
-    let latitude_deg = bounded("latitude", Unit::Degree, -90.0, 90.0);
-    let longitude_deg = bounded("longitude", Unit::Degree, -180.0, 180.0);
+fn station(table: &Table<'_, '_>) -> Station {
+    let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
+    let name = |key| checked(table, table.text(key));
+    Station { id: id.unwrap_or_default(), records: name("records"), key: name("key") }
+}
+
+fn site(table: &Table<'_, '_>) -> Site {
+    let latitude_deg = bounded_at(table, "latitude", Unit::Degree, (-90.0, 90.0));
+    let longitude_deg = bounded_at(table, "longitude", Unit::Degree, (-180.0, 180.0));
     // From the shore of the Dead Sea to the highest town, with some room.
-    let height_m = bounded("height", Unit::Metre, -1000.0, 9000.0);
-    // Gravity on the surface of the earth lies between 9.76 and 9.84 m/s^2.
-    let gravity_mps2 = bounded("gravity", Unit::MetrePerSecondSquared, 9.7, 9.9);
-    // The earth's field lies between 0.22 and 0.67 gauss; a shielded room or a coil may change it.
-    let field_gauss = bounded("field", Unit::Gauss, 0.0, 6.0);
-    let written = ["latitude", "longitude", "height"].map(|key| table.entry(key).is_some());
+    let height_m = bounded_at(table, "height", Unit::Metre, (-1000.0, 9000.0));
+    let written = ["latitude", "longitude", "height"].map(|key| table.has(key));
     if written.contains(&true) && written.contains(&false) {
-        walk.mistake(table.span(), "the place of the antenna is incomplete", "write latitude, longitude and height");
+        table.mistake("the place of the antenna is incomplete", "write latitude, longitude and height");
     }
-    table.finish();
     let place = match (latitude_deg, longitude_deg, height_m) {
         (Some(latitude_deg), Some(longitude_deg), Some(height_m)) => {
             Some(SitePlace { latitude_deg, longitude_deg, height_m })
         }
         _ => None,
     };
-    Site { name, place, gravity_mps2, field_gauss, fixture: None }
-}
-
-fn can(walk: &Walk<'_>, table: Table<'_, '_>) -> Option<Can> {
-    let port = table.required_text("port", "write port = \"can0\" or port = \"slcan:/dev/ttyACM0\" below [can]");
-    if let Some((port, span)) = &port {
-        check_text(walk, port, span.clone());
+    Site {
+        name: checked(table, table.text("name")),
+        place,
+        // Gravity on the surface of the earth lies between 9.76 and 9.84 m/s^2.
+        gravity_mps2: bounded_at(table, "gravity", Unit::MetrePerSecondSquared, (9.7, 9.9)),
+        // The earth's field lies between 0.22 and 0.67 gauss; a shielded room or a coil may change it.
+        field_gauss: bounded_at(table, "field", Unit::Gauss, (0.0, 6.0)),
+        fixture: None,
     }
-    table.finish();
-    Some(Can { port: port?.0.to_owned() })
 }
 
-fn socket(walk: &Walk<'_>, table: Table<'_, '_>, has_can: bool) -> Option<Socket> {
-    if let Some((link, span)) = table.text("link") {
-        match link {
-            "rs422" => {}
-            "can" => {
+fn can(table: &Table<'_, '_>) -> Option<Can> {
+    let hint = "write port = \"can0\" or port = \"slcan:/dev/ttyACM0\" below [can]";
+    checked(table, table.required_text("port", hint)).map(|port| Can { port })
+}
+
+fn socket(table: &Table<'_, '_>, has_can: bool) -> Option<Socket> {
+    if let Some(link) = table.entry("link") {
+        match link.text() {
+            None | Some("rs422") => {}
+            Some("can") => {
                 if !has_can {
-                    walk.mistake(span, "there is no CAN bus", "write [can] and port = \"can0\" below it");
+                    link.mistake("there is no CAN bus", "write [can] and port = \"can0\" below it");
                 }
-                table.finish();
                 return Some(Socket::Can);
             }
-            other => walk.mistake(span, format!("link is {}", quoted(other)), "it may be \"rs422\" or \"can\""),
+            Some(other) => link.mistake(format!("link is {}", quoted(other)), "it may be \"rs422\" or \"can\""),
         }
     }
     let port = table.required_text("port", "write port = \"/dev/ttyUSB0\" below [socket]");
-    if let Some((port, span)) = &port {
-        check_text(walk, port, span.clone());
-    }
-    let rate = table.quantity("rate", Dimension::BitRate);
-    let rate_bps = match rate {
-        None => DEFAULT_RATE_BPS,
-        Some((rate, span)) => {
-            let bps = rate.si();
-            if !(1200.0..=4e6).contains(&bps) || bps.fract() != 0.0 {
-                walk.mistake(
-                    span,
-                    format!("rate is {rate}"),
-                    "it may be a whole number from 1200 bit/s to 4000000 bit/s",
-                );
-            }
-            bps as u32
+    let port = checked(table, port);
+    let rate_bps = quantity_at(table, "rate", Dimension::BitRate).map_or(DEFAULT_RATE_BPS, |(rate, span)| {
+        let bps = rate.si();
+        if !(1200.0..=4e6).contains(&bps) || bps.fract() != 0.0 {
+            table.mistake_at(
+                span,
+                format!("rate is {rate}"),
+                "it may be a whole number from 1200 bit/s to 4000000 bit/s",
+            );
         }
-    };
-    table.finish();
-    Some(Socket::Rs422 { port: port?.0.to_owned(), rate_bps })
+        bps as u32
+    });
+    Some(Socket::Rs422 { port: port?, rate_bps })
 }
 
-fn check_text(walk: &Walk<'_>, text: &str, span: std::ops::Range<usize>) {
+/// A name or path; one that is not fit for that is refused.
+fn checked(table: &Table<'_, '_>, written: Option<(&str, Span)>) -> Option<String> {
+    let (text, span) = written?;
     if text.chars().any(char::is_control) || text.chars().count() > TEXT_CHARACTERS {
-        walk.mistake(span, format!("{} is not fit for a name", quoted(text)), "write it without control characters");
+        table.mistake_at(
+            span,
+            format!("{} is not fit for a name", quoted(text)),
+            "write it without control characters",
+        );
     }
+    Some(text.to_owned())
 }
 
 #[cfg(test)]

@@ -1,14 +1,13 @@
 //! A plan on a bench: what can be run, what is chosen, and what comes next.
 
+use gnc_config::{Mistake, Mistakes, did_you_mean};
 use gnc_text::quoted;
 
 use crate::catalogue::{Device, Resource};
 use crate::event::{PlannedItem, StopHow};
-use crate::mistake::{Mistake, Mistakes};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
 use crate::state::{Attempt, Row, RunState};
-use crate::suggest::nearest;
 
 /// What a bench can do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -336,10 +335,9 @@ enum Condition {
 
 fn unknown_selection(plan: &Plan, name: &str) -> Mistake {
     let names: Vec<&str> = plan.items().iter().map(|item| item.name.as_str()).collect();
-    let hint = match nearest(name, names.iter().copied()) {
-        Some(name) => format!("did you mean \"{name}\"?"),
-        None => format!("its items are {}", names.iter().take(40).copied().collect::<Vec<_>>().join(", ")),
-    };
+    let hint = did_you_mean(name, names.iter().copied(), || {
+        format!("its items are {}", names.iter().take(40).copied().collect::<Vec<_>>().join(", "))
+    });
     Mistake::nowhere(format!("the plan has no item {}", quoted(name)), hint)
 }
 

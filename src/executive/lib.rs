@@ -16,15 +16,12 @@ pub mod job;
 pub mod journal;
 pub mod limit;
 pub mod measurement;
-pub mod mistake;
 mod number;
 pub mod outcome;
 pub mod plan;
 pub mod quantity;
 pub mod record;
-mod spanned;
 pub mod state;
-mod suggest;
 pub mod text;
 pub mod uncertainty;
 

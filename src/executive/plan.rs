@@ -40,12 +40,12 @@ mod schema;
 
 use std::fmt;
 
+use gnc_config::{Mistake, Mistakes, Source};
 use serde::{Deserialize, Serialize};
 
 use crate::catalogue::{Device, ItemId, MeasurementSpec};
 use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
-use crate::mistake::{Mistake, Mistakes, Source};
 use crate::outcome::Outcome;
 use crate::quantity::Unit;
 use crate::uncertainty::Decision;

@@ -6,15 +6,17 @@
 
 mod spelling;
 mod unit;
+mod written;
 
 use std::fmt;
 
+use gnc_config::nearest;
 use gnc_text::quoted;
 
 use crate::number;
-use crate::suggest::nearest;
 
 pub use unit::Unit;
+pub(crate) use written::{bounded, bounded_at, quantity_at};
 
 /// What kind of quantity a number is; numbers compare only within a dimension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -78,7 +78,7 @@ pub fn up_of(label: &str) -> Option<Vector3<f64>> {
 /// # Errors
 /// [`Refusal::SplitLabel`] when a label comes again after another one.
 pub fn blocks<L: AsRef<str>>(labels: &[L]) -> Result<Vec<Range<usize>>, Refusal> {
-    let blocks = neighbours(labels.len(), |a, b| labels[a].as_ref() == labels[b].as_ref());
+    let blocks = series::stretches(labels.len(), |a, b| labels[a].as_ref() == labels[b].as_ref());
     for (i, block) in blocks.iter().enumerate() {
         let label = labels[block.start].as_ref();
         if let Some(earlier) = blocks[..i].iter().find(|b| labels[b.start].as_ref() == label) {
@@ -129,24 +129,12 @@ pub fn from_directions(up: [&[f64]; 3], channels: [&[f64]; 3], limits: &Limits) 
             return Err(Refusal::NotUnit { row: i + 1, length });
         }
     }
-    let named: Vec<_> = neighbours(rows, |a, b| direction(a) == direction(b))
+    let named: Vec<_> = series::stretches(rows, |a, b| direction(a) == direction(b))
         .into_iter()
         .enumerate()
         .map(|(n, b)| ((n + 1).to_string(), direction(b.start).normalize(), b))
         .collect();
     average(&named, rows, channels, limits)
-}
-
-fn neighbours(rows: usize, same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
-    let mut blocks = Vec::new();
-    let mut start = 0;
-    for i in 1..=rows {
-        if i == rows || !same(i - 1, i) {
-            blocks.push(start..i);
-            start = i;
-        }
-    }
-    blocks
 }
 
 fn average(

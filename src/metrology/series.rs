@@ -1,5 +1,7 @@
 //! Checks that every record passes before anything is computed from it.
 
+use std::ops::Range;
+
 use crate::{Refusal, quantisation, stats};
 
 /// All values are finite.
@@ -30,6 +32,19 @@ pub fn channels(names: &[&str], channels: &[&[f64]]) -> Result<usize, Refusal> {
         finite(name, values)?;
     }
     Ok(left)
+}
+
+/// Stretches of rows of which each is the same as the one before it, in order; together they are all rows.
+pub fn stretches(rows: usize, same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
+    let mut stretches = Vec::new();
+    let mut start = 0;
+    for row in 1..=rows {
+        if row == rows || !same(row - 1, row) {
+            stretches.push(start..row);
+            start = row;
+        }
+    }
+    stretches
 }
 
 /// A parameter is finite and above zero.

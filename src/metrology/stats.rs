@@ -152,6 +152,13 @@ pub fn mean_sd(values: &[f64]) -> (f64, f64) {
     (mean, sd)
 }
 
+/// Root of the mean of the squares; NaN when empty. Summed in the order of the values: records are worked out again to the
+/// bit.
+#[must_use]
+pub fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
 /// Sum in eight lanes over blocks of 1024: at memory speed, and with the rounding error of short sums.
 pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
     const LANES: usize = 8;
@@ -320,6 +327,15 @@ mod tests {
         assert_eq!((mean - 1e9, sd), (2.5, (5.0_f64 / 3.0).sqrt()));
         assert!((white_sd(&values) - 0.5_f64.sqrt()).abs() < 1e-12);
         assert_eq!(median(&mut values.map(|v| v - 1e9)), 2.5);
+    }
+
+    /// 2, 4, 4, 4, 5, 5, 7, 9: mean 5, squares about it 32, squares about zero 232.
+    #[test]
+    fn textbook_example() {
+        let values = [2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0];
+        assert_eq!(mean_sd(&values), (5.0, (32.0_f64 / 7.0).sqrt()));
+        assert_eq!(rms(&values), 29.0_f64.sqrt());
+        assert!(mean(&[]).is_nan() && rms(&[]).is_nan() && mean_sd(&[1.0]).1.is_nan());
     }
 
     /// GUM H.1.6: end gauge, effective degrees of freedom 16 from 25/18, 9.7/25.6, 2.9/50 and 16.6/2 nm with 34 in all.

@@ -7,4 +7,4 @@ mod driver;
 mod orientation;
 
 pub use driver::{DriverError, Fixture, Rig, Turntable};
-pub use orientation::{AXES, Along, Orientation};
+pub use orientation::{Along, MODULE_AXES, Orientation};

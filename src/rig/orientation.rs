@@ -4,8 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Names of the module's axes.
-pub const AXES: [&str; 3] = ["X", "Y", "Z"];
+/// Names of the module's axes as they are engraved on it. Keys and columns have small letters: `gnc_metrology::AXES`.
+pub const MODULE_AXES: [&str; 3] = ["X", "Y", "Z"];
 
 /// Where the table's axis points, and with it the axis of the module that lies along it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,7 +47,7 @@ pub enum Orientation {
 impl fmt::Display for Orientation {
     /// What somebody is to do.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = |axis: usize| AXES[axis % 3];
+        let name = |axis: usize| MODULE_AXES[axis % 3];
         match *self {
             Orientation::Axis { axis, positive, along, heading_deg } => {
                 let (axis, sign) = (usize::from(axis), if positive { '+' } else { '-' });

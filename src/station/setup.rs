@@ -131,9 +131,9 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
             Personality::with_files(&name, &text, &mut hw_mocks::beside(personality))
         }
     };
-    let personality = personality.map_err(|error| {
+    let personality = personality.map_err(|mistakes| {
         Refusal::new(
-            error,
+            mistakes,
             "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality/mod.rs",
         )
     })?;

@@ -1,6 +1,6 @@
 //! What must hold of every list of mistakes.
 
-use gnc_executive::mistake::{MAX_MISTAKES, Mistakes};
+use gnc_config::{MAX_MISTAKES, Mistakes};
 
 /// There is one at least, each with its mark below its line, and nothing of them plays tricks on a terminal.
 pub fn can_be_shown(mistakes: &Mistakes) {

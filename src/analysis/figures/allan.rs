@@ -9,18 +9,14 @@ use gnc_metrology::allan::{self, Absence, Coefficient, Fit, Input, Kind, Taus};
 use gnc_metrology::{earth, stats};
 use serde_json::json;
 
-use super::captures::{self, AXES, Triad};
+use super::captures::{AXES, Triad};
 use super::stability::{Compensation, unit};
 use super::{FigureError, Findings, Question};
 use crate::details::performance::{self as details, CURVES};
 
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let compensation = Compensation::of(question)?;
-    let capture = question.one("duration")?;
-    captures::sound([capture], compensation.used())?;
-    for triad in compensation.used() {
-        captures::still(capture, *triad)?;
-    }
+    let capture = compensation.at_rest(question)?;
     let rate_hz = f64::from(capture.about.rate_hz);
     let mut findings = Findings::new(json!({
         "equation": "overlapping Allan deviation; dev^2 = 3 Q^2/tau^2 + N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3 + R^2 tau^2/2",

@@ -54,12 +54,16 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let [east_mean, north_mean, up_mean] = [&east, &north, &up].map(|errors| stats::mean(errors));
     findings.part(&MEAN_ERROR_M, MeanError { east: east_mean, north: north_mean, up: Some(up_mean) });
     findings.part(&SCATTER, scatter(&errors));
-    let horizontal = (rms(&east).powi(2) + rms(&north).powi(2)).sqrt();
+    let horizontal = (stats::rms(&east).powi(2) + stats::rms(&north).powi(2)).sqrt();
     let position = |rms: f64, dof: f64| spread(rms, dof, survey_u, Unit::Metre, probability);
     findings.put("position_horizontal", position(horizontal, 2.0 * worth));
     findings.put(
         "position_height",
-        if up.len() >= LEAST { position(rms(&up), dof_of_rms(&up)) } else { Value::NotAvailable(no_height(&fixes)) },
+        if up.len() >= LEAST {
+            position(stats::rms(&up), dof_of_rms(&up))
+        } else {
+            Value::NotAvailable(no_height(&fixes))
+        },
     );
     let speeds: Vec<f64> = fixes.iter().filter_map(|epoch| epoch.ground_speed_mps).collect();
     findings.put(
@@ -67,7 +71,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         if speeds.len() < LEAST {
             Value::NotAvailable(format!("{} epochs with a speed, needs at least {LEAST}", speeds.len()))
         } else {
-            spread(rms(&speeds), 2.0 * dof_of_rms(&speeds), 0.0, Unit::MetrePerSecond, probability)
+            spread(stats::rms(&speeds), 2.0 * dof_of_rms(&speeds), 0.0, Unit::MetrePerSecond, probability)
         },
     );
     findings.put("velocity_height", Value::NotAvailable("the receiver's sentences hold no vertical velocity".into()));
@@ -106,10 +110,6 @@ fn spread(rms: f64, dof: f64, survey_u: f64, unit: Unit, probability: f64) -> Va
     let (low, high) = stats::sd_interval(rms, dof, probability);
     let off = stats::normal_quantile(0.5 + probability / 2.0) * survey_u;
     Value::estimate(rms, unit, Uncertainty::interval((low - off).max(0.0), high + off, probability))
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 fn dof_of_rms(values: &[f64]) -> f64 {

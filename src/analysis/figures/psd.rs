@@ -8,7 +8,7 @@ use gnc_executive::uncertainty::Uncertainty;
 use gnc_metrology::{psd, stats};
 use serde_json::json;
 
-use super::captures::{self, AXES, Triad};
+use super::captures::{AXES, Triad};
 use super::stability::{self, Compensation};
 use super::{FigureError, Findings, Question};
 use crate::details::performance::{self as details, SPECTRA};
@@ -19,11 +19,7 @@ const NEIGHBOURS: usize = 32;
 pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
-    let capture = question.one("duration")?;
-    captures::sound([capture], compensation.used())?;
-    for triad in compensation.used() {
-        captures::still(capture, *triad)?;
-    }
+    let capture = compensation.at_rest(question)?;
     let rate_hz = f64::from(capture.about.rate_hz);
     let segment = usize::try_from(question.params.integer("segment")?).unwrap_or(usize::MAX);
     let mut findings = Findings::new(json!({

@@ -40,6 +40,14 @@ impl Compensation {
         if self.rate.is_some() { &[Triad::Gyro, Triad::Accel] } else { &[Triad::Accel] }
     }
 
+    /// The one capture of an item at rest: nothing is missing from it, and the triads that are used work and lay still.
+    pub(super) fn at_rest<'q>(&self, question: &'q Question<'_>) -> Result<&'q Capture, FigureError> {
+        let capture = question.one("duration")?;
+        captures::sound([capture], self.used())?;
+        self.used().iter().try_for_each(|triad| captures::still(capture, *triad))?;
+        Ok(capture)
+    }
+
     /// Compensated output in the unit of [`unit`], of raw outputs or of their means.
     pub(super) fn apply(&self, triad: Triad, gyro: &Vector3<f64>, accel: &Vector3<f64>) -> Vector3<f64> {
         match (triad, &self.rate) {
@@ -67,11 +75,7 @@ pub(super) fn unit(triad: Triad) -> Unit {
 pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
-    let capture = question.one("duration")?;
-    captures::sound([capture], compensation.used())?;
-    for triad in compensation.used() {
-        captures::still(capture, *triad)?;
-    }
+    let capture = compensation.at_rest(question)?;
     let block_s = question.params.quantity("block", Unit::Second)?;
     let block = block_s * f64::from(capture.about.rate_hz);
     let samples = block.round() as usize;

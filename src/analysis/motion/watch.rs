@@ -156,7 +156,7 @@ fn lasting_mean(values: &[i32], far: f64) -> f64 {
 }
 
 fn channel(sensor: &str, axis: usize) -> String {
-    format!("{sensor}_{}", ["x", "y", "z"][axis % 3])
+    format!("{sensor}_{}", gnc_metrology::AXES[axis % 3])
 }
 
 /// Time of each mean rate that tells whether a turn goes on.

@@ -59,7 +59,7 @@ async fn magnetometer(
     recorder.number(&MAG_SPAN[0], span(0), Unit::Gauss).await?;
     recorder.number(&MAG_SPAN[1], span(1), Unit::Gauss).await?;
     let z: Vec<f64> = fields_gauss.iter().map(|field| field[2]).collect();
-    Ok(recorder.number(&MAG_Z, gnc_analysis::statistics::mean(&z), Unit::Gauss).await?)
+    Ok(recorder.number(&MAG_Z, gnc_metrology::stats::mean(&z), Unit::Gauss).await?)
 }
 
 /// All eight channels, in volts.

@@ -5,7 +5,6 @@ use std::time::Duration;
 use gnc_analysis::capture::Timing;
 use gnc_analysis::figures;
 use gnc_analysis::figures::clock::sample_rate_error;
-use gnc_analysis::statistics::{mean, standard_deviation};
 use gnc_board::stream::Closed;
 use gnc_executive::catalogue::sensors::{
     ACCEL, ACCEL_NOISE, ACCEL_NORM, ACCEL_TEMPERATURE, GYRO, GYRO_NOISE, GYRO_TEMPERATURE, SATURATED_CHANNELS,
@@ -14,6 +13,7 @@ use gnc_executive::catalogue::sensors::{
 use gnc_executive::catalogue::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
+use gnc_metrology::stats::{mean, mean_sd};
 use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION, StreamId};
 use gnc_protocol::wire::{Reader, Wire as _};
@@ -33,18 +33,18 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
     for (axis, (rate, noise)) in GYRO.iter().zip(&GYRO_NOISE).enumerate() {
         let counts: Vec<f64> = channel(&|sample| sample.gyro[axis]);
         faults.look_at(rate.name, &counts);
-        recorder.number(rate, mean(&counts) / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
-        let noise_dps = standard_deviation(&counts) / GYRO_LSB_PER_DPS;
-        recorder.number(noise, noise_dps, Unit::DegreePerSecond).await?;
+        let (mean, sd) = mean_sd(&counts);
+        recorder.number(rate, mean / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
+        recorder.number(noise, sd / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
     }
     for (axis, (force, noise)) in ACCEL.iter().zip(&ACCEL_NOISE).enumerate() {
         let counts: Vec<f64> = channel(&|sample| sample.accel[axis]);
         faults.look_at(force.name, &counts);
-        let force_g = mean(&counts) / ACCEL_LSB_PER_G;
+        let (mean, sd) = mean_sd(&counts);
+        let force_g = mean / ACCEL_LSB_PER_G;
         squares += force_g * force_g;
         recorder.number(force, force_g, Unit::Gravity).await?;
-        let noise_mg = standard_deviation(&counts) / ACCEL_LSB_PER_G * 1e3;
-        recorder.number(noise, noise_mg, Unit::Milligravity).await?;
+        recorder.number(noise, sd / ACCEL_LSB_PER_G * 1e3, Unit::Milligravity).await?;
     }
     recorder.number(&ACCEL_NORM, squares.sqrt(), Unit::Gravity).await?;
     let gyro_temperature: Vec<f64> = channel(&|sample| sample.gyro_temperature.into());

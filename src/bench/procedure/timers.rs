@@ -1,9 +1,9 @@
 //! Intervals of the module's timers against the slave's reference clock.
 
-use gnc_analysis::statistics::{mean, standard_deviation};
 use gnc_executive::catalogue::processor::TIMER;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
+use gnc_metrology::stats::mean_sd;
 use gnc_protocol::message::TimerMeasure;
 
 use super::{Bench, ProcedureError, Recorder};
@@ -28,9 +28,10 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
             }
             let nominal = f64::from(period_us);
             let worst = intervals_us.iter().map(|us| (us / nominal - 1.0).abs()).fold(0.0, f64::max);
-            recorder.number(&of_interval.mean, mean(&intervals_us), Unit::Microsecond).await?;
+            let (mean, sd) = mean_sd(&intervals_us);
+            recorder.number(&of_interval.mean, mean, Unit::Microsecond).await?;
             recorder.number(&of_interval.worst, worst * 100.0, Unit::Percent).await?;
-            recorder.number(&of_interval.jitter, standard_deviation(&intervals_us), Unit::Microsecond).await?;
+            recorder.number(&of_interval.jitter, sd, Unit::Microsecond).await?;
         }
         recorder.number(&of_timer.interrupts_missing, missing, Unit::Count).await?;
     }

@@ -14,10 +14,10 @@
 //!
 //! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`Fixture::default`] count.
 
+use gnc_config::Table;
 use serde::{Deserialize, Serialize};
 
-use crate::quantity::{Quantity, Unit};
-use crate::spanned::{Table, Walk, quantities};
+use crate::quantity::{Unit, bounded, bounded_at};
 
 /// Largest angle that is an imperfection and no other attitude.
 const MOST_DEG: f64 = 5.0;
@@ -66,52 +66,35 @@ impl Default for Fixture {
 }
 
 /// The table [fixture].
-pub(super) fn fixture(walk: &Walk<'_>, table: Table<'_, '_>) -> Fixture {
+pub(super) fn fixture(table: &Table<'_, '_>) -> Fixture {
     let default = Fixture::default();
-    let check = |key: &str, quantity: Quantity, span, unit: Unit, (min, max): (f64, f64)| {
-        let number = quantity.in_unit(unit).filter(|number| (min..=max).contains(number));
-        if number.is_none() {
-            let hint = format!("it may be {} to {}", Quantity::new(min, unit), Quantity::new(max, unit));
-            walk.mistake(span, format!("{key} is {quantity}"), hint);
-        }
-        number
-    };
     let angle = |key: &'static str, default_rad: f64| {
-        let written = table.quantity(key, Unit::Degree.dimension());
-        let known = written.and_then(|(quantity, span)| check(key, quantity, span, Unit::Degree, (0.0, MOST_DEG)));
-        known.map_or(default_rad, f64::to_radians)
+        bounded_at(table, key, Unit::Degree, (0.0, MOST_DEG)).map_or(default_rad, f64::to_radians)
     };
     let field = |key: &'static str, default_gauss: f64| {
-        let written = table.quantity(key, Unit::Gauss.dimension());
-        let known = written.and_then(|(quantity, span)| check(key, quantity, span, Unit::Gauss, (0.0, MOST_GAUSS)));
-        known.unwrap_or(default_gauss)
+        bounded_at(table, key, Unit::Gauss, (0.0, MOST_GAUSS)).unwrap_or(default_gauss)
     };
-    let board_clock_u_ppm = table
-        .quantity("board_clock_u", Unit::PartsPerMillion.dimension())
-        .and_then(|(quantity, span)| check("board_clock_u", quantity, span, Unit::PartsPerMillion, (0.0, MOST_PPM)));
     let mounting_rad = table.entry("mounting").and_then(|entry| {
-        let written = quantities(walk, entry.value, "mounting", Unit::Degree.dimension());
-        let known: Vec<f64> = written
-            .into_iter()
-            .filter_map(|(quantity, span)| check("mounting", quantity, span, Unit::Degree, (-MOST_DEG, MOST_DEG)))
+        let known: Vec<f64> = entry
+            .list("a list of three angles, such as [\"0.01 deg\", \"-0.02 deg\", \"0 deg\"]")?
+            .iter()
+            .filter_map(|angle| bounded(angle, Unit::Degree, (-MOST_DEG, MOST_DEG))?.in_unit(Unit::Degree))
             .map(f64::to_radians)
             .collect();
         let three = <[f64; 3]>::try_from(known).ok();
         if three.is_none() {
             let hint = "write three angles: mounting = [\"0.01 deg\", \"-0.02 deg\", \"0 deg\"]";
-            walk.mistake(entry.value.span(), "mounting is not three angles about X, Y and Z", hint);
+            entry.mistake("mounting is not three angles about X, Y and Z", hint);
         }
         three
     });
-    let fixture = Fixture {
+    Fixture {
         mounting_rad,
         mounting_u_rad: angle("mounting_u", default.mounting_u_rad),
         axis_u_rad: angle("axis_u", default.axis_u_rad),
         runout_u_rad: angle("runout_u", default.runout_u_rad),
         field_u_gauss: field("field_u", default.field_u_gauss),
         ambient_u_gauss: field("ambient_u", default.ambient_u_gauss),
-        board_clock_u_ppm,
-    };
-    table.finish();
-    fixture
+        board_clock_u_ppm: bounded_at(table, "board_clock_u", Unit::PartsPerMillion, (0.0, MOST_PPM)),
+    }
 }

@@ -8,9 +8,7 @@ use gnc_text::{printable, quoted};
 use super::item::{self, RawItem};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
 use crate::catalogue::ParamKind;
-use crate::mistake::{Mistake, Mistakes, Source};
-use crate::spanned::{Span, Table, Walk, parse};
-use crate::suggest::nearest;
+use gnc_config::{Mistake, Mistakes, Source, Span, Table, Walk, did_you_mean, parse};
 
 /// Characters of a name, which becomes a folder.
 const NAME_CHARACTERS: usize = 64;
@@ -242,9 +240,9 @@ impl Linker<'_> {
                 ),
                 None => (
                     format!("no item has the name {}", quoted(name)),
-                    nearest(name, self.positions.keys().copied())
-                        .map(|name| format!("did you mean \"{name}\"?"))
-                        .unwrap_or_else(|| "add that item before this one, or remove the name here".to_owned()),
+                    did_you_mean(name, self.positions.keys().copied(), || {
+                        "add that item before this one, or remove the name here".to_owned()
+                    }),
                 ),
             };
             self.source_of(position).mistake(span.clone(), what, hint)

@@ -1,13 +1,12 @@
 //! One `[[item]]` of a plan.
 
+use gnc_config::{Span, Table, Walk, did_you_mean};
 use gnc_text::quoted;
 
 use super::closure::check_name;
 use super::{ItemPlace, Phase, PlanItem, limits, params};
 use crate::catalogue::{ItemId, ParamKind};
-use crate::quantity::Dimension;
-use crate::spanned::{Span, Table, Walk};
-use crate::suggest::nearest;
+use crate::quantity::{Dimension, quantity_at};
 use crate::uncertainty::Decision;
 
 /// Tries of an item: one that fails ten times will fail again.
@@ -35,10 +34,9 @@ pub(super) struct RawItem {
 pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Option<RawItem> {
     let (id, id_span) = table.required_text("id", "write id = \"imu\", or another item of the table")?;
     let Some(id) = ItemId::from_id(id) else {
-        let hint = match nearest(id, ItemId::ALL.iter().map(|item| item.as_str())) {
-            Some(id) => format!("did you mean \"{id}\"?"),
-            None => "`docs/plan.schema.json` lists the items; an editor that reads it offers them".to_owned(),
-        };
+        let hint = did_you_mean(id, ItemId::ALL.iter().map(|item| item.as_str()), || {
+            "`docs/plan.schema.json` lists the items; an editor that reads it offers them".to_owned()
+        });
         walk.mistake(id_span, format!("unknown item {}", quoted(id)), hint);
         return None;
     };
@@ -56,7 +54,7 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     let attempts = table.integer("attempts", (1, MAX_ATTEMPTS), 1);
     let retry_failed = table.flag("retry_failed");
     if retry_failed && attempts == 1 {
-        let span = table.entry("retry_failed").map_or(table.span(), |entry| entry.value.span());
+        let span = table.entry("retry_failed").map_or(table.span(), |entry| entry.span());
         walk.mistake(span, "retry_failed without further attempts changes nothing", "write attempts = 2 beside it");
     }
     let repeats = table.integer("repeats", (1, MAX_REPEATS), 1);
@@ -64,11 +62,11 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     let decision = decision(walk, &table);
     let prompt = prompt(walk, &table);
     let written = table.table("params");
-    let params = params::read(walk, written.as_ref(), id);
+    let params = params::read(written.as_ref(), id);
     let source_param = spec.params.iter().find(|param| matches!(param.kind, ParamKind::Source { .. }));
     let captures = source_param.and_then(|param| {
         let name = params.source(param.name).ok()??;
-        let span = written.as_ref()?.entry(param.name)?.value.span();
+        let span = written.as_ref()?.entry(param.name)?.span();
         Some((name.to_owned(), span))
     });
     let limits = limits::read(walk, table.table("limits").as_ref(), id, &params);
@@ -120,7 +118,7 @@ fn decision(walk: &Walk<'_>, table: &Table<'_, '_>) -> Decision {
 }
 
 fn timeout(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<f64> {
-    let (timeout, span) = table.quantity("timeout", Dimension::Time)?;
+    let (timeout, span) = quantity_at(table, "timeout", Dimension::Time)?;
     let seconds = timeout.si();
     if !(TIMEOUT_S.0..=TIMEOUT_S.1).contains(&seconds) {
         walk.mistake(span, format!("a timeout of {timeout} is out of range"), "it may be 1 ms to 24 h");

@@ -1,15 +1,12 @@
 //! The `[item.limits]` of a plan.
 
+use gnc_config::{Entry, Span, Table, Value, Walk, did_you_mean};
 use gnc_text::quoted;
-use toml::Spanned;
-use toml::de::DeValue;
 
 use super::{ItemLimit, Params};
 use crate::catalogue::{ItemId, MeasurementSpec};
 use crate::limit::{Kind, Limit, LimitError};
 use crate::quantity::Unit;
-use crate::spanned::{Entry, Span, Table, Walk};
-use crate::suggest::nearest;
 
 /// How exactly a key names a measurement; the more exact one counts.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -51,33 +48,33 @@ pub(super) fn read(
 /// Reads one entry and gives its limit to every measurement that it names; `None` if it is refused.
 fn one(
     walk: &Walk<'_>,
-    entry: &Entry<'_>,
+    entry: &Entry<'_, '_>,
     id: ItemId,
     params: &Params,
     chosen: &mut [Option<(Exactness, Limit)>],
 ) -> Option<()> {
-    let key_span = entry.key_span.0..entry.key_span.1;
-    let exactness = if entry.key.contains('*') { Exactness::Pattern } else { Exactness::Name };
+    let key = entry.key();
+    let exactness = if key.contains('*') { Exactness::Pattern } else { Exactness::Name };
     let named = |measurement: &MeasurementSpec| match exactness {
-        Exactness::Name => measurement.name == entry.key,
-        Exactness::Pattern => matches(entry.key, measurement.name),
+        Exactness::Name => measurement.name == key,
+        Exactness::Pattern => matches(key, measurement.name),
     };
     let all: Vec<(usize, &MeasurementSpec)> =
         id.spec().measurements.iter().enumerate().filter(|(_, measurement)| named(measurement)).collect();
     if all.is_empty() {
-        unknown(walk, entry.key, key_span, id);
+        unknown(entry, id);
         return None;
     }
     let on: Vec<(usize, &MeasurementSpec)> =
         all.into_iter().filter(|(_, measurement)| params.switch_on(measurement.when)).collect();
     if on.is_empty() {
-        let what = format!("{} is not measured with these parameters", quoted(entry.key));
-        walk.mistake(key_span, what, "change the parameters, or leave the limit out");
+        let what = format!("{} is not measured with these parameters", quoted(key));
+        entry.key_mistake(what, "change the parameters, or leave the limit out");
         return None;
     }
-    let written = written(walk, entry.key, entry.value)?;
+    let written = written(entry)?;
     for (index, measurement) in on {
-        let limit = parse(walk, entry.key, &written, measurement)?;
+        let limit = parse(walk, key, &written, measurement)?;
         if chosen[index].as_ref().is_none_or(|(before, _)| *before <= exactness) {
             chosen[index] = Some((exactness, limit));
         }
@@ -113,36 +110,31 @@ fn hint(error: &LimitError, measurement: &MeasurementSpec) -> String {
     }
 }
 
-fn written<'t>(walk: &Walk<'_>, key: &str, value: &'t Spanned<DeValue<'t>>) -> Option<Written<'t>> {
+fn written<'t>(entry: &Entry<'_, 't>) -> Option<Written<'t>> {
     let grammar = "a limit is one of: \"<= Q\", \">= Q\", \"Q .. Q\", \"Q +- Q\", \"Q +- N %\", \"== text\"";
-    match value.get_ref() {
-        DeValue::String(text) => Some(Written { limit: (text, value.span()), marginal: None }),
-        DeValue::Table(inner) => {
-            let table = Table::new(walk, inner, value.span());
-            let limit = table.required_text("limit", grammar);
-            let marginal = table.text("marginal");
-            table.finish();
+    match entry.value() {
+        Value::String(text) => Some(Written { limit: (text, entry.span()), marginal: None }),
+        Value::Table(_) => entry.table()?.read(|table| {
+            let (limit, marginal) = (table.required_text("limit", grammar), table.text("marginal"));
             Some(Written { limit: limit?, marginal })
-        }
+        }),
         _ => {
-            walk.mistake(value.span(), format!("the limit of {} is not a text in quotes", quoted(key)), grammar);
+            entry.mistake(format!("the limit of {} is not a text in quotes", quoted(entry.key())), grammar);
             None
         }
     }
 }
 
-fn unknown(walk: &Walk<'_>, key: &str, span: Span, id: ItemId) {
+fn unknown(entry: &Entry<'_, '_>, id: ItemId) {
+    let key = entry.key();
     let names = || id.spec().measurements.iter().map(|measurement| measurement.name);
     let what = if key.contains('*') {
         format!("{} matches no measurement of {id}", quoted(key))
     } else {
         format!("{id} does not measure {}", quoted(key))
     };
-    let hint = match nearest(key, names()) {
-        Some(name) => format!("did you mean \"{name}\"?"),
-        None => format!("it measures {}", names().collect::<Vec<_>>().join(", ")),
-    };
-    walk.mistake(span, what, hint);
+    let hint = did_you_mean(key, names(), || format!("it measures {}", names().collect::<Vec<_>>().join(", ")));
+    entry.key_mistake(what, hint);
 }
 
 /// Whether a pattern, in which `*` stands for any letters, matches a name.

@@ -2,14 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use gnc_config::{Entry, Table, Value, did_you_mean};
 use gnc_text::quoted;
-use toml::Spanned;
-use toml::de::DeValue;
 
 use crate::catalogue::{ItemId, ParamKind, When};
-use crate::quantity::{Quantity, Unit};
-use crate::spanned::{Table, Walk, integer, quantity, texts};
-use crate::suggest::nearest;
+use crate::quantity::{Quantity, Unit, bounded};
 
 /// Every parameter of an item.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -127,23 +124,22 @@ impl Params {
 }
 
 /// Reads the parameters of an item; a mistaken one counts with its default, so that the walk can go on.
-pub(super) fn read(walk: &Walk<'_>, table: Option<&Table<'_, '_>>, id: ItemId) -> Params {
+pub(super) fn read(table: Option<&Table<'_, '_>>, id: ItemId) -> Params {
     let spec = id.spec();
     let mut params: BTreeMap<&'static str, ParamValue> =
         spec.params.iter().map(|param| (param.name, default(&param.kind))).collect();
     for entry in table.into_iter().flat_map(Table::entries) {
-        let Some(param) = spec.param(entry.key) else {
+        let Some(param) = spec.param(entry.key()) else {
             let names: Vec<&str> = spec.params.iter().map(|param| param.name).collect();
-            let hint = match nearest(entry.key, names.iter().copied()) {
-                Some(name) => format!("did you mean \"{name}\"?"),
-                None if names.is_empty() => "it has no parameters".to_owned(),
-                None => format!("its parameters are {}", names.join(", ")),
-            };
-            let what = format!("{id} has no parameter {}", quoted(entry.key));
-            walk.mistake(entry.key_span.0..entry.key_span.1, what, hint);
+            let hint = did_you_mean(entry.key(), names.iter().copied(), || match names.is_empty() {
+                true => "it has no parameters".to_owned(),
+                false => format!("its parameters are {}", names.join(", ")),
+            });
+            let what = format!("{id} has no parameter {}", quoted(entry.key()));
+            entry.key_mistake(what, hint);
             continue;
         };
-        if let Some(value) = value(walk, entry.value, param.name, &param.kind) {
+        if let Some(value) = value(&entry, param.name, &param.kind) {
             params.insert(param.name, value);
         }
     }
@@ -161,74 +157,61 @@ fn default(kind: &ParamKind) -> ParamValue {
     }
 }
 
-fn value<'t>(
-    walk: &Walk<'_>,
-    value: &'t Spanned<DeValue<'t>>,
-    name: &'static str,
-    kind: &ParamKind,
-) -> Option<ParamValue> {
+fn value(entry: &Entry<'_, '_>, name: &'static str, kind: &ParamKind) -> Option<ParamValue> {
     match *kind {
-        ParamKind::Integer { min, max, .. } => integer(walk, value, name, (min, max)).map(ParamValue::Integer),
-        ParamKind::Integers { min, max, .. } => integers(walk, value, name, (min, max)).map(ParamValue::Integers),
-        ParamKind::Quantity { unit, min, max, .. } => {
-            let written = quantity(walk, value, name, unit.dimension())?;
-            if !written.in_unit(unit).is_some_and(|number| (min..=max).contains(&number)) {
-                let what = format!("{name} is {written}");
-                let hint = format!("it may be {} to {}", Quantity::new(min, unit), Quantity::new(max, unit));
-                walk.mistake(value.span(), what, hint);
-                return None;
-            }
-            Some(ParamValue::Quantity(written))
-        }
+        ParamKind::Integer { min, max, .. } => entry.integer((min, max)).map(ParamValue::Integer),
+        ParamKind::Integers { min, max, .. } => integers(entry, (min, max)).map(ParamValue::Integers),
+        ParamKind::Quantity { unit, min, max, .. } => bounded(entry, unit, (min, max)).map(ParamValue::Quantity),
         ParamKind::Choice { of, .. } => {
-            let text = value.get_ref().as_str().unwrap_or_default();
+            let text = entry.value().as_str().unwrap_or_default();
             let choice = of.iter().find(|choice| **choice == text);
             if choice.is_none() {
-                walk.mistake(value.span(), format!("{name} cannot be {}", written(value)), choices_hint(text, of));
+                entry.mistake(format!("{name} cannot be {}", written(entry)), choices_hint(text, of));
             }
             choice.map(|choice| ParamValue::Choice(choice))
         }
         ParamKind::Choices { of, .. } => {
             let mut chosen: Vec<&'static str> = Vec::new();
-            for (text, span) in texts(walk, value, name) {
+            for element in entry.list("a list of texts in brackets").unwrap_or_default() {
+                let Some(text) = element.text() else { continue };
                 match of.iter().find(|choice| **choice == text) {
                     Some(choice) if chosen.contains(choice) => {
-                        walk.mistake(span, format!("{} stands twice in {name}", quoted(text)), "");
+                        element.mistake(format!("{} stands twice in {name}", quoted(text)), "");
                     }
                     Some(choice) => chosen.push(choice),
-                    None => walk.mistake(span, format!("{name} cannot hold {}", quoted(text)), choices_hint(text, of)),
+                    None => element.mistake(format!("{name} cannot hold {}", quoted(text)), choices_hint(text, of)),
                 }
             }
-            if value.get_ref().as_array().is_some_and(|list| list.is_empty()) {
-                walk.mistake(value.span(), format!("{name} is empty"), choices_hint("", of));
+            if entry.value().as_array().is_some_and(|list| list.is_empty()) {
+                entry.mistake(format!("{name} is empty"), choices_hint("", of));
             }
             (!chosen.is_empty()).then_some(ParamValue::Choices(chosen))
         }
         // Whether there is such an item before it is seen when all items are read.
         ParamKind::Source { of } => {
-            let text = value.get_ref().as_str();
+            let text = entry.value().as_str();
             if text.is_none() {
                 let ids = of.iter().map(|id| id.as_str()).collect::<Vec<_>>().join(" or ");
                 let hint = format!("write the name of an item before this one that is {ids}");
-                walk.mistake(value.span(), format!("{name} cannot be {}", written(value)), hint);
+                entry.mistake(format!("{name} cannot be {}", written(entry)), hint);
             }
             text.map(|text| ParamValue::Source(Some(text.to_owned())))
         }
     }
 }
 
-fn integers(walk: &Walk<'_>, value: &Spanned<DeValue<'_>>, name: &str, bounds: (i64, i64)) -> Option<Vec<i64>> {
-    let list = value.get_ref().as_array().filter(|list| !list.is_empty());
-    let Some(list) = list else {
+fn integers(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<Vec<i64>> {
+    let name = entry.key();
+    if entry.value().as_array().is_none_or(|list| list.is_empty()) {
         let hint = format!("write a list of whole numbers from {} to {}", bounds.0, bounds.1);
-        walk.mistake(value.span(), format!("{name} cannot be {}", written(value)), hint);
+        entry.mistake(format!("{name} cannot be {}", written(entry)), hint);
         return None;
-    };
+    }
     let mut numbers = Vec::new();
-    for element in list {
-        let number = integer(walk, element, name, bounds)?;
+    for element in entry.list("a list of whole numbers")? {
+        let number = element.integer(bounds)?;
         if numbers.contains(&number) {
-            walk.mistake(element.span(), format!("{number} stands twice in {name}"), "");
+            element.mistake(format!("{number} stands twice in {name}"), "");
         } else {
             numbers.push(number);
         }
@@ -237,24 +220,23 @@ fn integers(walk: &Walk<'_>, value: &Spanned<DeValue<'_>>, name: &str, bounds: (
 }
 
 /// A value as it may stand in a message.
-fn written(value: &Spanned<DeValue<'_>>) -> String {
-    match value.get_ref() {
-        DeValue::String(text) => quoted(text),
-        DeValue::Integer(number) => number.as_str().to_owned(),
-        DeValue::Array(list) if list.is_empty() => "an empty list".to_owned(),
-        DeValue::Array(_) => "a list".to_owned(),
-        DeValue::Table(_) => "a table".to_owned(),
-        DeValue::Boolean(flag) => flag.to_string(),
-        DeValue::Float(_) => "a number without unit".to_owned(),
-        DeValue::Datetime(_) => "a date".to_owned(),
+fn written(entry: &Entry<'_, '_>) -> String {
+    match entry.value() {
+        Value::String(text) => quoted(text),
+        Value::Integer(number) => number.as_str().to_owned(),
+        Value::Array(list) if list.is_empty() => "an empty list".to_owned(),
+        Value::Array(_) => "a list".to_owned(),
+        Value::Table(_) => "a table".to_owned(),
+        Value::Boolean(flag) => flag.to_string(),
+        Value::Float(_) => "a number without unit".to_owned(),
+        Value::Datetime(_) => "a date".to_owned(),
     }
 }
 
 fn choices_hint(text: &str, of: &[&'static str]) -> String {
-    match nearest(text, of.iter().copied()) {
-        Some(choice) => format!("did you mean \"{choice}\"?"),
-        None => format!("it may be {}", of.iter().map(|choice| format!("\"{choice}\"")).collect::<Vec<_>>().join(", ")),
-    }
+    did_you_mean(text, of.iter().copied(), || {
+        format!("it may be {}", of.iter().map(|choice| format!("\"{choice}\"")).collect::<Vec<_>>().join(", "))
+    })
 }
 
 fn missing(name: &str, wanted: &'static str) -> ParamError {

@@ -39,8 +39,8 @@ impl GateColumns {
         let rows = columns.numbers.first().map_or(0, Vec::len);
         let directions = columns.numbers.get(chip.len()..columns.numbers.len() - self.names.len()).unwrap_or_default();
         let blocks = match columns.labels.is_empty() {
-            true => stretches(rows, |a, b| directions.iter().all(|values| values[a] == values[b])),
-            false => stretches(rows, |a, b| columns.labels[a] == columns.labels[b]),
+            true => series::stretches(rows, |a, b| directions.iter().all(|values| values[a] == values[b])),
+            false => series::stretches(rows, |a, b| columns.labels[a] == columns.labels[b]),
         };
         let layout = Layout { blocks: &blocks, still: true, range_end };
         let gated = self.screen(chip, columns, &layout, Rows::Samples)?;
@@ -53,7 +53,7 @@ impl GateColumns {
     pub(super) fn levels(&self, chip: &[&str], columns: &mut Columns, by: &[usize]) -> Result<Gated, Refusal> {
         let numbers = &columns.numbers;
         let rows = numbers.first().map_or(0, Vec::len);
-        let blocks = stretches(rows, |a, b| by.iter().all(|column| numbers[*column][a] == numbers[*column][b]));
+        let blocks = series::stretches(rows, |a, b| by.iter().all(|column| numbers[*column][a] == numbers[*column][b]));
         let gated =
             self.screen(chip, columns, &Layout { blocks: &blocks, still: true, range_end: None }, Rows::Samples)?;
         gated.keep(columns);
@@ -82,7 +82,7 @@ impl GateColumns {
         range_end: Option<f64>,
     ) -> Result<Gated, Refusal> {
         let labels = &columns.labels;
-        let blocks = stretches(labels.len(), |a, b| labels[a] == labels[b]);
+        let blocks = series::stretches(labels.len(), |a, b| labels[a] == labels[b]);
         let layout = Layout { blocks: &blocks, still: false, range_end };
         let gated = self.screen(chip, columns, &layout, Rows::Steps)?;
         if gated.screening.left_out().total() > 0 {
@@ -180,19 +180,6 @@ impl Gated {
         }
         gate
     }
-}
-
-/// Stretches of rows that have the same label, one after the other.
-pub(super) fn stretches(rows: usize, same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
-    let mut stretches = Vec::new();
-    let mut start = 0;
-    for row in 1..=rows {
-        if row == rows || !same(row - 1, row) {
-            stretches.push(start..row);
-            start = row;
-        }
-    }
-    stretches
 }
 
 fn slices(columns: &[Vec<f64>]) -> Vec<&[f64]> {

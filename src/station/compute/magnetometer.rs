@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_executive::quantity::Dimension;
-use gnc_metrology::{ellipse, ellipsoid};
+use gnc_metrology::{AXES, ellipse, ellipsoid};
 use gnc_plot::{Panel, Series};
 use nalgebra::Vector3;
 use serde_json::json;
@@ -127,10 +127,10 @@ pub(super) struct Ellipsoid {
 
 impl Ellipsoid {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
-        let names = self.gate.behind(&["x", "y", "z"]);
+        let names = self.gate.behind(&AXES);
         let wanted = Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() };
         let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
-        let gated = self.gate.points(&["x", "y", "z"], &mut columns, self.saturation)?;
+        let gated = self.gate.points(&AXES, &mut columns, self.saturation)?;
         // Accelerometers over many attitudes lie on an ellipsoid too.
         let accelerations = columns.units.iter().any(|unit| columns.is_in(unit.as_ref(), Dimension::Acceleration));
         columns.unit(0..3, if accelerations { Dimension::Acceleration } else { Dimension::MagneticField })?;
@@ -164,7 +164,7 @@ impl Ellipsoid {
         // Spikes are counted, not shown: the cloud would be a dot beside them.
         let about = |centre: f64, half: f64| Some((centre - 1.3 * half, centre + 1.3 * half));
         let view = |a: usize, b: usize| {
-            let (p, q) = (gnc_metrology::AXES[a], gnc_metrology::AXES[b]);
+            let (p, q) = (AXES[a], AXES[b]);
             let half = e.semi_axes[0];
             let points = raw[a].iter().copied().zip(raw[b].iter().copied());
             Panel::new(format!("Raw {p}-{q}"), p, q, vec![Series::dots("record", points)])
@@ -172,7 +172,7 @@ impl Ellipsoid {
                 .within(about(e.centre[a], half), about(e.centre[b], half))
         };
         let view_corrected = |a: usize, b: usize| {
-            let (p, q) = (gnc_metrology::AXES[a], gnc_metrology::AXES[b]);
+            let (p, q) = (AXES[a], AXES[b]);
             let circle = (0..=360).map(|d| f64::from(d).to_radians().sin_cos());
             let series = vec![
                 Series::dots("record", corrected.iter().map(|c| (c[a], c[b]))),

@@ -97,8 +97,8 @@ enum ComputeError {
     Record(#[from] record::RecordError),
     #[error("{0}")]
     Usage(String),
-    #[error("{path}:{line}:{column}: {message}")]
-    Toml { path: PathBuf, line: usize, column: usize, message: String },
+    #[error(transparent)]
+    File(#[from] gnc_config::Mistakes),
     #[error("{path}: cannot be written")]
     Write { path: PathBuf, source: std::io::Error },
 }
@@ -108,10 +108,6 @@ impl ComputeError {
     fn try_this(&self) -> Option<&'static str> {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::Toml { .. } => Some(
-                "write range_deg = 10 at the top, and for each contribution [[contribution]] with name, before_mg and \
-                 after_mg",
-            ),
             Self::Record(record::RecordError::Captures(error)) => Some(error.source.try_this()),
             Self::Write { source, .. } => Some(match source.kind() {
                 ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room on the disk and run again",

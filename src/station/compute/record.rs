@@ -112,7 +112,7 @@ impl Raw {
                 axis => (self.triad.name(), axis),
             },
         };
-        let axis = ["x", "y", "z"].iter().position(|known| *known == axis)?;
+        let axis = gnc_metrology::AXES.iter().position(|known| *known == axis)?;
         let column: Column = match sensor {
             "gyro" => |capture, row, axis| f64::from(capture.samples[row].gyro[axis]),
             "accel" => |capture, row, axis| f64::from(capture.samples[row].accel[axis]),

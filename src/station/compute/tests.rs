@@ -128,6 +128,17 @@ fn cannot_read(words: &str, record: &str, expected: &str) {
     }
 }
 
+/// All that is told of a file that somebody wrote: line, column, what is wrong, and what can be tried.
+#[track_caller]
+fn mistakes(words: &str, file: &str) -> Vec<String> {
+    let Err(ComputeError::File(mistakes)) = compute(words, file) else { panic!("{words}: no mistakes") };
+    let line = |mistake: &gnc_config::Mistake| {
+        let place = mistake.place.as_ref().map_or((0, 0), |place| (place.line, place.column));
+        format!("{}:{}: {}; try: {}", place.0, place.1, mistake.what, mistake.hint)
+    };
+    mistakes.iter().map(line).collect()
+}
+
 #[test]
 fn six_positions() {
     let (words, head) = ("six-position --gravity 9.8", "position,x,y,z");
@@ -271,10 +282,20 @@ fn tilt() {
         (rounded(&json["before"]["tilt_at_zero_deg"], 1), rounded(&json["after"]["tilt_at_zero_deg"], 2)),
         (74.0, 128.0)
     );
-    cannot_read(
-        "tilt-budget",
-        "range_deg = 30\n[[contribution]]\nname = 3\n",
-        ":3:8: invalid type: integer `3`, expected a string",
+    // All mistakes at once.
+    let mistaken = "range_deg = 90\n[[contribution]]\nname = 3\nbefore_mg = 1\nafter_g = 2\n";
+    assert_eq!(
+        mistakes("tilt-budget", mistaken),
+        [
+            "1:13: range_deg is 90, and must be 0 to 89; try: ",
+            "2:1: \"after_mg\" is missing; try: it may be 0 to 1000000",
+            "3:8: \"name\" is a whole number, and must be a text in quotes; try: ",
+            "5:1: unknown key \"after_g\"; try: did you mean \"after_mg\"?",
+        ]
+    );
+    assert_eq!(
+        mistakes("tilt-budget", "range_deg = 30\n"),
+        ["1:1: the budget has no contributions; try: begin each with a line [[contribution]]"]
     );
 }
 

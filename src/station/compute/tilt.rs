@@ -3,15 +3,21 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use gnc_config::{Source, Table};
 use gnc_metrology::tilt;
 use gnc_plot::{Panel, Series};
-use serde::Deserialize;
 use serde_json::json;
 
 use super::gate::GateColumns;
 use super::report::Report;
-use super::table::{Reading, Table, TableError, TimeUse, Wanted};
+use super::table::{self, Reading, TableError, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
+
+/// Bytes of a budget; one has about 1 kB.
+const MOST_BYTES: usize = 1 << 20;
+
+/// A contribution: beyond a thousand g somebody mistook the unit.
+const MOST_MG: (f64, f64) = (0.0, 1e6);
 
 /// Labels of a flip.
 const SIDES: [&str; 2] = ["+", "-"];
@@ -31,7 +37,7 @@ impl Flip {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let names = self.gate.behind(&["a"]);
         let wanted = Wanted { numbers: &names, label: Some(("position", &SIDES)), ..Wanted::default() };
-        let mut columns = Table::open(&self.file, reading)?.read(&wanted, None)?;
+        let mut columns = table::Table::open(&self.file, reading)?.read(&wanted, None)?;
         let gated = self.gate.positions(&["a"], &mut columns, None)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| SIDES[usize::from(*c)]).collect();
         let f = tilt::flip_rows(&labels, &columns.numbers[0], self.gravity)?;
@@ -66,7 +72,7 @@ pub(super) struct TiltTemperature {
 impl TiltTemperature {
     pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
         let wanted = Wanted { numbers: &["temperature", "offset"], time: TimeUse::Free, ..Wanted::default() };
-        let columns = Table::open(&self.file, reading)?.read(&wanted, None)?;
+        let columns = table::Table::open(&self.file, reading)?.read(&wanted, None)?;
         let points: Vec<(f64, f64)> =
             columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
         let c = tilt::temperature_rows(&columns.numbers[0], &columns.numbers[1])?;
@@ -104,38 +110,34 @@ pub(super) struct TiltBudget {
     file: PathBuf,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawBudget {
-    range_deg: f64,
-    contribution: Vec<RawContribution>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawContribution {
-    name: String,
-    before_mg: f64,
-    after_mg: f64,
+/// A budget as its file has it: contributions, and the range of tilt.
+fn budget(root: &Table<'_, '_>) -> (Vec<tilt::Contribution>, f64) {
+    let number = |table: &Table<'_, '_>, key: &'static str, (low, high): (f64, f64)| {
+        let entry = table.required(key, &format!("it may be {low} to {high}"))?;
+        entry.number((low, high))
+    };
+    let contribution = |table: &Table<'_, '_>| {
+        let name = table.required_text("name", "write what contributes: name = \"zero-g offset\"");
+        tilt::Contribution {
+            name: name.map(|(name, _)| name.to_owned()).unwrap_or_default(),
+            before_mg: number(table, "before_mg", MOST_MG).unwrap_or_default(),
+            after_mg: number(table, "after_mg", MOST_MG).unwrap_or_default(),
+        }
+    };
+    if !root.has("contribution") {
+        root.mistake("the budget has no contributions", "begin each with a line [[contribution]]");
+    }
+    let range_deg = number(root, "range_deg", (0.0, 89.0)).unwrap_or_default();
+    (root.tables("contribution").into_iter().map(|table| table.read(contribution)).collect(), range_deg)
 }
 
 impl TiltBudget {
     pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
-        let path = self.file.clone();
-        let text = std::fs::read_to_string(&path).map_err(|source| TableError::Io { path: path.clone(), source })?;
-        let raw: RawBudget = toml::from_str(&text).map_err(|e| {
-            let at = e.span().map_or(0, |s| s.start).min(text.len());
-            let before = &text[..at];
-            let line = 1 + before.matches('\n').count();
-            let column = 1 + before.len() - before.rfind('\n').map_or(0, |n| n + 1);
-            ComputeError::Toml { path, line, column, message: e.message().to_owned() }
-        })?;
-        let lines: Vec<tilt::Contribution> = raw
-            .contribution
-            .into_iter()
-            .map(|c| tilt::Contribution { name: c.name, before_mg: c.before_mg, after_mg: c.after_mg })
-            .collect();
-        let (before, after) = tilt::budget(&lines, raw.range_deg)?;
+        let unreadable = |source| TableError::Io { path: self.file.clone(), source };
+        let bytes = std::fs::read(&self.file).map_err(unreadable)?;
+        let source = Source::new(&self.file.display().to_string(), bytes, MOST_BYTES)?;
+        let (lines, range_deg) = gnc_config::read(&source, budget)?;
+        let (before, after) = tilt::budget(&lines, range_deg)?;
         let total = |t: &tilt::Total| {
             json!({
                 "sum_mg": t.sum_mg,
@@ -148,13 +150,13 @@ impl TiltBudget {
         let mut report = Report::new("tilt-budget");
         report
             .rows("contributions", &["name", "before_mg", "after_mg"], rows)
-            .put("range_deg", "+-", raw.range_deg)
+            .put("range_deg", "+-", range_deg)
             .put("before", "", total(&before))
             .put("after", "", total(&after));
         let curve = |mg: f64| {
             (-90..=90)
                 .map(f64::from)
-                .filter(move |t| t.abs() <= raw.range_deg)
+                .filter(move |t| t.abs() <= range_deg)
                 .map(move |t| (t, tilt::tilt_error_deg(t, mg)))
         };
         let series = vec![Series::line("before", curve(before.sum_mg)), Series::line("after", curve(after.sum_mg))];

@@ -278,7 +278,7 @@ fn still_positions(
     let table = Record::open(file, triad, reading)?;
     let directions = !table.has("position") && table.has("ux");
     let has_north = table.has("nx");
-    let mut names = vec!["x", "y", "z"];
+    let mut names = AXES.to_vec();
     if directions {
         names.extend(["ux", "uy", "uz"]);
     }
@@ -289,7 +289,7 @@ fn still_positions(
     // Between attitudes that are given as directions time passes as it likes.
     let time = if directions { TimeUse::Free } else { TimeUse::Unbroken };
     let mut columns = table.read(&Wanted { numbers: &gate.behind(&names), label, time, ..Wanted::default() })?;
-    let gated = gate.positions(&["x", "y", "z"], &mut columns, limits.saturation)?;
+    let gated = gate.positions(&AXES, &mut columns, limits.saturation)?;
     let factor = factor(&mut columns)?;
     let (outputs, rest) = columns.numbers.split_at(3);
     let outputs: Vec<Vec<f64>> = outputs.iter().map(|c| c.iter().map(|v| v * factor).collect()).collect();

@@ -8,7 +8,7 @@ use gnc_metrology::{series, stats};
 use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
-use super::gate::{GateColumns, stretches};
+use super::gate::GateColumns;
 use super::report::Report;
 use super::table::{Reading, Table, TimeUse, Wanted};
 use super::{ComputeError, Outcome};
@@ -65,8 +65,9 @@ impl ZeroBias {
         let mut columns = table.read(&wanted, None)?;
         let rate_hz = series::positive("rate (Hz)", columns.rate_hz()?)?;
         series::finite(&self.column, &columns.numbers[0])?;
-        let cycles =
-            stretches(columns.numbers[0].len(), |a, b| !has_cycle || columns.numbers[1][a] == columns.numbers[1][b]);
+        let cycles = series::stretches(columns.numbers[0].len(), |a, b| {
+            !has_cycle || columns.numbers[1][a] == columns.numbers[1][b]
+        });
         let gated = self.gate.stretches_of_series(&self.column, &mut columns, &cycles, false)?;
         let rates = &columns.numbers[0];
         let cycle_of = |i: usize| if has_cycle { columns.numbers[1][i] } else { 0.0 };
@@ -128,7 +129,7 @@ impl ZeroBias {
         }
         let rms = |column: usize| {
             let values: Vec<f64> = rows.iter().filter_map(|r| r[column].as_f64()).collect();
-            (!values.is_empty()).then(|| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt())
+            (!values.is_empty()).then(|| stats::rms(&values))
         };
         let (before, after, fused) = (rms(3), rms(4), rms(7));
         let by_cycle =

@@ -3,7 +3,6 @@
 use chrono::NaiveDate;
 use gnc_analysis::figures::Findings;
 use gnc_analysis::figures::clock::BoardClock;
-use gnc_analysis::statistics::mean;
 use gnc_executive::bench::{Site, SitePlace};
 use gnc_executive::catalogue::MeasurementSpec;
 use gnc_executive::catalogue::sensors::{
@@ -12,6 +11,7 @@ use gnc_executive::catalogue::sensors::{
     SATELLITES_USED, SENTENCE_ERRORS, SENTENCES_UNCHECKED, TIME_TO_FIX, VDOP, WEEK_ROLLOVERS,
 };
 use gnc_executive::quantity::Unit;
+use gnc_metrology::stats::mean;
 use gnc_nmea::{Epoch, Fault, Fix};
 
 use super::Heard;

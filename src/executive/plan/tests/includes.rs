@@ -122,6 +122,6 @@ fn includes_are_bounded() {
     .unwrap_err();
     assert_eq!(asked, 31);
     assert!(mistakes.to_string().contains("the plan has more than 32 files"), "{mistakes}");
-    assert_eq!(mistakes.iter().count(), crate::mistake::MAX_MISTAKES);
+    assert_eq!(mistakes.iter().count(), gnc_config::MAX_MISTAKES);
     assert!(mistakes.to_string().ends_with(&format!("and {} more", mistakes.count() - 50)), "{mistakes}");
 }

@@ -3,7 +3,7 @@
 use gnc_analysis::capture::Pose;
 use gnc_bench::guidance::{Guidance, Stage};
 use gnc_executive::text::duration;
-use gnc_rig::{AXES, Along, Orientation};
+use gnc_rig::{Along, MODULE_AXES, Orientation};
 
 use super::{Texts, fill};
 
@@ -13,7 +13,8 @@ impl Texts {
         match *orientation {
             Orientation::Axis { axis, positive, along, heading_deg } => {
                 let (axis, sign) = (usize::from(axis), if positive { '+' } else { '-' });
-                let (this, next) = (format!("{sign}{}", AXES[axis % 3]), format!("+{}", AXES[(axis + 1) % 3]));
+                let (this, next) =
+                    (format!("{sign}{}", MODULE_AXES[axis % 3]), format!("+{}", MODULE_AXES[(axis + 1) % 3]));
                 let template = match along {
                     Along::Up => self.lie_up,
                     Along::North => self.lie_north,
@@ -29,7 +30,7 @@ impl Texts {
 
     /// How it moves while it is captured; nothing where it lies still.
     pub(crate) fn motion(&self, pose: &Pose) -> Option<String> {
-        let name = |axis: u8| AXES[usize::from(axis) % 3];
+        let name = |axis: u8| MODULE_AXES[usize::from(axis) % 3];
         match *pose {
             Pose::Still { .. } => None,
             Pose::Rotating { axis, angle_deg, span_s, .. } => {

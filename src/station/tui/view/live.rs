@@ -7,6 +7,7 @@ use gnc_board::StreamReading;
 use gnc_nmea::Fix;
 use gnc_protocol::calibration::ROLL_PER_RAD;
 use gnc_protocol::stream::StreamId;
+use gnc_rig::MODULE_AXES;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -102,7 +103,7 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
         ]));
         let mut spans = Vec::new();
         for (axis, value) in values.into_iter().enumerate() {
-            let name = ["X", "Y", "Z"][axis];
+            let name = MODULE_AXES[axis];
             spans.push(Span::styled(format!(" {name} "), style::axis(model.look, axis)));
             spans.push(Span::raw(format!("{value:>9.digits$}")));
         }

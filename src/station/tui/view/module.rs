@@ -1,6 +1,6 @@
 //! The module on the table, drawn from beside it: a box with its axes, the way to the north, and the sense of a turn.
 
-use gnc_rig::{AXES, Orientation};
+use gnc_rig::{MODULE_AXES, Orientation};
 use nalgebra::Vector3;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -45,7 +45,7 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, orientation
             let body = Body::of(&attitude);
             compass(context, north, colour(Color::DarkGray), (width, height));
             body.edges(context, Color::Reset);
-            for (axis, name) in AXES.into_iter().enumerate() {
+            for (axis, name) in MODULE_AXES.into_iter().enumerate() {
                 let axis_colour = style::axis(model.look, axis).fg.unwrap_or(Color::Reset);
                 let direction = attitude.axes[axis];
                 body.arrow(context, direction, HALF[axis], axis_colour);

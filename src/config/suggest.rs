@@ -4,7 +4,7 @@
 const LONGEST: usize = 64;
 
 /// The candidate that is nearest to the name, if it is near enough to be meant.
-pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if name.len() > LONGEST {
         return None;
     }
@@ -17,6 +17,15 @@ pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
         .filter(|(distance, candidate)| *distance * 3 <= candidate.len().max(name.len()))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
+}
+
+/// A hint for a name that is not known: the candidate that was probably meant, or what `otherwise` says.
+pub fn did_you_mean<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+    otherwise: impl FnOnce() -> String,
+) -> String {
+    nearest(name, candidates).map_or_else(otherwise, |meant| format!("did you mean \"{meant}\"?"))
 }
 
 /// Letters and digits in lower case: case and joining marks are what people mix up most.
@@ -55,6 +64,8 @@ mod tests {
         assert_eq!(nearest("SPI_FLASH", names), Some("spi-flash"));
         assert_eq!(nearest("imuu", names), Some("imu"));
         assert_eq!(nearest("gnss", names), None);
+        assert_eq!(did_you_mean("imuu", names, || "no item".to_owned()), "did you mean \"imu\"?");
+        assert_eq!(did_you_mean("gnss", names, || "no item".to_owned()), "no item");
         assert_eq!(nearest("", names), None);
         assert_eq!(nearest(&"x".repeat(1_000_000), names), None);
     }

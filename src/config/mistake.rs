@@ -80,12 +80,12 @@ impl Mistakes {
     }
 
     /// The one mistake.
-    pub(crate) fn one(mistake: Mistake) -> Self {
+    pub fn one(mistake: Mistake) -> Self {
         Self { kept: vec![mistake], dropped: 0 }
     }
 
     /// Adds one; it is only made if there is room, since finding its place reads the file again.
-    pub(crate) fn add(&mut self, mistake: impl FnOnce() -> Mistake) {
+    pub fn add(&mut self, mistake: impl FnOnce() -> Mistake) {
         if self.kept.len() < MAX_MISTAKES {
             self.kept.push(mistake());
         } else {
@@ -94,7 +94,10 @@ impl Mistakes {
     }
 
     /// The value, or the mistakes if there are any, sorted by place within each file.
-    pub(crate) fn or<T>(mut self, value: T) -> Result<T, Mistakes> {
+    ///
+    /// # Errors
+    /// The mistakes.
+    pub fn or<T>(mut self, value: T) -> Result<T, Mistakes> {
         if self.kept.is_empty() {
             return Ok(value);
         }
@@ -145,7 +148,7 @@ impl Source {
     ///
     /// # Errors
     /// Too many bytes, or bytes that are not UTF-8.
-    pub(crate) fn new(name: &str, bytes: Vec<u8>, max_bytes: usize) -> Result<Self, Mistakes> {
+    pub fn new(name: &str, bytes: Vec<u8>, max_bytes: usize) -> Result<Self, Mistakes> {
         if bytes.len() > max_bytes {
             let what = format!("{} has more than {max_bytes} bytes", quoted(name));
             return Err(Mistakes::one(Mistake::nowhere(what, "is this the right file?")));
@@ -164,12 +167,12 @@ impl Source {
     }
 
     /// A mistake at a range of bytes.
-    pub(crate) fn mistake(&self, span: Range<usize>, what: impl Into<String>, hint: impl Into<String>) -> Mistake {
+    pub fn mistake(&self, span: Range<usize>, what: impl Into<String>, hint: impl Into<String>) -> Mistake {
         Mistake { place: Some(self.place(span)), what: what.into(), hint: hint.into() }
     }
 
     /// The place of a range of bytes; a range over several lines is marked to the end of its first.
-    pub(crate) fn place(&self, span: Range<usize>) -> Place {
+    pub fn place(&self, span: Range<usize>) -> Place {
         let start = floor(&self.text, span.start);
         let before = &self.text[..start];
         let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;

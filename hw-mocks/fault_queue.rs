@@ -1,0 +1,142 @@
+//! What is on its way over a line with faults: delayed, stopped, doubled or overtaken, whatever it is made of.
+//!
+//! One [`FaultQueue`] for each direction of a line, of frames as bytes or of CAN frames. It keeps order but for what is
+//! overtaken. Chance comes from seeded dice, and without a rate no dice are thrown: a seed repeats a run as long as each
+//! fault throws its dice at the same place. What takes time takes link time, which is never scaled.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::noise::Dice;
+
+/// Frames that may pass one that is overtaken.
+const OVERTAKEN_BY: f64 = 3.0;
+/// An overtaken frame that nothing follows goes on after this long.
+const OVERTAKEN_FOR: Duration = Duration::from_millis(20);
+
+/// How often frames are late, out of order or there twice. Shares are per million frames.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct QueueRates {
+    pub(crate) doubled_frames: f64,
+    /// Arrive behind up to three that were sent later.
+    pub(crate) overtaken_frames: f64,
+    pub(crate) delayed_frames: f64,
+    pub(crate) delay_ms: f64,
+    /// Frames in the middle of which, or before which, the line stands still.
+    pub(crate) stalled_frames: f64,
+    pub(crate) stall_ms: f64,
+}
+
+/// What a direction did to the frames that were sent on it: the injector's own count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Toll {
+    /// Frames sent.
+    pub frames: u64,
+    /// Of those lost, cut or altered, so that no receiver can take them for what they were.
+    pub spoilt: u64,
+    /// Of those the ones that a receiver can miss: a whole frame came behind them, and no new count began with it.
+    pub missable: u64,
+    /// Everything else that was done to frames: doubled, overtaken, delayed, stalled, babbled at, echoed.
+    pub others: u64,
+}
+
+/// What goes over a line.
+pub(crate) trait Sent: Clone {
+    /// The part that is through before the line stands still, if it can stop in the middle, and the rest.
+    fn stopped(self, dice: &mut Dice) -> (Option<Self>, Self);
+}
+
+/// One direction: what is on its way, in its order.
+#[derive(Debug)]
+pub(crate) struct FaultQueue<T> {
+    rates: QueueRates,
+    pub(crate) dice: Dice,
+    pub(crate) toll: Toll,
+    /// Units and when they go on.
+    units: VecDeque<(Duration, T)>,
+    /// A unit that others overtake: how many still, and how long at most.
+    overtaken: Option<(u32, Duration, T)>,
+}
+
+impl<T: Sent> FaultQueue<T> {
+    pub(crate) fn new(rates: QueueRates, dice: Dice) -> Self {
+        Self { rates, dice, toll: Toll::default(), units: VecDeque::new(), overtaken: None }
+    }
+
+    /// One more was sent, and passes the unit that is overtaken; whether that one goes on behind it.
+    pub(crate) fn passes(&mut self) -> bool {
+        self.overtaken.as_mut().is_some_and(|(left, _, _)| {
+            *left -= 1;
+            *left == 0
+        })
+    }
+
+    /// The unit that was overtaken goes on now.
+    pub(crate) fn release(&mut self, now: Duration) {
+        if let Some((_, _, unit)) = self.overtaken.take() {
+            self.enqueue(unit, now);
+        }
+    }
+
+    /// Sends a unit: perhaps twice, perhaps to be overtaken.
+    pub(crate) fn send(&mut self, unit: T, now: Duration) {
+        if self.dice.happens(self.rates.doubled_frames) {
+            self.toll.others += 1;
+            self.enqueue(unit.clone(), now);
+        }
+        if self.overtaken.is_none() && self.dice.happens(self.rates.overtaken_frames) {
+            self.toll.others += 1;
+            let by = 1 + self.dice.below(OVERTAKEN_BY) as u32;
+            self.overtaken = Some((by, now + OVERTAKEN_FOR, unit));
+        } else {
+            self.enqueue(unit, now);
+        }
+    }
+
+    /// Behind all that is on its way, late or not: a line does not let one byte pass another.
+    pub(crate) fn enqueue(&mut self, unit: T, now: Duration) {
+        let ms = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
+        let delayed = self.dice.happens(self.rates.delayed_frames);
+        let delay = if delayed { ms(self.rates.delay_ms) } else { Duration::ZERO };
+        let last = self.units.back().map_or(Duration::ZERO, |(due, _)| *due);
+        let mut due = last.max(now + delay);
+        let stalled = self.dice.happens(self.rates.stalled_frames);
+        self.toll.others += u64::from(delayed) + u64::from(stalled);
+        let unit = if stalled {
+            let (through, rest) = unit.stopped(&mut self.dice);
+            self.units.extend(through.map(|through| (due, through)));
+            due += ms(self.rates.stall_ms);
+            rest
+        } else {
+            unit
+        };
+        self.units.push_back((due, unit));
+    }
+
+    /// Puts a unit behind the others without throwing dice.
+    pub(crate) fn hand_on(&mut self, unit: T, now: Duration) {
+        self.units.push_back((now, unit));
+    }
+
+    /// The next unit that has gone on by `now`.
+    pub(crate) fn pop(&mut self, now: Duration) -> Option<T> {
+        if self.overtaken.as_ref().is_some_and(|(_, until, _)| *until <= now) {
+            self.release(now);
+        }
+        self.units.front().filter(|(due, _)| *due <= now)?;
+        self.units.pop_front().map(|(_, unit)| unit)
+    }
+
+    /// When more goes on.
+    pub(crate) fn next_due(&self) -> Option<Duration> {
+        let front = self.units.front().map(|(due, _)| *due);
+        let overtaken = self.overtaken.as_ref().map(|(_, until, _)| *until);
+        [front, overtaken].into_iter().flatten().min()
+    }
+
+    /// All that is on its way.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &T> {
+        let overtaken = self.overtaken.iter().map(|(_, _, unit)| unit);
+        self.units.iter().map(|(_, unit)| unit).chain(overtaken)
+    }
+}

@@ -1,0 +1,106 @@
+//! Checks that several tables of a personality need.
+
+use gnc_config::{Entry, Table, did_you_mean};
+use gnc_text::quoted;
+
+use crate::world::Axis;
+
+/// A whole number within bounds.
+pub(super) fn whole<T: TryFrom<i64>>(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<T> {
+    T::try_from(entry.integer(bounds)?).ok()
+}
+
+/// A whole number within bounds that must be there.
+pub(super) fn required_whole<T: TryFrom<i64>>(
+    table: &Table<'_, '_>,
+    key: &'static str,
+    (low, high): (i64, i64),
+) -> Option<T> {
+    whole(&table.required(key, &format!("it may be {low} to {high}"))?, (low, high))
+}
+
+/// A number within bounds that must be there.
+pub(super) fn required_number(table: &Table<'_, '_>, key: &'static str, (low, high): (f64, f64)) -> Option<f64> {
+    table.required(key, &format!("it may be {low} to {high}"))?.number((low, high))
+}
+
+/// How many of something lie between two faults; 0, or nothing written: no fault.
+pub(super) fn count(table: &Table<'_, '_>, key: &'static str) -> u32 {
+    table.entry(key).and_then(|entry| whole(&entry, (0, u32::MAX.into()))).unwrap_or(0)
+}
+
+/// Whether a line or a bit is high.
+pub(super) fn level(table: &Table<'_, '_>) -> Option<bool> {
+    Some(required_whole::<u8>(table, "level", (0, 1))? == 1)
+}
+
+/// Two different whole numbers.
+pub(super) fn pair(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<(u8, u8)> {
+    let [one, other] = entry.array("two different whole numbers")?;
+    let (a, b) = (whole(&one, bounds), whole(&other, bounds));
+    let (a, b): (u8, u8) = (a?, b?);
+    if a == b {
+        other.mistake(format!("{a} stands twice in {}", entry.key()), "two different ones are needed");
+        return None;
+    }
+    Some((a, b))
+}
+
+/// So many numbers, each within the same bounds.
+pub(super) fn numbers<const N: usize>(entry: &Entry<'_, '_>, wanted: &str, bounds: (f64, f64)) -> Option<[f64; N]> {
+    let read = entry.array::<N>(wanted)?.map(|element| element.number(bounds));
+    read.iter().all(Option::is_some).then(|| read.map(Option::unwrap_or_default))
+}
+
+/// X, Y or Z.
+pub(super) fn axis(entry: &Entry<'_, '_>) -> Option<Axis> {
+    const NAMES: [&str; 3] = ["x", "y", "z"];
+    let name = choice(entry, &NAMES)?;
+    NAMES.iter().position(|known| *known == name).map(|index| Axis::ALL[index])
+}
+
+/// Some of the three axes.
+pub(super) fn axes(table: &Table<'_, '_>, key: &'static str) -> [bool; 3] {
+    let mut set = [false; 3];
+    for axis in table.list(key, "a list of \"x\", \"y\" and \"z\"").iter().filter_map(axis) {
+        set[axis.index()] = true;
+    }
+    set
+}
+
+/// One text of some.
+pub(super) fn choice<'t>(entry: &Entry<'_, 't>, known: &[&str]) -> Option<&'t str> {
+    let text = entry.text()?;
+    if known.contains(&text) {
+        return Some(text);
+    }
+    let hint = did_you_mean(text, known.iter().copied(), || format!("it may be {}", known.join(", ")));
+    entry.mistake(format!("{} cannot be {}", entry.key(), quoted(text)), hint);
+    None
+}
+
+/// A text that may have so many bytes.
+pub(super) fn short_text(table: &Table<'_, '_>, key: &'static str, most: usize) -> Option<String> {
+    let (text, span) = table.text(key)?;
+    if text.len() > most {
+        table.mistake_at(span, format!("{key} has {} bytes", text.len()), format!("it may have at most {most}"));
+        return None;
+    }
+    Some(text.to_owned())
+}
+
+/// Puts a value that was read in the place of a default.
+pub(super) fn set<T>(place: &mut T, read: Option<T>) {
+    if let Some(read) = read {
+        *place = read;
+    }
+}
+
+/// Refuses a key that changes nothing without another one.
+pub(super) fn needs(table: &Table<'_, '_>, key: &'static str, other: &'static str) {
+    if let Some(entry) = table.entry(key)
+        && !table.has(other)
+    {
+        entry.key_mistake(format!("{key} changes nothing alone"), format!("write {other} beside it"));
+    }
+}
