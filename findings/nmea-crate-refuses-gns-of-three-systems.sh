@@ -3,14 +3,14 @@
 #
 # The mode field of GNS has one letter for each system in the order GPS, GLONASS, Galileo, BeiDou, QZSS, NavIC: NMEA 0183
 # version 4.10 and later lets receivers add letters at its end. Receivers of four systems say `AAAN` or the like in every epoch,
-# and many of them say GNS in place of GGA. The crate takes two letters and then wants a comma, so that such a receiver is
-# heard and never has a fix.
+# and many of them say GNS in place of GGA. The crate takes two letters and then wants a comma, so a program
+# that uses it hears such a receiver and never finds a fix.
 #
-# Seen here: GNS with `AA` is read, with `AAN` and `AAAN` it is an error. All checksums are right.
+# Seen here: the crate reads GNS with `AA`; with `AAN` and `AAAN` it gives an error. All checksums are right.
 #
-# What holds instead: the fields of the sentence are read by other means where the crate refuses it.
+# What to do instead: read the fields of the sentence by other means where the crate refuses it.
 #
-# Builds a program with nmea 0.8.0 in a temporary folder. Exits with 0 where the behaviour is as described, with 1 where it
+# This script builds a program with nmea 0.8.0 in a temporary folder. It exits with 0 if the behaviour is as described, with 1 if it
 # changed.
 set -euo pipefail
 

@@ -2,18 +2,18 @@
 # The PyPI package mcap-protobuf-support decodes a second file by the schemas of the first one.
 #
 # `mcap_protobuf.decoder.DecoderFactory` keeps the message class of each schema by the number that the schema has in its file.
-# Numbers of schemas hold in one file alone: each writer gives its own, most from 1. Where one factory serves the readers of
-# several files, as in a loop over a folder, all files but the first are decoded by the first one's class of that number.
-# The name and the text of the schema are not compared. Nothing is said: protobuf takes fields of another type for unknown
-# ones and gives their default.
+# Such a number is valid in one file only: each writer gives its own, most from 1. If one factory serves the readers of several
+# files, as in a loop over a folder, it decodes all files but the first by the first one's class of that number. It compares
+# neither name nor text of the schema. No error shows it: protobuf takes fields of another type for unknown ones and gives
+# their default.
 #
 # Seen here: a file of google.protobuf.Int32Value (5), then one of google.protobuf.DoubleValue (2.5). With one factory the
 # second is read as Int32Value with the value 0; with a factory for each file as DoubleValue with 2.5.
 #
-# What holds instead: a factory for each reader. A writer whose schemas change takes other numbers for the new ones.
+# What to do instead: make a factory for each reader. A writer whose schemas change gives the new ones other numbers.
 #
-# Installs mcap-protobuf-support 0.6.0, mcap 1.6.0 and protobuf 7.36.2 in a temporary folder. Exits with 0 where the behaviour
-# is as described, with 1 where it changed.
+# This script installs mcap-protobuf-support 0.6.0, mcap 1.6.0 and protobuf 7.36.2 in a temporary folder. It exits with 0 if
+# the behaviour is as described, with 1 if it changed.
 set -euo pipefail
 
 folder=$(mktemp -d)

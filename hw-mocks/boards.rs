@@ -84,6 +84,7 @@ pub(crate) const BOARDS: &[(&str, &str)] = boards![
     "spi-flash-bad-sector",
     "spi-flash-slow",
     "spi-flips-bits",
+    "starts-late",
     "supply-low",
     "timer-fast",
     "timer-misses-interrupts",

@@ -13,6 +13,7 @@ use crate::devices::inertial::Sensors;
 use crate::devices::lines::Lines;
 use crate::devices::memory::{INTERNAL_WORDS, Memory, SDRAM_WORDS};
 use crate::devices::sci::Sci;
+use crate::devices::start::Start;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::Timers;
 use crate::noise::{Dice, Source};
@@ -49,8 +50,12 @@ pub(crate) struct Module {
     pub sci: Sci,
     /// CAN.
     pub can: Can,
+    /// How it starts.
+    pub start: Start,
     supply: SupplyModel,
     supply_dice: Dice,
+    /// The last reading of the meter with power on.
+    supply_seen: Option<PowerReply>,
 }
 
 impl Module {
@@ -86,13 +91,19 @@ impl Module {
             lines: Lines::new(model.lines.clone()),
             sci: Sci::new(model.sci),
             can: Can::new(model.can),
+            start: Start::new(model.start),
             supply: model.supply,
             supply_dice: Dice::new(seed, Source::Supply),
+            supply_seen: None,
         }
     }
 
     /// Power came on at `now_s`.
     pub(crate) fn power_on(&mut self, now_s: f64) {
+        self.start.power_on(now_s);
+        if self.start.is_swapped() {
+            self.identity.serial_number = text("SIM-OTHER");
+        }
         self.sensors.power_on(now_s);
         self.calibration.power_on();
         self.can.power_on();
@@ -101,11 +112,20 @@ impl Module {
 
     /// The board's reading of the supply.
     pub(crate) fn supply(&mut self, on: bool) -> PowerReply {
+        if let Some(seen) = self.supply_seen.clone().filter(|_| on && self.supply.meter_holds) {
+            return seen;
+        }
         let micro = |value: f64| (value.max(0.0) * 1e6).round() as u32;
-        // The board's meter scatters by 1 mV and 0.5 mA; without power it still reads a few millivolts.
-        let volts = if on { self.supply.voltage_v } else { 0.003 } + 1e-3 * self.supply_dice.normal();
-        let amperes = if on { self.supply.current_a } else { 0.0 } + 0.5e-3 * self.supply_dice.normal();
-        PowerReply { supply_uv: micro(volts), supply_ua: micro(amperes) }
+        // The board's meter scatters by 1 mV and 0.5 mA.
+        let volts =
+            if on { self.supply.voltage_v } else { self.supply.off_voltage_v } + 1e-3 * self.supply_dice.normal();
+        let amperes =
+            if on { self.supply.current_a } else { self.supply.off_current_a } + 0.5e-3 * self.supply_dice.normal();
+        let reading = PowerReply { supply_uv: micro(volts), supply_ua: micro(amperes) };
+        if on {
+            self.supply_seen = Some(reading.clone());
+        }
+        reading
     }
 
     /// A RAM by its number on the wire.

@@ -109,6 +109,8 @@ pub(crate) enum Task {
     Timers { request: TimerMeasure, reply: TimerMeasureReply },
     /// A pattern that goes over the memory as time passes.
     Pattern { ram: Ram, run: PatternRun, done: u64, accesses: u64 },
+    /// The module does not answer, and the board gives it up.
+    Unanswered,
 }
 
 fn bad(why: impl AsRef<str>) -> Refusal {
@@ -259,6 +261,14 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
         Request::CalibrationRead(_) => Ok(uses::INTERNAL_FLASH),
         Request::StreamStop(stop) => stream_of(stop.stream).map(uses::of_stream),
     }
+}
+
+/// The board gives a module up that does not answer for so long.
+const UNANSWERED_NS: u64 = 100 * MS;
+
+/// A request to a module that does not answer.
+pub(crate) fn unanswered() -> Work {
+    Work { expected_ns: UNANSWERED_NS, takes_ns: UNANSWERED_NS, task: Task::Unanswered }
 }
 
 /// Works out how long a checked request takes, and draws what has to be known for that.

@@ -1,5 +1,8 @@
 //! `--auto` as an operator or a script meets it: exit codes, and words that say what to do.
 
+use std::collections::BTreeSet;
+
+use gnc_executive::catalogue::ItemId;
 use gnc_tests::{Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
@@ -134,4 +137,23 @@ fn a_seed_repeats_a_run() {
     };
     assert_eq!(values("7"), values("7"));
     assert_ne!(values("7"), values("8"));
+}
+
+/// Every item of the functional plan measures what the catalogue says, all of it and nothing else: a constant of another
+/// item would have no limit and pass.
+#[test]
+fn items_measure_what_the_catalogue_says() {
+    let place = Place::new(STATION);
+    let run = place.functional("--sim", &["--sim-speed", "max"]);
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    let record = place.record();
+    let items = record["items"].as_array().expect("items");
+    assert!(items.len() >= 14, "{record}");
+    for item in items {
+        let id: ItemId = serde_json::from_value(item["id"].clone()).expect("an item of the catalogue");
+        let measured = item["attempts"][0]["measurements"].as_array().expect("measurements");
+        let measured: BTreeSet<&str> = measured.iter().filter_map(|measurement| measurement["name"].as_str()).collect();
+        let promised: BTreeSet<&str> = id.spec().measurements.iter().map(|measurement| measurement.name).collect();
+        assert_eq!(measured, promised, "{id}");
+    }
 }

@@ -32,6 +32,7 @@ impl SimulatedBoard {
                 }
                 body(&reply)
             }
+            Task::Unanswered => Err(fault(FaultCode::DeviceTimeout, "the module does not answer")),
             Task::Pattern { run, .. } => {
                 self.note_mismatch(ErrorKind::MemoryMismatch, run.reply(), finder);
                 body(run.reply())
@@ -66,7 +67,11 @@ impl SimulatedBoard {
                 }
                 body(&reply)
             }
-            Request::Identity(_) => body(&self.module.identity),
+            Request::Identity(_) => {
+                let said = self.identity_cache.take().unwrap_or_else(|| self.module.identity.clone());
+                self.identity_cache = self.caches_identity.then(|| said.clone());
+                body(&said)
+            }
             Request::CanCounters(_) => body(&self.module.can.counters()),
             Request::CpuWords(request) => {
                 self.core_answers(request.core)?;

@@ -9,7 +9,9 @@ mod finish;
 use std::collections::VecDeque;
 
 use gnc_protocol::error::NakCode;
-use gnc_protocol::message::{Flash, LinkCountersReply, Progress, Request, StreamStart, StreamStopReply, capability};
+use gnc_protocol::message::{
+    Flash, IdentityReply, LinkCountersReply, Progress, Request, StreamStart, StreamStopReply, capability,
+};
 use gnc_protocol::slave::{Board, BoardIdentity, Output, Refusal};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::text;
@@ -20,7 +22,8 @@ use crate::oscillator::Oscillator;
 use crate::personality::{Personality, RebootTrigger};
 use crate::records::ErrorLog;
 use crate::requests::{
-    self, MS, Task, Work, check, check_can_load, check_load, device, needs_power, one_sample_a_frame, prepare, uses,
+    self, MS, Task, Work, check, check_can_load, check_load, device, needs_power, one_sample_a_frame, prepare,
+    unanswered, uses,
 };
 use crate::sampling::SamplingFaults;
 use crate::streams::{Stream, stream_bytes};
@@ -79,6 +82,9 @@ pub(crate) struct SimulatedBoard {
     /// The link of the session, which carries the streams.
     carrier: Port,
     powered: bool,
+    /// Whether it answers for the module what that said before.
+    caches_identity: bool,
+    identity_cache: Option<IdentityReply>,
     jobs: Vec<Job>,
     streams: Vec<Stream>,
     ended: Vec<(StreamId, StreamStopReply)>,
@@ -118,6 +124,8 @@ impl SimulatedBoard {
             rate_baud,
             carrier: Port::Serial,
             powered: false,
+            caches_identity: model.caches_identity,
+            identity_cache: None,
             jobs: Vec::new(),
             streams: Vec::new(),
             ended: Vec::new(),
@@ -236,6 +244,7 @@ impl SimulatedBoard {
         self.outputs.clear();
         self.samples.clear();
         self.log = ErrorLog::default();
+        self.identity_cache = None;
         self.set_power(false);
         self.boot_id = self.boot_dice.word();
         self.booted_ns = self.now_ns;
@@ -299,7 +308,9 @@ impl SimulatedBoard {
     }
 
     fn begin(&mut self, request: u16, mut what: Request) -> Result<u32, Refusal> {
-        if !self.powered && needs_power(&what) {
+        let asks_module =
+            needs_power(&what) && !(self.identity_cache.is_some() && matches!(what, Request::Identity(_)));
+        if !self.powered && asks_module {
             return Err(Refusal::new(NakCode::NotPowered, "switch the module's supply on first"));
         }
         let message = what.id();
@@ -317,7 +328,9 @@ impl SimulatedBoard {
             let why = format!("in use by another request: {}", uses::names(held & wanted));
             return Err(Refusal::new(NakCode::Busy, &why));
         }
-        let Work { expected_ns, takes_ns, task } = prepare(what, &mut self.module);
+        let is_up = self.module.start.is_up(self.true_s(self.now_ns));
+        let Work { expected_ns, takes_ns, task } =
+            if asks_module && !is_up { unanswered() } else { prepare(what, &mut self.module) };
         let (started_ns, ends_ns) = (self.now_ns, self.now_ns + takes_ns);
         self.jobs.push(Job { request: Some(request), message, uses: wanted, started_ns, expected_ns, ends_ns, task });
         self.arm_reboot(&trigger);

@@ -13,5 +13,6 @@ pub mod nmea;
 pub(crate) mod playback;
 pub(crate) mod sci;
 pub mod sky;
+pub(crate) mod start;
 pub(crate) mod supply;
 pub(crate) mod timer;

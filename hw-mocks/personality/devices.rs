@@ -17,6 +17,7 @@ use crate::devices::lines::LineFaults;
 use crate::devices::memory::MemoryFaults;
 use crate::devices::playback::{LONGEST, Recording};
 use crate::devices::sci::SciFaults;
+use crate::devices::start::StartFaults;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
 
@@ -48,6 +49,21 @@ pub(super) fn supply(table: &Table<'_, '_>) -> SupplyModel {
     SupplyModel {
         voltage_v: table.number("voltage_v", (0.0, 12.0)).unwrap_or(d.voltage_v),
         current_a: table.number("current_a", (0.0, 5.0)).unwrap_or(d.current_a),
+        off_voltage_v: table.number("off_voltage_v", (0.0, 12.0)).unwrap_or(d.off_voltage_v),
+        off_current_a: table.number("off_current_a", (0.0, 5.0)).unwrap_or(d.off_current_a),
+        meter_holds: table.flag("meter_holds"),
+    }
+}
+
+/// How a module starts; that another one takes its place stands with the module.
+pub(super) fn start(table: &Table<'_, '_>) -> StartFaults {
+    needs(table, "late_ms", "late_every");
+    needs(table, "late_every", "late_ms");
+    StartFaults {
+        late_every: count(table, "late_every"),
+        late_s: table.number("late_ms", (0.0, 60_000.0)).unwrap_or(0.0) * 1e-3,
+        hangs_every: count(table, "hangs_every"),
+        ..StartFaults::default()
     }
 }
 

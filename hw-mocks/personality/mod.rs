@@ -20,12 +20,14 @@
 //! hardware = "C"
 //! firmware = "1.4.0"
 //! protocol = 1
+//! swapped_after = 3                    # power-ons: another module is in the socket from then on; 0: never
 //!
 //! [board]                              # the slave board
 //! serial = "SIM-BOARD-1"
 //! firmware = "sim 1.0.0"
 //! clock_error_ppm = 3.0                # of its oscillator, against true time: positive: too fast
 //! clock_drift_ppm_per_h = 0.5          # it gets so much faster each hour
+//! caches_identity = true               # it answers with what the module said before, without asking it
 //!
 //! [sampling]                           # of the IMU's streams; a good board has its samples on the grid of its own clock
 //! rate_error_ppm = 30.0                # the sensors have an oscillator of their own, so much too fast against the board's
@@ -35,6 +37,15 @@
 //! [supply]                             # at the socket
 //! voltage_v = 5.012
 //! current_a = 0.487
+//!
+//! off_voltage_v = 1.9                  # with the switch off: something else feeds the module
+//! off_current_a = 0.02
+//! meter_holds = true                   # it never measures again after its first look at a module that is on
+//!
+//! [start]                              # of the module, when its supply comes on
+//! late_every = 3                       # power-ons; it answers so much later than at the others
+//! late_ms = 800.0
+//! hangs_every = 3                      # power-ons; it does not start before the next one
 //!
 //! [rails]                              # of the module; the 5 V rail is never above the supply
 //! v5_v = 4.985
@@ -223,6 +234,7 @@ use crate::devices::lines::LineFaults;
 use crate::devices::memory::{INTERNAL_WORDS, MemoryFaults, SDRAM_WORDS};
 use crate::devices::playback::LONGEST;
 use crate::devices::sci::SciFaults;
+use crate::devices::start::StartFaults;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
 use crate::oscillator::Oscillator;
@@ -276,7 +288,9 @@ pub(crate) struct Model {
     pub(crate) board_firmware: String,
     pub(crate) oscillator: Oscillator,
     pub(crate) sampling: SamplingFaults,
+    pub(crate) caches_identity: bool,
     pub(crate) supply: SupplyModel,
+    pub(crate) start: StartFaults,
     pub(crate) rails: Rails,
     pub(crate) cpu: CpuFaults,
     pub(crate) timers: TimerModel,
@@ -368,10 +382,12 @@ impl Model {
             set(&mut model.hardware, short_text(table, "hardware", 32));
             set(&mut model.firmware, short_text(table, "firmware", 32));
             set(&mut model.protocol, table.entry("protocol").and_then(|entry| whole(&entry, (0, 255))));
+            model.start.swapped_after = count(table, "swapped_after");
         });
         root.within("board", |table| {
             set(&mut model.board_serial, short_text(table, "serial", 32));
             set(&mut model.board_firmware, short_text(table, "firmware", 32));
+            model.caches_identity = table.flag("caches_identity");
             model.oscillator = clocks::oscillator(table, model.oscillator);
         });
         let triad = |units, default| Triad::read(root, units, default);
@@ -384,6 +400,10 @@ impl Model {
         Self {
             sampling: root.within("sampling", clocks::sampling).unwrap_or_default(),
             supply: root.within("supply", devices::supply).unwrap_or_default(),
+            start: StartFaults {
+                swapped_after: model.start.swapped_after,
+                ..root.within("start", devices::start).unwrap_or_default()
+            },
             rails: root.within("rails", devices::rails).unwrap_or_default(),
             cpu: root.within("cpu", devices::cpu).unwrap_or_default(),
             timers: root.within("timers", devices::timers).unwrap_or_default(),
@@ -451,7 +471,9 @@ impl Default for Model {
             board_firmware: "sim 1.0.0".to_owned(),
             oscillator: Oscillator { error_ppm: 3.0, drift_ppm_per_h: 0.0 },
             sampling: SamplingFaults::default(),
+            caches_identity: false,
             supply: SupplyModel::default(),
+            start: StartFaults::default(),
             rails: Rails::default(),
             cpu: CpuFaults::default(),
             timers: TimerModel::default(),

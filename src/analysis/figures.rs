@@ -37,7 +37,7 @@ mod still_fit;
 mod thin;
 
 use gnc_executive::bench::Site;
-use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::{ItemId, SAMPLE_RATE};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
@@ -49,9 +49,6 @@ use budget::Budget;
 pub use calibration::Calibration;
 pub use error::FigureError;
 pub use integrity::{KEY as GATE, NAMES as INTEGRITY, integrity, sound_at_rest};
-
-/// How far the samples' rate is off true time.
-pub const SAMPLE_RATE_ERROR: &str = "sample_rate_error";
 
 /// What an analysis works with.
 #[derive(Debug)]
@@ -89,11 +86,11 @@ pub fn analyse(item: ItemId, question: &Question<'_>) -> Result<Findings, Figure
     }
     let question = Question { captures: &integrity.captures, ..*question };
     let mut findings = of_sound_samples(item, &question)?;
-    if item.spec().measurement(SAMPLE_RATE_ERROR).is_some() {
+    if item.spec().measurement(SAMPLE_RATE.name).is_some() {
         // Items without a probability of their own state a standard one.
         let probability = question.probability().unwrap_or(0.95);
         let views = question.captures.iter().map(|capture| &capture.timing.host);
-        findings.put(SAMPLE_RATE_ERROR, clock::sample_rate_error(question.earlier, views, probability));
+        findings.put(SAMPLE_RATE.name, clock::sample_rate_error(question.earlier, views, probability));
     }
     integrity.file(&mut findings);
     Ok(findings)

@@ -13,6 +13,7 @@ mod identity;
 mod imu;
 mod io;
 mod memory;
+mod power_cycle;
 mod sampling;
 mod sci;
 mod spi;
@@ -79,6 +80,7 @@ pub(crate) async fn run(
         ItemId::Spi => spi::run(bench, params, recorder).await,
         ItemId::Sci => sci::run(bench, params, recorder).await,
         ItemId::Can => can::run(bench, recorder).await,
+        ItemId::PowerCycle => power_cycle::run(bench, params, recorder).await,
         ItemId::CalibrationDownload => download::run(bench, params, recorder).await,
         ItemId::SixPosition
         | ItemId::GyroStill

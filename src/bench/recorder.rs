@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
+use gnc_executive::catalogue::MeasurementSpec;
 use gnc_executive::event::{EventKind, Level, Power};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::plan::PlanItem;
@@ -72,40 +73,40 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn number(&self, name: &str, value: f64, unit: Unit) -> Result<(), StoreError> {
-        self.file(name, &Value::number(value, unit)).await
+    pub(crate) async fn number(&self, measurement: &MeasurementSpec, value: f64, unit: Unit) -> Result<(), StoreError> {
+        self.file(measurement.name, &Value::number(value, unit)).await
     }
 
     /// A count.
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn count(&self, name: &str, count: u64) -> Result<(), StoreError> {
-        self.file(name, &Value::count(count)).await
+    pub(crate) async fn count(&self, measurement: &MeasurementSpec, count: u64) -> Result<(), StoreError> {
+        self.file(measurement.name, &Value::count(count)).await
     }
 
     /// A text.
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn text(&self, name: &str, text: &str) -> Result<(), StoreError> {
-        self.file(name, &Value::text(text)).await
+    pub(crate) async fn text(&self, measurement: &MeasurementSpec, text: &str) -> Result<(), StoreError> {
+        self.file(measurement.name, &Value::text(text)).await
     }
 
     /// What this bench cannot tell, and why.
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn not_available(&self, name: &str, why: &str) -> Result<(), StoreError> {
-        self.file(name, &Value::NotAvailable(why.to_owned())).await
+    pub(crate) async fn not_available(&self, measurement: &MeasurementSpec, why: &str) -> Result<(), StoreError> {
+        self.file(measurement.name, &Value::NotAvailable(why.to_owned())).await
     }
 
     /// A value as it is.
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn value(&self, name: &str, value: &Value) -> Result<(), StoreError> {
-        self.file(name, value).await
+    pub(crate) async fn value(&self, measurement: &MeasurementSpec, value: &Value) -> Result<(), StoreError> {
+        self.file(measurement.name, value).await
     }
 
     /// A sentence for the log.

@@ -116,6 +116,8 @@ pub enum BoardError {
         code: FaultCode,
         /// For people.
         text: String,
+        /// Board time for which it tried.
+        elapsed: Duration,
     },
     /// The checksum was good, the content not what the message demands.
     #[error("the board's answer to {what} cannot be read")]

@@ -1,19 +1,22 @@
 //! The contract between procedures, which measure, and plans, which judge: what every item takes and what it yields.
 //!
-//! Pure data. A procedure yields exactly the measurements that stand here, and a plan may limit exactly those.
+//! Pure data. A procedure yields exactly the measurements that stand here, and a plan may limit exactly those. Procedures
+//! name a measurement by its constant, so that a misspelt name does not compile.
 //!
 //! A bench that lacks a device of an item cannot run it: the plan is then refused before power-on, unless it calls
 //! the item optional, which makes it skipped with that cause.
 
-mod calibration;
+pub mod calibration;
 mod magnetometer;
-mod memory;
+pub mod memory;
 mod noise;
+mod page;
 mod performance;
-mod ports;
-mod processor;
+pub mod ports;
+pub mod power;
+pub mod processor;
 mod repeated;
-mod sensors;
+pub mod sensors;
 mod shared;
 
 use std::fmt;
@@ -22,207 +25,118 @@ use serde::{Deserialize, Serialize};
 
 use crate::limit::Kind;
 use crate::quantity::{Dimension, Unit};
+pub use page::page;
+pub use shared::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
 
-/// A test item.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ItemId {
+/// Makes the items out of their one table. A row is an item: what it tests, its id in plans and records, and what it takes
+/// and yields.
+macro_rules! items {
+    ($($(#[doc = $about:literal])* $item:ident = $id:literal: $spec:path,)*) => {
+        /// A test item.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+        pub enum ItemId {
+            $($(#[doc = $about])* #[serde(rename = $id)] $item,)*
+        }
+
+        impl ItemId {
+            /// Every item, in the order of the tables of the test specification.
+            pub const ALL: [ItemId; [$($id),*].len()] = [$(ItemId::$item),*];
+
+            /// The id as plans and records write it.
+            pub fn as_str(self) -> &'static str {
+                match self {
+                    $(ItemId::$item => $id,)*
+                }
+            }
+
+            /// What it tests, in a sentence.
+            fn about(self) -> &'static str {
+                match self {
+                    $(ItemId::$item => concat!($($about),*).trim_ascii(),)*
+                }
+            }
+
+            /// What the item takes and yields.
+            pub fn spec(self) -> &'static ItemSpec {
+                match self {
+                    $(ItemId::$item => &$spec,)*
+                }
+            }
+        }
+    };
+}
+
+items! {
     /// Who is in the socket: serial number, part, versions, supply.
-    Identity,
+    Identity = "identity": processor::IDENTITY,
     /// Both cores.
-    Cpu,
+    Cpu = "cpu": processor::CPU,
     /// The three timers.
-    Timers,
+    Timers = "timers": processor::TIMERS,
     /// Internal RAM of the DSP.
-    InternalRam,
+    InternalRam = "internal-ram": memory::INTERNAL_RAM,
     /// External SDRAM.
-    Sdram,
+    Sdram = "sdram": memory::SDRAM,
     /// SPI flash, in a scratch sector.
-    SpiFlash,
+    SpiFlash = "spi-flash": memory::SPI_FLASH,
     /// Internal flash, in a scratch sector.
-    InternalFlash,
+    InternalFlash = "internal-flash": memory::INTERNAL_FLASH,
     /// Gyroscopes and accelerometers at rest.
-    Imu,
+    Imu = "imu": sensors::IMU,
     /// Satellite receiver.
-    Gnss,
+    Gnss = "gnss": sensors::GNSS,
     /// AD channels and magnetometer.
-    Ad,
+    Ad = "ad": sensors::AD,
     /// The four IO lines.
-    Io,
+    Io = "io": ports::IO,
     /// SPI against the IO lines.
-    Spi,
+    Spi = "spi": ports::SPI,
     /// RS-422 echo.
-    Sci,
+    Sci = "sci": ports::SCI,
     /// CAN echo.
-    Can,
+    Can = "can": ports::CAN,
+    /// The board's switch takes the supply away and gives it back: the module starts each time, as soon, and draws the same.
+    PowerCycle = "power-cycle": power::POWER_CYCLE,
     /// Accelerometer calibration from six, twelve or twenty-four positions.
-    SixPosition,
+    SixPosition = "six-position": calibration::SIX_POSITION,
     /// Gyroscope bias and g-sensitivity from still positions.
-    GyroStill,
+    GyroStill = "gyro-still": calibration::GYRO_STILL,
     /// Gyroscope scale factor and coupling from turns by a known angle.
-    Rotation,
+    Rotation = "rotation": calibration::ROTATION,
     /// Gyroscope bias that calibration leaves.
-    GyroBias,
+    GyroBias = "gyro-bias": performance::GYRO_BIAS,
     /// Accelerometer bias that calibration leaves, from turns upside down.
-    AccelBias,
+    AccelBias = "accel-bias": performance::ACCEL_BIAS,
     /// Scatter of ten-second means over an hour.
-    BiasStability,
+    BiasStability = "bias-stability": performance::BIAS_STABILITY,
     /// Scatter of means from power-on to power-on.
-    BiasRepeatability,
+    BiasRepeatability = "bias-repeatability": performance::BIAS_REPEATABILITY,
     /// Scatter of the scale factors from power-on to power-on.
-    ScaleFactorRepeatability,
+    ScaleFactorRepeatability = "scale-factor-repeatability": repeated::SCALE_FACTOR_REPEATABILITY,
     /// Coupling between axes that calibration leaves.
-    CrossCoupling,
+    CrossCoupling = "cross-coupling": repeated::CROSS_COUPLING,
     /// Response to a step of the published resolution.
-    Resolution,
+    Resolution = "resolution": performance::RESOLUTION,
     /// Allan deviations and noise coefficients.
-    Allan,
+    Allan = "allan": noise::ALLAN,
     /// Power spectral densities.
-    Psd,
+    Psd = "psd": noise::PSD,
     /// Magnetometer spun about its third axis: ellipse and roll angle.
-    MagnetometerEllipse,
+    MagnetometerEllipse = "magnetometer-ellipse": magnetometer::ELLIPSE,
     /// Magnetometer over many attitudes: hard and soft iron.
-    MagnetometerEllipsoid,
+    MagnetometerEllipsoid = "magnetometer-ellipsoid": magnetometer::ELLIPSOID,
     /// Position, velocity and 1PPS about the surveyed antenna.
-    GnssAccuracy,
+    GnssAccuracy = "gnss-accuracy": sensors::GNSS_ACCURACY,
     /// The coefficients are stored in the module and read back.
-    CalibrationDownload,
+    CalibrationDownload = "calibration-download": calibration::DOWNLOAD,
     /// A position and a rotation with the stored coefficients.
-    CalibrationCheck,
+    CalibrationCheck = "calibration-check": calibration::CHECK,
 }
 
 impl ItemId {
-    /// Every item, in the order of the tables of the test specification.
-    pub const ALL: [ItemId; 31] = [
-        ItemId::Identity,
-        ItemId::Cpu,
-        ItemId::Timers,
-        ItemId::InternalRam,
-        ItemId::Sdram,
-        ItemId::SpiFlash,
-        ItemId::InternalFlash,
-        ItemId::Imu,
-        ItemId::Gnss,
-        ItemId::Ad,
-        ItemId::Io,
-        ItemId::Spi,
-        ItemId::Sci,
-        ItemId::Can,
-        ItemId::SixPosition,
-        ItemId::GyroStill,
-        ItemId::Rotation,
-        ItemId::GyroBias,
-        ItemId::AccelBias,
-        ItemId::BiasStability,
-        ItemId::BiasRepeatability,
-        ItemId::ScaleFactorRepeatability,
-        ItemId::CrossCoupling,
-        ItemId::Resolution,
-        ItemId::Allan,
-        ItemId::Psd,
-        ItemId::MagnetometerEllipse,
-        ItemId::MagnetometerEllipsoid,
-        ItemId::GnssAccuracy,
-        ItemId::CalibrationDownload,
-        ItemId::CalibrationCheck,
-    ];
-
-    /// The id as plans and records write it.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            ItemId::Identity => "identity",
-            ItemId::Cpu => "cpu",
-            ItemId::Timers => "timers",
-            ItemId::InternalRam => "internal-ram",
-            ItemId::Sdram => "sdram",
-            ItemId::SpiFlash => "spi-flash",
-            ItemId::InternalFlash => "internal-flash",
-            ItemId::Imu => "imu",
-            ItemId::Gnss => "gnss",
-            ItemId::Ad => "ad",
-            ItemId::Io => "io",
-            ItemId::Spi => "spi",
-            ItemId::Sci => "sci",
-            ItemId::Can => "can",
-            ItemId::SixPosition => "six-position",
-            ItemId::GyroStill => "gyro-still",
-            ItemId::Rotation => "rotation",
-            ItemId::GyroBias => "gyro-bias",
-            ItemId::AccelBias => "accel-bias",
-            ItemId::BiasStability => "bias-stability",
-            ItemId::BiasRepeatability => "bias-repeatability",
-            ItemId::ScaleFactorRepeatability => "scale-factor-repeatability",
-            ItemId::CrossCoupling => "cross-coupling",
-            ItemId::Resolution => "resolution",
-            ItemId::Allan => "allan",
-            ItemId::Psd => "psd",
-            ItemId::MagnetometerEllipse => "magnetometer-ellipse",
-            ItemId::MagnetometerEllipsoid => "magnetometer-ellipsoid",
-            ItemId::GnssAccuracy => "gnss-accuracy",
-            ItemId::CalibrationDownload => "calibration-download",
-            ItemId::CalibrationCheck => "calibration-check",
-        }
-    }
-
     /// The item with this id.
     pub(crate) fn from_id(id: &str) -> Option<ItemId> {
         ItemId::ALL.into_iter().find(|item| item.as_str() == id)
-    }
-
-    /// What the item takes and yields.
-    pub fn spec(self) -> &'static ItemSpec {
-        match self {
-            ItemId::Identity => &processor::IDENTITY,
-            ItemId::Cpu => &processor::CPU,
-            ItemId::Timers => &processor::TIMERS,
-            ItemId::InternalRam => &memory::INTERNAL_RAM,
-            ItemId::Sdram => &memory::SDRAM,
-            ItemId::SpiFlash => &memory::SPI_FLASH,
-            ItemId::InternalFlash => &memory::INTERNAL_FLASH,
-            ItemId::Imu => &sensors::IMU,
-            ItemId::Gnss => &sensors::GNSS,
-            ItemId::Ad => &sensors::AD,
-            ItemId::Io => &ports::IO,
-            ItemId::Spi => &ports::SPI,
-            ItemId::Sci => &ports::SCI,
-            ItemId::Can => &ports::CAN,
-            ItemId::SixPosition => &calibration::SIX_POSITION,
-            ItemId::GyroStill => &calibration::GYRO_STILL,
-            ItemId::Rotation => &calibration::ROTATION,
-            ItemId::GyroBias => &performance::GYRO_BIAS,
-            ItemId::AccelBias => &performance::ACCEL_BIAS,
-            ItemId::BiasStability => &performance::BIAS_STABILITY,
-            ItemId::BiasRepeatability => &performance::BIAS_REPEATABILITY,
-            ItemId::ScaleFactorRepeatability => &repeated::SCALE_FACTOR_REPEATABILITY,
-            ItemId::CrossCoupling => &repeated::CROSS_COUPLING,
-            ItemId::Resolution => &performance::RESOLUTION,
-            ItemId::Allan => &noise::ALLAN,
-            ItemId::Psd => &noise::PSD,
-            ItemId::MagnetometerEllipse => &magnetometer::ELLIPSE,
-            ItemId::MagnetometerEllipsoid => &magnetometer::ELLIPSOID,
-            ItemId::GnssAccuracy => &sensors::GNSS_ACCURACY,
-            ItemId::CalibrationDownload => &calibration::DOWNLOAD,
-            ItemId::CalibrationCheck => &calibration::CHECK,
-        }
-    }
-}
-
-impl ItemId {
-    /// Items whose results this one works with, and the parameter that switches the need on. A plan has them before it.
-    pub(crate) fn needs(self) -> &'static [(ItemId, Option<When>)] {
-        const GYRO: Option<When> = Some(When::HasText { param: "sensors", element: "gyro" });
-        match self {
-            ItemId::GyroBias | ItemId::CalibrationDownload => {
-                &[(ItemId::SixPosition, None), (ItemId::GyroStill, None), (ItemId::Rotation, None)]
-            }
-            ItemId::AccelBias => &[(ItemId::SixPosition, None)],
-            // The gyroscopes' g-sensitivity is taken out with the force that the accelerometers measure.
-            ItemId::BiasStability | ItemId::BiasRepeatability | ItemId::Resolution | ItemId::Allan | ItemId::Psd => {
-                &[(ItemId::SixPosition, None), (ItemId::GyroStill, GYRO), (ItemId::Rotation, GYRO)]
-            }
-            ItemId::CalibrationCheck => &[(ItemId::CalibrationDownload, None)],
-            _ => &[],
-        }
     }
 }
 
@@ -245,6 +159,8 @@ pub struct ItemSpec {
     pub devices: &'static [Device],
     /// What no other item may use at the same time.
     pub resources: &'static [Resource],
+    /// Items whose results this one works with, and the parameter that switches the need on. A plan has them before it.
+    pub needs: &'static [(ItemId, Option<When>)],
     /// Board time after which an attempt is given up, unless the plan says otherwise.
     pub timeout_s: f64,
 }

@@ -131,7 +131,7 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys) -> V
 fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<BenchFile> {
     if !named && !path.exists() {
         let what = format!("no bench file: there is no {} here, so nothing but --sim can be tested", path.display());
-        findings.push(Finding::warning(what, "name one with --bench FILE, or write one as the README shows"));
+        findings.push(Finding::warning(what, "name one with --bench FILE, or write one as docs/bench.md shows"));
         return None;
     }
     match files::bench(path) {

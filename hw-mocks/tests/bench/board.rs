@@ -5,8 +5,9 @@ use std::time::Duration;
 use gnc_protocol::error::{FaultCode, NakCode};
 use gnc_protocol::frame::{Kind, Payload};
 use gnc_protocol::message::{
-    Abort, AdRead, CpuFloats, CpuIntegers, CpuWords, ErrorKind, ErrorRecords, FlashErase, Heartbeat, Identity, IoTest,
-    LinkCounters, MakeSafe, ModulePower, RamTest, SciEcho, SpiTransfer, StreamStart, StreamStop, TimerMeasure, event,
+    Abort, AdRead, CpuFloats, CpuIntegers, CpuWords, ErrorKind, ErrorRecords, FlashErase, Heartbeat, Identity,
+    IdentityReply, IoTest, LinkCounters, MakeSafe, ModulePower, RamTest, SciEcho, SpiTransfer, StreamStart, StreamStop,
+    TimerMeasure, event,
 };
 use gnc_protocol::wire::{List, Wire};
 use hw_mocks::{Options, Speed};
@@ -235,6 +236,50 @@ fn supply_is_read_and_a_bad_one_recorded() {
     let log = low.ask(&ErrorRecords { from: 0 });
     assert_eq!((log.records[0].kind, log.records[0].expected), (ErrorKind::Supply as u16, 5_000_000));
     assert!(low.ask(&ModulePower { on: 0 }).supply_uv < 20_000);
+}
+
+/// Power-on 3 is late by 750 ms, power-on 4 brings no module up, power-on 5 finds another module in the socket.
+#[test]
+fn starts_go_wrong_at_the_power_ons_that_are_named() {
+    let faults = "[start]\nlate_every = 3\nlate_ms = 750\nhangs_every = 4\n[module]\nswapped_after = 4\n";
+    let mut host = Host::new(faults);
+    let mut answers = Vec::new();
+    for _ in 0..5 {
+        host.ask(&ModulePower { on: 1 });
+        let mut tries = 1;
+        let serial_number = loop {
+            let (head, body) = host.call(&Identity {}).unwrap();
+            if head.status == FaultCode::None {
+                break IdentityReply::from_payload(&body).unwrap().serial_number.as_str().to_owned();
+            }
+            assert_eq!((head.status, head.elapsed_us), (FaultCode::DeviceTimeout, 100_000));
+            tries += 1;
+            if tries > 20 {
+                break String::new();
+            }
+        };
+        answers.push((tries, serial_number));
+        host.ask(&ModulePower { on: 0 });
+    }
+    let own = answers[0].1.clone();
+    assert!(own != "SIM-OTHER" && !own.is_empty());
+    // The supply settles for 150 ms, and the module starts at their end: eight tries of 100 ms find it silent.
+    let expected = [(1, own.clone()), (1, own.clone()), (9, own), (21, String::new()), (1, "SIM-OTHER".to_owned())];
+    assert_eq!(answers, expected);
+}
+
+/// The switch is welded, the meter has died after its first look, and the board answers for the module.
+#[test]
+fn a_board_that_lies_about_the_supply() {
+    let faults =
+        "[supply]\noff_voltage_v = 5.0\noff_current_a = 0.48\nmeter_holds = true\n[board]\ncaches_identity = true\n";
+    let mut host = Host::powered(faults);
+    let said = host.ask(&Identity {});
+    let first = host.ask(&ModulePower { on: 1 });
+    let off = host.ask(&ModulePower { on: 0 });
+    assert!(off.supply_uv > 4_900_000 && off.supply_ua > 470_000, "{off:?}");
+    assert_eq!(host.ask(&Identity {}), said);
+    assert_eq!(host.ask(&ModulePower { on: 1 }), first);
 }
 
 #[test]

@@ -6,7 +6,7 @@
 
 use std::borrow::Cow;
 
-use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::{FAILED_READS, ItemId, SPIKES, STALE_SAMPLES};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::Refusal;
@@ -20,7 +20,7 @@ use super::{FigureError, Findings, Question};
 use crate::capture::{Capture, Pose};
 
 /// Names of the measurements, in the order of the catalogue.
-pub const NAMES: [&str; 3] = ["failed_reads", "stale_samples", "spikes"];
+pub const NAMES: [&str; 3] = [FAILED_READS.name, STALE_SAMPLES.name, SPIKES.name];
 /// Key of the details.
 pub const KEY: &str = "gate";
 

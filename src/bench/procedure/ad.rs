@@ -1,5 +1,6 @@
 //! AD channels 4-8 through their DIP switches, and the magnetometer on channels 1-3.
 
+use gnc_executive::catalogue::sensors::{CROSSTALK, MAG_SPAN, MAG_Z, SWITCHED};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::AdRead;
@@ -7,7 +8,7 @@ use gnc_protocol::message::AdRead;
 use super::{Bench, ProcedureError, Recorder};
 
 /// Channels behind DIP switches 1 to 5.
-const SWITCHED: std::ops::RangeInclusive<u8> = 4..=8;
+const CHANNELS: std::ops::RangeInclusive<u8> = 4..=8;
 /// Output of the analogue magnetometer in no field, and for each gauss.
 const MAG_ZERO_V: f64 = gnc_protocol::analogue::MAG_ZERO_V;
 const MAG_V_PER_GAUSS: f64 = gnc_protocol::analogue::MAG_V_PER_GAUSS;
@@ -23,18 +24,18 @@ async fn switches(bench: &Bench<'_>, samples: u16, recorder: &Recorder<'_>) -> R
     bench.fixture.only_switch(None, recorder).await?;
     let off = read(bench, samples).await?;
     let mut crosstalk_v: f64 = 0.0;
-    for channel in SWITCHED {
+    for (channel, of_channel) in CHANNELS.zip(&SWITCHED) {
         bench.fixture.only_switch(Some(channel - 3), recorder).await?;
         let on = read(bench, samples).await?;
         let index = usize::from(channel - 1);
-        recorder.number(&format!("ad{channel}_on"), on[index], Unit::Volt).await?;
-        recorder.number(&format!("ad{channel}_off"), off[index], Unit::Volt).await?;
-        for other in SWITCHED.filter(|other| *other != channel).map(|other| usize::from(other - 1)) {
+        recorder.number(&of_channel.on, on[index], Unit::Volt).await?;
+        recorder.number(&of_channel.off, off[index], Unit::Volt).await?;
+        for other in CHANNELS.filter(|other| *other != channel).map(|other| usize::from(other - 1)) {
             crosstalk_v = crosstalk_v.max((on[other] - off[other]).abs());
         }
     }
     bench.fixture.only_switch(None, recorder).await?;
-    Ok(recorder.number("crosstalk", crosstalk_v * 1e3, Unit::Millivolt).await?)
+    Ok(recorder.number(&CROSSTALK, crosstalk_v * 1e3, Unit::Millivolt).await?)
 }
 
 /// The horizontal field turns once round the module, so that X and Y sweep twice its strength; Z stays.
@@ -55,10 +56,10 @@ async fn magnetometer(
         let values = fields_gauss.iter().map(|field| field[axis]);
         values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
     };
-    recorder.number("mag_x_span", span(0), Unit::Gauss).await?;
-    recorder.number("mag_y_span", span(1), Unit::Gauss).await?;
+    recorder.number(&MAG_SPAN[0], span(0), Unit::Gauss).await?;
+    recorder.number(&MAG_SPAN[1], span(1), Unit::Gauss).await?;
     let z: Vec<f64> = fields_gauss.iter().map(|field| field[2]).collect();
-    Ok(recorder.number("mag_z", gnc_metrology::stats::mean(&z), Unit::Gauss).await?)
+    Ok(recorder.number(&MAG_Z, gnc_metrology::stats::mean(&z), Unit::Gauss).await?)
 }
 
 /// All eight channels, in volts.

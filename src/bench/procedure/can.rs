@@ -10,6 +10,10 @@ mod verdict;
 use std::hash::{BuildHasher as _, RandomState};
 use std::io;
 
+use gnc_executive::catalogue::ports::{
+    ADAPTER_ERRORS, BUS_OFF, FRAMES_ALTERED, FRAMES_LOST, FRAMES_OUT_OF_ORDER, FRAMES_SENT, RX_ERROR_COUNTER,
+    TX_ERROR_COUNTER,
+};
 use gnc_link::NoFrame;
 use gnc_link::can::{CanLink, Tap};
 use gnc_protocol::message::{CanCounters, CanState};
@@ -62,15 +66,15 @@ async fn measure(bench: &Bench<'_>, tap: &Tap, recorder: &Recorder<'_>) -> Resul
     }
 
     let (seen, after) = (&observed.seen, &observed.after);
-    recorder.count("frames_sent", seen.sent).await?;
-    recorder.count("frames_altered", seen.altered + observed.alone.altered).await?;
-    recorder.count("frames_out_of_order", seen.out_of_order + seen.twice).await?;
-    recorder.count("tx_error_counter", after.tx_errors.into()).await?;
-    recorder.count("rx_error_counter", after.rx_errors.into()).await?;
-    recorder.text("bus_off", if after.state == CanState::BusOff as u8 { "yes" } else { "no" }).await?;
+    recorder.count(&FRAMES_SENT, seen.sent).await?;
+    recorder.count(&FRAMES_ALTERED, seen.altered + observed.alone.altered).await?;
+    recorder.count(&FRAMES_OUT_OF_ORDER, seen.out_of_order + seen.twice).await?;
+    recorder.count(&TX_ERROR_COUNTER, after.tx_errors.into()).await?;
+    recorder.count(&RX_ERROR_COUNTER, after.rx_errors.into()).await?;
+    recorder.text(&BUS_OFF, if after.state == CanState::BusOff as u8 { "yes" } else { "no" }).await?;
     match tap.errors() {
-        Some(errors) => recorder.count("adapter_errors", errors.frames.into()).await?,
-        None => recorder.not_available("adapter_errors", "not available: slcan does not tell of error frames").await?,
+        Some(errors) => recorder.count(&ADAPTER_ERRORS, errors.frames.into()).await?,
+        None => recorder.not_available(&ADAPTER_ERRORS, "not available: slcan does not tell of error frames").await?,
     }
     if !observed.is_module_at_fault(by_host)
         && let Some(doubt) = observed.doubt(by_host)
@@ -79,7 +83,7 @@ async fn measure(bench: &Bench<'_>, tap: &Tap, recorder: &Recorder<'_>) -> Resul
     }
     if seen.lost > 0 && observed.is_busy() {
         let why = "not available: the bus was full of other frames, and test frames may still be on their way";
-        return Ok(recorder.not_available("frames_lost", why).await?);
+        return Ok(recorder.not_available(&FRAMES_LOST, why).await?);
     }
-    Ok(recorder.count("frames_lost", seen.lost).await?)
+    Ok(recorder.count(&FRAMES_LOST, seen.lost).await?)
 }

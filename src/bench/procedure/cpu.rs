@@ -1,5 +1,6 @@
 //! Registers, memory and arithmetic of both cores, compared bit for bit with the host's own results.
 
+use gnc_executive::catalogue::processor::CORES;
 use gnc_executive::plan::Params;
 use gnc_protocol::message::{CpuFloats, CpuIntegers, CpuWords, WordTarget};
 use gnc_protocol::pattern::Xorshift32;
@@ -7,7 +8,6 @@ use gnc_protocol::wire::List;
 
 use super::{Bench, ProcedureError, Recorder};
 
-const CORES: [u8; 2] = [1, 2];
 /// Fixed, so that every module gets the same operands and a record can be repeated by hand.
 const OPERAND_SEED: u32 = 0x9e37_79b9;
 /// Operands at the ends of their range, where carries, signs and rounding go wrong first.
@@ -34,13 +34,13 @@ const FLOAT_CORNERS: [[f64; 2]; 8] = [
 
 pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let sets = usize::try_from(params.integer("operand_sets")?).unwrap_or(1);
-    for core in CORES {
+    for (core, of_core) in (1..).zip(&CORES) {
         let registers = words(bench, core, WordTarget::Registers).await?;
-        recorder.count(&format!("core{core}_register_errors"), registers).await?;
+        recorder.count(&of_core.register_errors, registers).await?;
         let memory = words(bench, core, WordTarget::Memory).await?;
-        recorder.count(&format!("core{core}_memory_errors"), memory).await?;
-        recorder.count(&format!("core{core}_integer_errors"), integers(bench, core, sets).await?).await?;
-        recorder.count(&format!("core{core}_float_errors"), floats(bench, core, sets).await?).await?;
+        recorder.count(&of_core.memory_errors, memory).await?;
+        recorder.count(&of_core.integer_errors, integers(bench, core, sets).await?).await?;
+        recorder.count(&of_core.float_errors, floats(bench, core, sets).await?).await?;
     }
     Ok(())
 }

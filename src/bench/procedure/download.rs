@@ -4,6 +4,7 @@ use chrono::Utc;
 use gnc_analysis::figures::calibration::{COEFFICIENTS, Coefficients};
 use gnc_analysis::motion::OFF_S;
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::calibration::{CHECKSUM, COEFFICIENTS_ALTERED, STORE_TIME};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::calibration::{
@@ -31,9 +32,9 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
     let stored = board.call(&CalibrationCommit { checksum: written.checksum() }).await?;
     capturing::power_cycle(bench, recorder, turntable::of(bench.fixture, recorder).as_ref(), OFF_S).await?;
     let read = board.call(&CalibrationRead {}).await?;
-    recorder.count("coefficients_altered", altered(&written, &read)).await?;
-    recorder.text("checksum", checksum(&written, &read)).await?;
-    Ok(recorder.number("write_time", f64::from(stored.duration_us) * 1e-3, Unit::Millisecond).await?)
+    recorder.count(&COEFFICIENTS_ALTERED, altered(&written, &read)).await?;
+    recorder.text(&CHECKSUM, checksum(&written, &read)).await?;
+    Ok(recorder.number(&STORE_TIME, f64::from(stored.duration_us) * 1e-3, Unit::Millisecond).await?)
 }
 
 fn message(coefficients: &Coefficients) -> Calibration {

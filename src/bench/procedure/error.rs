@@ -156,6 +156,28 @@ pub(crate) enum ProcedureError {
         /// In which way.
         why: String,
     },
+    /// The board's switch is off, and the module is not.
+    #[error(
+        "cycle {cycle}: the supply is switched off, and the module still has {voltage_v:.3} V and {current_a:.3} A"
+    )]
+    StillFed {
+        /// Number of the power cycle, from 1.
+        cycle: usize,
+        /// Voltage at the socket.
+        voltage_v: f64,
+        /// Current into the module.
+        current_a: f64,
+    },
+    /// After a power cycle another module answers than before.
+    #[error("cycle {cycle}: the module says that it is {is}, and was {was} before")]
+    ModuleChanged {
+        /// Number of the power cycle, from 1.
+        cycle: usize,
+        /// Who it was.
+        was: String,
+        /// Who it is.
+        is: String,
+    },
     /// This station has no procedure for the item.
     #[error("this station cannot run {item}: {why}")]
     CannotRun {
@@ -225,6 +247,12 @@ impl ProcedureError {
                 "check the CAN cable, its termination (60 ohm between the lines) and the adapter"
             }
             Self::Nonsense { .. } => "compare the board's firmware with the interface document",
+            Self::StillFed { .. } => {
+                "check the board's switch, and that no other supply and no line feeds the module; if its capacitors empty slowly, raise `off_time` in the plan"
+            }
+            Self::ModuleChanged { .. } => {
+                "leave the module in its socket while the item runs; if it was left there, suspect the memory of its identity"
+            }
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
             Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
         }

@@ -1,5 +1,6 @@
 //! SPI flash and internal flash: erase, blank check, write, read back, in a scratch sector.
 
+use gnc_executive::catalogue::memory::{BLANK_ERRORS, ERASE_TIME, JEDEC_ID, VERIFY_ERRORS, WRITE_TIME};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{Flash, FlashBlankCheck, FlashErase, FlashId, FlashVerify, FlashWrite, MismatchReply};
@@ -20,17 +21,17 @@ pub(super) async fn run(
     let device = flash as u8;
     if flash == Flash::Spi {
         let [manufacturer, kind, capacity] = bench.board.call(&FlashId { flash: device }).await?.jedec;
-        recorder.text("jedec_id", &format!("{manufacturer:02x} {kind:02x} {capacity:02x}")).await?;
+        recorder.text(&JEDEC_ID, &format!("{manufacturer:02x} {kind:02x} {capacity:02x}")).await?;
     }
     let erased = bench.board.call(&FlashErase { flash: device, sector }).await?;
-    recorder.number("erase_time", f64::from(erased.duration_us) * 1e-3, Unit::Millisecond).await?;
+    recorder.number(&ERASE_TIME, f64::from(erased.duration_us) * 1e-3, Unit::Millisecond).await?;
     let blank = bench.board.call(&FlashBlankCheck { flash: device, sector }).await?;
-    recorder.count("blank_errors", blank.mismatches.into()).await?;
+    recorder.count(&BLANK_ERRORS, blank.mismatches.into()).await?;
     note_first(recorder, "not blank", &blank).await?;
     let written = bench.board.call(&FlashWrite { flash: device, sector, seed: PATTERN_SEED }).await?;
-    recorder.number("write_time", f64::from(written.duration_us) * 1e-3, Unit::Millisecond).await?;
+    recorder.number(&WRITE_TIME, f64::from(written.duration_us) * 1e-3, Unit::Millisecond).await?;
     let verified = bench.board.call(&FlashVerify { flash: device, sector, seed: PATTERN_SEED }).await?;
-    recorder.count("verify_errors", verified.mismatches.into()).await?;
+    recorder.count(&VERIFY_ERRORS, verified.mismatches.into()).await?;
     note_first(recorder, "read back wrong", &verified).await
 }
 

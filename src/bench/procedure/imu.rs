@@ -3,12 +3,16 @@
 use std::time::Duration;
 
 use gnc_analysis::capture::Timing;
+use gnc_analysis::figures;
 use gnc_analysis::figures::clock::sample_rate_error;
-use gnc_analysis::figures::{self, SAMPLE_RATE_ERROR};
 use gnc_board::stream::Closed;
+use gnc_executive::catalogue::sensors::{
+    ACCEL, ACCEL_NOISE, ACCEL_NORM, ACCEL_TEMPERATURE, GYRO, GYRO_NOISE, GYRO_TEMPERATURE, SATURATED_CHANNELS,
+    STUCK_CHANNELS,
+};
+use gnc_executive::catalogue::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
-use gnc_metrology::AXES;
 use gnc_metrology::stats::{mean, mean_sd};
 use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION, StreamId};
@@ -23,38 +27,36 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
     let (samples, timing) = capture(bench, rate_hz, wanted).await?;
     let (samples, bad) = figures::sound_at_rest(&samples);
 
-    let gyro = AXES.map(|axis| format!("gyro_{axis}"));
-    let accel = AXES.map(|axis| format!("accel_{axis}"));
     let channel = |pick: &dyn Fn(&ImuSample) -> i32| samples.iter().map(|sample| f64::from(pick(sample))).collect();
     let mut faults = Faults::default();
     let mut squares = 0.0;
-    for (axis, name) in gyro.iter().enumerate() {
+    for (axis, (rate, noise)) in GYRO.iter().zip(&GYRO_NOISE).enumerate() {
         let counts: Vec<f64> = channel(&|sample| sample.gyro[axis]);
-        faults.look_at(name, &counts);
+        faults.look_at(rate.name, &counts);
         let (mean, sd) = mean_sd(&counts);
-        recorder.number(name, mean / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
-        recorder.number(&format!("{name}_noise"), sd / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
+        recorder.number(rate, mean / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
+        recorder.number(noise, sd / GYRO_LSB_PER_DPS, Unit::DegreePerSecond).await?;
     }
-    for (axis, name) in accel.iter().enumerate() {
+    for (axis, (force, noise)) in ACCEL.iter().zip(&ACCEL_NOISE).enumerate() {
         let counts: Vec<f64> = channel(&|sample| sample.accel[axis]);
-        faults.look_at(name, &counts);
+        faults.look_at(force.name, &counts);
         let (mean, sd) = mean_sd(&counts);
         let force_g = mean / ACCEL_LSB_PER_G;
         squares += force_g * force_g;
-        recorder.number(name, force_g, Unit::Gravity).await?;
-        recorder.number(&format!("{name}_noise"), sd / ACCEL_LSB_PER_G * 1e3, Unit::Milligravity).await?;
+        recorder.number(force, force_g, Unit::Gravity).await?;
+        recorder.number(noise, sd / ACCEL_LSB_PER_G * 1e3, Unit::Milligravity).await?;
     }
-    recorder.number("accel_norm", squares.sqrt(), Unit::Gravity).await?;
+    recorder.number(&ACCEL_NORM, squares.sqrt(), Unit::Gravity).await?;
     let gyro_temperature: Vec<f64> = channel(&|sample| sample.gyro_temperature.into());
     let accel_temperature: Vec<f64> = channel(&|sample| sample.accel_temperature.into());
-    recorder.number("gyro_temperature", mean(&gyro_temperature) * 0.01, Unit::DegreeCelsius).await?;
-    recorder.number("accel_temperature", mean(&accel_temperature) * 0.01, Unit::DegreeCelsius).await?;
-    recorder.text("stuck_channels", &list(&faults.stuck)).await?;
-    recorder.text("saturated_channels", &list(&faults.saturated)).await?;
+    recorder.number(&GYRO_TEMPERATURE, mean(&gyro_temperature) * 0.01, Unit::DegreeCelsius).await?;
+    recorder.number(&ACCEL_TEMPERATURE, mean(&accel_temperature) * 0.01, Unit::DegreeCelsius).await?;
+    recorder.text(&STUCK_CHANNELS, &list(&faults.stuck)).await?;
+    recorder.text(&SATURATED_CHANNELS, &list(&faults.saturated)).await?;
     let rate_error = sample_rate_error(&bench.earlier, std::iter::once(&timing.host), 0.95);
-    recorder.value(SAMPLE_RATE_ERROR, &rate_error).await?;
-    for (name, share) in figures::INTEGRITY.into_iter().zip(bad) {
-        recorder.number(name, share, Unit::Percent).await?;
+    recorder.value(&SAMPLE_RATE, &rate_error).await?;
+    for (measurement, share) in [&FAILED_READS, &STALE_SAMPLES, &SPIKES].into_iter().zip(bad) {
+        recorder.number(measurement, share, Unit::Percent).await?;
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! The four IO lines: every ordered pair at both levels, and shorts between lines.
 
+use gnc_executive::catalogue::ports::{FAULTY_PAIRS, SHORTED_LINES, WRONG_READS};
 use gnc_protocol::message::IoTest;
 
 use super::{Bench, ProcedureError, Recorder};
@@ -38,12 +39,12 @@ pub(super) async fn run(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<()
     // Connected lines are at the driven level, the two others at the one to which they are pulled.
     let wrong_line = |seen: &Observation, line| seen.reads(line) != (seen.level == seen.connected(line));
     let wrong_reads: usize = seen.iter().map(|seen| (0..LINES).filter(|line| wrong_line(seen, *line)).count()).sum();
-    recorder.count("wrong_reads", wrong_reads as u64).await?;
+    recorder.count(&WRONG_READS, wrong_reads as u64).await?;
     let wrong: Vec<&Observation> = seen.iter().filter(|seen| seen.reads(seen.reader) != seen.level).collect();
     let mut pairs: Vec<String> = wrong.iter().map(|seen| format!("{}>{}", seen.driver, seen.reader)).collect();
     pairs.dedup();
-    recorder.text("faulty_pairs", &list(&pairs)).await?;
-    Ok(recorder.text("shorted_lines", &list(&shorts(&seen))).await?)
+    recorder.text(&FAULTY_PAIRS, &list(&pairs)).await?;
+    Ok(recorder.text(&SHORTED_LINES, &list(&shorts(&seen))).await?)
 }
 
 /// Two lines are shorted if, whenever the board connects one of them and leaves the other to its pull, the other

@@ -1,5 +1,9 @@
 //! Internal RAM and SDRAM, pattern by pattern over every word.
 
+use gnc_executive::catalogue::memory::{
+    MISMATCHES_ADDRESS, MISMATCHES_CHECKERBOARD, MISMATCHES_MARCH_C, MISMATCHES_SOLID, MISMATCHES_WALKING_ONES,
+    TEST_TIME, WORDS_TESTED,
+};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{Ram, RamPattern, RamTest};
@@ -15,12 +19,12 @@ pub(super) async fn run(
     let mut words = u32::MAX;
     let mut busy_s = 0.0;
     for name in params.choices("patterns")? {
-        let pattern = match *name {
-            "solid" => RamPattern::Solid,
-            "checkerboard" => RamPattern::Checkerboard,
-            "walking-ones" => RamPattern::WalkingOnes,
-            "address" => RamPattern::Address,
-            "march-c" => RamPattern::MarchC,
+        let (pattern, mismatches) = match *name {
+            "solid" => (RamPattern::Solid, &MISMATCHES_SOLID),
+            "checkerboard" => (RamPattern::Checkerboard, &MISMATCHES_CHECKERBOARD),
+            "walking-ones" => (RamPattern::WalkingOnes, &MISMATCHES_WALKING_ONES),
+            "address" => (RamPattern::Address, &MISMATCHES_ADDRESS),
+            "march-c" => (RamPattern::MarchC, &MISMATCHES_MARCH_C),
             // The plan was checked against the catalogue.
             _ => continue,
         };
@@ -28,8 +32,7 @@ pub(super) async fn run(
         let (found, answer) = bench.board.ask(&request).await?;
         words = words.min(found.words);
         busy_s += answer.elapsed.as_secs_f64();
-        let measurement = format!("mismatches_{}", name.replace('-', "_"));
-        recorder.count(&measurement, found.mismatches.into()).await?;
+        recorder.count(mismatches, found.mismatches.into()).await?;
         if found.mismatches > 0 {
             let (place, expected, got) = (found.first_place, found.expected, found.got);
             let note = format!(
@@ -39,6 +42,6 @@ pub(super) async fn run(
             recorder.note(&note).await?;
         }
     }
-    recorder.count("words_tested", words.into()).await?;
-    Ok(recorder.number("test_time", busy_s, Unit::Second).await?)
+    recorder.count(&WORDS_TESTED, words.into()).await?;
+    Ok(recorder.number(&TEST_TIME, busy_s, Unit::Second).await?)
 }

@@ -1,5 +1,8 @@
 //! The module's SCI echoes blocks: every byte, several lengths, nothing lost, error counters zero.
 
+use gnc_executive::catalogue::ports::{
+    BLOCKS_LOST, BYTES_TESTED, BYTES_WRONG, FRAMING_ERRORS, OVERRUN_ERRORS, PARITY_ERRORS,
+};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::SciEcho;
@@ -29,10 +32,10 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
         overruns += u64::from(reply.overruns);
         parity += u64::from(reply.parity_errors);
     }
-    recorder.count("blocks_lost", lost).await?;
-    recorder.count("bytes_wrong", wrong).await?;
-    recorder.count("framing_errors", framing).await?;
-    recorder.count("overrun_errors", overruns).await?;
-    recorder.count("parity_errors", parity).await?;
-    Ok(recorder.count("bytes_tested", bytes).await?)
+    recorder.count(&BLOCKS_LOST, lost).await?;
+    recorder.count(&BYTES_WRONG, wrong).await?;
+    recorder.count(&FRAMING_ERRORS, framing).await?;
+    recorder.count(&OVERRUN_ERRORS, overruns).await?;
+    recorder.count(&PARITY_ERRORS, parity).await?;
+    Ok(recorder.count(&BYTES_TESTED, bytes).await?)
 }

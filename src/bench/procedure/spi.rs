@@ -1,5 +1,6 @@
 //! SPI wired to the IO lines: what one side sends the other must see, both ways.
 
+use gnc_executive::catalogue::ports::{BITS_TESTED, IN_BIT_ERRORS, OUT_BIT_ERRORS};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{SpiDirection, SpiTransfer};
@@ -14,7 +15,9 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
     let first: List<u8, 256> = [0x00, 0xff, 0x55, 0xaa].into_iter().chain(lone_bits).collect();
     let second: List<u8, 256> = (0..=u8::MAX).collect();
     let mut bits = 0;
-    for (direction, name) in [(SpiDirection::FromModule, "out_bit_errors"), (SpiDirection::ToModule, "in_bit_errors")] {
+    for (direction, measurement) in
+        [(SpiDirection::FromModule, &OUT_BIT_ERRORS), (SpiDirection::ToModule, &IN_BIT_ERRORS)]
+    {
         let mut errors = 0;
         for data in [&first, &second] {
             let request = SpiTransfer { direction: direction as u8, clock_hz, data: data.clone() };
@@ -22,9 +25,9 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
             errors += bit_errors(data, &seen);
             bits += data.len() as u64 * 8;
         }
-        recorder.count(name, errors).await?;
+        recorder.count(measurement, errors).await?;
     }
-    Ok(recorder.count("bits_tested", bits).await?)
+    Ok(recorder.count(&BITS_TESTED, bits).await?)
 }
 
 /// Bits that differ; a byte that is missing or too much counts as eight.

@@ -110,9 +110,10 @@ impl Conversation {
                 asked: pending.asked,
                 body: Payload::from_slice(reader.take_rest()).unwrap_or_default(),
             }),
-            Ok(ResultHead { status: code, .. }) => {
+            Ok(ResultHead { status: code, elapsed_us }) => {
                 let text = Text::<160>::get(&mut reader).map(|text| text.as_str().to_owned()).unwrap_or_default();
-                Err(BoardError::Fault { what, code, text })
+                let elapsed = Duration::from_micros(elapsed_us.into());
+                Err(BoardError::Fault { what, code, text, elapsed })
             }
         };
         if let Ok(answer) = &answer {

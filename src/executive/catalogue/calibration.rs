@@ -1,8 +1,9 @@
 //! Calibration of accelerometers and gyroscopes, and its way into the module.
 
 use super::shared::{
-    ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, HEADING, HEADING_U, POSE_U,
-    POSITIONS, RAMP, RATE, REST, SAMPLE_RATE, SETTLE, SPAN, SPIKES, STALE_SAMPLES, TURN_RATE, WARM, degc, dph, mg, ppm,
+    ANGLE, ANGLE_U, BAND, CALIBRATED, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, HEADING, HEADING_U,
+    POSE_U, POSITIONS, RAMP, RATE, REST, SAMPLE_RATE, SETTLE, SPAN, SPIKES, STALE_SAMPLES, TURN_RATE, WARM, degc, dph,
+    mg, ppm,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -45,6 +46,7 @@ pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[],
     timeout_s: 14_400.0,
 };
 
@@ -99,6 +101,7 @@ pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[],
     timeout_s: 14_400.0,
 };
 
@@ -138,8 +141,23 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[],
     timeout_s: 3600.0,
 };
+
+/// Coefficients that read back otherwise than written, bit for bit.
+pub const COEFFICIENTS_ALTERED: MeasurementSpec =
+    count("coefficients_altered", "What was read back is not what was written: suspect the module's flash.");
+/// "good", or what is wrong with what is stored.
+pub const CHECKSUM: MeasurementSpec =
+    text("checksum", "The checksum beside the stored coefficients is not theirs: suspect the module's flash.");
+/// Time of storing them.
+pub const STORE_TIME: MeasurementSpec = number(
+    "write_time",
+    Unit::Millisecond,
+    Dimension::Time,
+    "Storing takes long: suspect the module's flash, or its supply.",
+);
 
 /// The coefficients go to the module.
 pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
@@ -147,17 +165,13 @@ pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
     params: &[],
     measurements: &[
         count("coefficients", "The module takes accelerometer, gyroscope and magnetometer coefficients."),
-        count("coefficients_altered", "What was read back is not what was written: suspect the module's flash."),
-        text("checksum", "The checksum beside the stored coefficients is not theirs: suspect the module's flash."),
-        number(
-            "write_time",
-            Unit::Millisecond,
-            Dimension::Time,
-            "Storing takes long: suspect the module's flash, or its supply.",
-        ),
+        COEFFICIENTS_ALTERED,
+        CHECKSUM,
+        STORE_TIME,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Flash, Resource::Link, Resource::Power],
+    needs: CALIBRATED,
     timeout_s: 600.0,
 };
 
@@ -206,5 +220,6 @@ pub(super) static CHECK: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[(ItemId::CalibrationDownload, None)],
     timeout_s: 1800.0,
 };

@@ -55,6 +55,7 @@ pub(super) static ELLIPSE: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[],
     timeout_s: 7200.0,
 };
 
@@ -95,5 +96,6 @@ pub(super) static ELLIPSOID: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[],
     timeout_s: 7200.0,
 };

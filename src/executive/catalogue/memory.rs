@@ -12,39 +12,55 @@ const RAM_PARAMS: &[ParamSpec] = &[ParamSpec {
     kind: ParamKind::Choices { of: PATTERNS, default: PATTERNS },
 }];
 
+/// Words that read otherwise than they were written, pattern "solid".
+pub const MISMATCHES_SOLID: MeasurementSpec = mismatches(
+    "solid",
+    "mismatches_solid",
+    "Bits stay 0 or 1: the first failing address and word in the error record name the line or the cell.",
+);
+/// Pattern "checkerboard".
+pub const MISMATCHES_CHECKERBOARD: MeasurementSpec = mismatches(
+    "checkerboard",
+    "mismatches_checkerboard",
+    "Neighbouring bits disturb each other: look for a short between data lines.",
+);
+/// Pattern "walking-ones".
+pub const MISMATCHES_WALKING_ONES: MeasurementSpec = mismatches(
+    "walking-ones",
+    "mismatches_walking_ones",
+    "One data line is stuck or shorted: the bits that differ in the error record name it.",
+);
+/// Pattern "address".
+pub const MISMATCHES_ADDRESS: MeasurementSpec = mismatches(
+    "address",
+    "mismatches_address",
+    "Two addresses reach the same cell: an address line is open, stuck or shorted.",
+);
+/// Pattern "march-c".
+pub const MISMATCHES_MARCH_C: MeasurementSpec = mismatches(
+    "march-c",
+    "mismatches_march_c",
+    "Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
+);
+/// Words that the pattern with the fewest covered.
+pub const WORDS_TESTED: MeasurementSpec =
+    count("words_tested", "The test did not cover the whole memory: compare the board's memory map with the plan.");
+/// Board time of all patterns.
+pub const TEST_TIME: MeasurementSpec = number(
+    "test_time",
+    Unit::Second,
+    Dimension::Time,
+    "The memory answers slowly: check its clock and its wait states.",
+);
+
 const RAM_MEASUREMENTS: &[MeasurementSpec] = &[
-    mismatches(
-        "solid",
-        "mismatches_solid",
-        "Bits stay 0 or 1: the first failing address and word in the error record name the line or the cell.",
-    ),
-    mismatches(
-        "checkerboard",
-        "mismatches_checkerboard",
-        "Neighbouring bits disturb each other: look for a short between data lines.",
-    ),
-    mismatches(
-        "walking-ones",
-        "mismatches_walking_ones",
-        "One data line is stuck or shorted: the bits that differ in the error record name it.",
-    ),
-    mismatches(
-        "address",
-        "mismatches_address",
-        "Two addresses reach the same cell: an address line is open, stuck or shorted.",
-    ),
-    mismatches(
-        "march-c",
-        "mismatches_march_c",
-        "Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
-    ),
-    count("words_tested", "The test did not cover the whole memory: compare the board's memory map with the plan."),
-    number(
-        "test_time",
-        Unit::Second,
-        Dimension::Time,
-        "The memory answers slowly: check its clock and its wait states.",
-    ),
+    MISMATCHES_SOLID,
+    MISMATCHES_CHECKERBOARD,
+    MISMATCHES_WALKING_ONES,
+    MISMATCHES_ADDRESS,
+    MISMATCHES_MARCH_C,
+    WORDS_TESTED,
+    TEST_TIME,
 ];
 
 /// Internal RAM of the DSP.
@@ -54,6 +70,7 @@ pub(super) static INTERNAL_RAM: ItemSpec = ItemSpec {
     measurements: RAM_MEASUREMENTS,
     devices: &[Device::Slave],
     resources: &[Resource::Processor],
+    needs: &[],
     timeout_s: 30.0,
 };
 
@@ -64,6 +81,7 @@ pub(super) static SDRAM: ItemSpec = ItemSpec {
     measurements: RAM_MEASUREMENTS,
     devices: &[Device::Slave],
     resources: &[Resource::Processor],
+    needs: &[],
     timeout_s: 60.0,
 };
 
@@ -73,35 +91,36 @@ const FLASH_PARAMS: &[ParamSpec] = &[ParamSpec {
     kind: ParamKind::Integer { min: 0, max: 65_535, default: 0 },
 }];
 
-const ERASE_TIME: MeasurementSpec = number(
+/// Manufacturer, kind and capacity as the flash says them.
+pub const JEDEC_ID: MeasurementSpec = text(
+    "jedec_id",
+    "All 00 or FF: the flash does not answer, check its lines and supply; any other: another type is mounted.",
+);
+/// Time of an erase.
+pub const ERASE_TIME: MeasurementSpec = number(
     "erase_time",
     Unit::Millisecond,
     Dimension::Time,
     "A slow erase is the first sign of a worn or damaged flash; check its supply too.",
 );
-const BLANK_ERRORS: MeasurementSpec =
+/// Words that are not FF after it.
+pub const BLANK_ERRORS: MeasurementSpec =
     count("blank_errors", "Words are not FF after the erase: a bad sector, or write protection is on.");
-const WRITE_TIME: MeasurementSpec =
+/// Time of writing.
+pub const WRITE_TIME: MeasurementSpec =
     number("write_time", Unit::Millisecond, Dimension::Time, "Slow programming: suspect a worn flash or a slow clock.");
-const VERIFY_ERRORS: MeasurementSpec =
+/// Words that read otherwise than they were written.
+pub const VERIFY_ERRORS: MeasurementSpec =
     count("verify_errors", "Words differ after programming: a bad sector, or a bad line to the flash.");
 
 /// SPI flash.
 pub(super) static SPI_FLASH: ItemSpec = ItemSpec {
     title: "SPI flash",
     params: FLASH_PARAMS,
-    measurements: &[
-        text(
-            "jedec_id",
-            "All 00 or FF: the flash does not answer, check its lines and supply; any other: another type is mounted.",
-        ),
-        ERASE_TIME,
-        BLANK_ERRORS,
-        WRITE_TIME,
-        VERIFY_ERRORS,
-    ],
+    measurements: &[JEDEC_ID, ERASE_TIME, BLANK_ERRORS, WRITE_TIME, VERIFY_ERRORS],
     devices: &[Device::Slave],
     resources: &[Resource::Flash],
+    needs: &[],
     timeout_s: 30.0,
 };
 
@@ -112,6 +131,7 @@ pub(super) static INTERNAL_FLASH: ItemSpec = ItemSpec {
     measurements: &[ERASE_TIME, BLANK_ERRORS, WRITE_TIME, VERIFY_ERRORS],
     devices: &[Device::Slave],
     resources: &[Resource::Flash],
+    needs: &[],
     timeout_s: 30.0,
 };
 

@@ -2,7 +2,7 @@
 
 use super::performance::STILL;
 use super::shared::{
-    COVERAGE, FAILED_READS, RATE, SAMPLE_RATE, SENSORS, SETTLE, SPIKES, STALE_SAMPLES, dph, mg, quantity,
+    COMPENSATED, COVERAGE, FAILED_READS, RATE, SAMPLE_RATE, SENSORS, SETTLE, SPIKES, STALE_SAMPLES, dph, mg, quantity,
 };
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number};
 use crate::quantity::{Dimension, Unit};
@@ -62,6 +62,7 @@ pub(super) static ALLAN: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
+    needs: COMPENSATED,
     timeout_s: 80_000.0,
 };
 
@@ -113,5 +114,6 @@ pub(super) static PSD: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
+    needs: COMPENSATED,
     timeout_s: 80_000.0,
 };

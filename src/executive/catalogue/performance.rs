@@ -1,8 +1,8 @@
 //! What calibration leaves: biases, their stability and repeatability, resolution.
 
 use super::shared::{
-    COVERAGE, DWELL, FAILED_READS, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE, SENSORS, SETTLE, SPIKES,
-    STALE_SAMPLES, WARM, degc, dph, mg, percent, quantity,
+    CALIBRATED, COMPENSATED, COVERAGE, DWELL, FAILED_READS, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE,
+    SENSORS, SETTLE, SPIKES, STALE_SAMPLES, WARM, degc, dph, mg, percent, quantity,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -44,6 +44,7 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
+    needs: CALIBRATED,
     timeout_s: 14_400.0,
 };
 
@@ -79,6 +80,7 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: &[(ItemId::SixPosition, None)],
     timeout_s: 14_400.0,
 };
 
@@ -109,6 +111,7 @@ pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
+    needs: COMPENSATED,
     timeout_s: 80_000.0,
 };
 
@@ -144,6 +147,7 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
+    needs: COMPENSATED,
     timeout_s: 80_000.0,
 };
 
@@ -203,6 +207,7 @@ pub(super) static RESOLUTION: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
+    needs: COMPENSATED,
     timeout_s: 7200.0,
 };
 

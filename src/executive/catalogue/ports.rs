@@ -1,21 +1,37 @@
 //! IO lines, SPI, RS-422 and CAN.
 
-use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, text};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, text};
 use crate::quantity::Unit;
+
+/// Levels that read otherwise than they should.
+pub const WRONG_READS: MeasurementSpec =
+    count("wrong_reads", "A line reads another level than its partner drives: the faulty pairs name it.");
+/// Pairs driver>reader at fault, or "none".
+pub const FAULTY_PAIRS: MeasurementSpec =
+    text("faulty_pairs", "Pairs are driver>reader: one line in all of them is open, or its driver is bad.");
+/// Pairs of lines that move together, or "none".
+pub const SHORTED_LINES: MeasurementSpec =
+    text("shorted_lines", "These lines move together: look for solder between them.");
 
 /// The four IO lines, looped on the board.
 pub(super) static IO: ItemSpec = ItemSpec {
     title: "IO lines",
     params: &[],
-    measurements: &[
-        count("wrong_reads", "A line reads another level than its partner drives: the faulty pairs name it."),
-        text("faulty_pairs", "Pairs are driver>reader: one line in all of them is open, or its driver is bad."),
-        text("shorted_lines", "These lines move together: look for solder between them."),
-    ],
+    measurements: &[WRONG_READS, FAULTY_PAIRS, SHORTED_LINES],
     devices: &[Device::Slave],
     resources: &[Resource::IoPins],
+    needs: &[],
     timeout_s: 10.0,
 };
+
+/// Bits altered on the way out of the module.
+pub const OUT_BIT_ERRORS: MeasurementSpec =
+    count("out_bit_errors", "Bits change on their way out: check SDO, CLK and CS, then try a slower clock.");
+/// Bits altered on the way in.
+pub const IN_BIT_ERRORS: MeasurementSpec =
+    count("in_bit_errors", "Bits change on their way in: check SDI, CLK and CS, then try a slower clock.");
+/// Bits sent both ways.
+pub const BITS_TESTED: MeasurementSpec = count("bits_tested", "The test ended early: see the error record.");
 
 /// SPI, observed through the IO lines.
 pub(super) static SPI: ItemSpec = ItemSpec {
@@ -25,17 +41,30 @@ pub(super) static SPI: ItemSpec = ItemSpec {
         about: "clock of the bus",
         kind: ParamKind::Quantity { unit: Unit::Hertz, min: 1000.0, max: 50e6, default: 1e6 },
     }],
-    measurements: &[
-        count("out_bit_errors", "Bits change on their way out: check SDO, CLK and CS, then try a slower clock."),
-        count("in_bit_errors", "Bits change on their way in: check SDI, CLK and CS, then try a slower clock."),
-        count("bits_tested", "The test ended early: see the error record."),
-    ],
+    measurements: &[OUT_BIT_ERRORS, IN_BIT_ERRORS, BITS_TESTED],
     devices: &[Device::Slave],
     resources: &[Resource::IoPins],
+    needs: &[],
     timeout_s: 10.0,
 };
 
 const NOISE: &str = "The line disturbs bytes: check cable, termination and ground, and the rate at both ends.";
+
+/// Blocks that did not come back.
+pub const BLOCKS_LOST: MeasurementSpec =
+    count("blocks_lost", "Whole blocks vanish: check the cable, then the receiver of the module.");
+/// Bytes that came back altered, or not.
+pub const BYTES_WRONG: MeasurementSpec =
+    count("bytes_wrong", "Bytes come back altered: suspect the module's SCI or its transceiver.");
+/// Framing errors that the module counts.
+pub const FRAMING_ERRORS: MeasurementSpec = count("framing_errors", NOISE);
+/// Overruns that the module counts.
+pub const OVERRUN_ERRORS: MeasurementSpec =
+    count("overrun_errors", "The module does not fetch its bytes in time: suspect firmware or interrupts.");
+/// Parity errors that the module counts.
+pub const PARITY_ERRORS: MeasurementSpec = count("parity_errors", NOISE);
+/// Bytes sent.
+pub const BYTES_TESTED: MeasurementSpec = count("bytes_tested", "The test ended early: see the error record.");
 
 /// RS-422 echo.
 pub(super) static SCI: ItemSpec = ItemSpec {
@@ -45,37 +74,55 @@ pub(super) static SCI: ItemSpec = ItemSpec {
         about: "rate of the line during the test",
         kind: ParamKind::Quantity { unit: Unit::BitPerSecond, min: 1200.0, max: 3e6, default: 115_200.0 },
     }],
-    measurements: &[
-        count("blocks_lost", "Whole blocks vanish: check the cable, then the receiver of the module."),
-        count("bytes_wrong", "Bytes come back altered: suspect the module's SCI or its transceiver."),
-        count("framing_errors", NOISE),
-        count("overrun_errors", "The module does not fetch its bytes in time: suspect firmware or interrupts."),
-        count("parity_errors", NOISE),
-        count("bytes_tested", "The test ended early: see the error record."),
-    ],
+    measurements: &[BLOCKS_LOST, BYTES_WRONG, FRAMING_ERRORS, OVERRUN_ERRORS, PARITY_ERRORS, BYTES_TESTED],
     devices: &[Device::Slave, Device::Rs422],
     resources: &[Resource::Link],
+    needs: &[],
     timeout_s: 30.0,
 };
+
+/// Test frames sent.
+pub const FRAMES_SENT: MeasurementSpec = count("frames_sent", "The test ended early: see the error record.");
+/// Test frames that did not come back.
+pub const FRAMES_LOST: MeasurementSpec =
+    count("frames_lost", "Frames do not come back: check cable and termination (60 ohm between the lines).");
+/// Test frames that came back altered.
+pub const FRAMES_ALTERED: MeasurementSpec =
+    count("frames_altered", "Frames come back altered under a good CRC: suspect the module's CAN controller.");
+/// Test frames that came back before an earlier one, or twice.
+pub const FRAMES_OUT_OF_ORDER: MeasurementSpec =
+    count("frames_out_of_order", "Frames overtake each other: suspect the module's mailboxes or firmware.");
+/// The controller's counter of errors on sending.
+pub const TX_ERROR_COUNTER: MeasurementSpec =
+    count("tx_error_counter", "The module's controller counts errors on sending: check cable and termination.");
+/// Its counter of errors on receiving.
+pub const RX_ERROR_COUNTER: MeasurementSpec = count(
+    "rx_error_counter",
+    "The module's controller counts errors on receiving: check cable, termination, bit rate.",
+);
+/// Error frames that the host's adapter saw.
+pub const ADAPTER_ERRORS: MeasurementSpec =
+    count("adapter_errors", "The host's adapter saw error frames: check cable, termination, bit rate.");
+/// Whether the controller left the bus: "yes" or "no".
+pub const BUS_OFF: MeasurementSpec =
+    text("bus_off", "The controller left the bus: look for a short between the lines or another bit rate.");
 
 /// CAN echo.
 pub(super) static CAN: ItemSpec = ItemSpec {
     title: "CAN echo",
     params: &[],
     measurements: &[
-        count("frames_sent", "The test ended early: see the error record."),
-        count("frames_lost", "Frames do not come back: check cable and termination (60 ohm between the lines)."),
-        count("frames_altered", "Frames come back altered under a good CRC: suspect the module's CAN controller."),
-        count("frames_out_of_order", "Frames overtake each other: suspect the module's mailboxes or firmware."),
-        count("tx_error_counter", "The module's controller counts errors on sending: check cable and termination."),
-        count(
-            "rx_error_counter",
-            "The module's controller counts errors on receiving: check cable, termination, bit rate.",
-        ),
-        count("adapter_errors", "The host's adapter saw error frames: check cable, termination, bit rate."),
-        text("bus_off", "The controller left the bus: look for a short between the lines or another bit rate."),
+        FRAMES_SENT,
+        FRAMES_LOST,
+        FRAMES_ALTERED,
+        FRAMES_OUT_OF_ORDER,
+        TX_ERROR_COUNTER,
+        RX_ERROR_COUNTER,
+        ADAPTER_ERRORS,
+        BUS_OFF,
     ],
     devices: &[Device::Slave, Device::Can],
     resources: &[Resource::CanBus],
+    needs: &[],
     timeout_s: 30.0,
 };

@@ -64,6 +64,7 @@ pub(super) static SCALE_FACTOR_REPEATABILITY: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link, Resource::Power],
+    needs: &[],
     timeout_s: 80_000.0,
 };
 
@@ -121,5 +122,6 @@ pub(super) static CROSS_COUPLING: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link, Resource::Power],
+    needs: &[],
     timeout_s: 80_000.0,
 };

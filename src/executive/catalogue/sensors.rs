@@ -1,14 +1,58 @@
 //! Inertial sensors, satellite receiver, AD channels and magnetometer.
 
 use super::shared::{COVERAGE, FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES, ppm, quantity};
-use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number, text};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
 use crate::quantity::{Dimension, Unit};
 
-const GYRO: &str = "Is the module at rest? If it is, the zero rate of this gyroscope is off: suspect the sensor.";
-const GYRO_NOISE: &str = "Too much: does anything shake the table? Too little or none: this gyroscope no longer measures; suspect it or its supply.";
-const ACCEL: &str = "Is the module level and seated in its socket? If it is, suspect this accelerometer.";
-const ACCEL_NOISE: &str = "Too much: does anything shake the table? Too little or none: this accelerometer no longer measures; suspect it or its supply.";
+const GYRO_RATE: &str = "Is the module at rest? If it is, the zero rate of this gyroscope is off: suspect the sensor.";
+const GYRO_SCATTER: &str = "Too much: does anything shake the table? Too little or none: this gyroscope no longer measures; suspect it or its supply.";
+const ACCEL_FORCE: &str = "Is the module level and seated in its socket? If it is, suspect this accelerometer.";
+const ACCEL_SCATTER: &str = "Too much: does anything shake the table? Too little or none: this accelerometer no longer measures; suspect it or its supply.";
 const TEMPERATURE: &str = "Let the module reach room temperature; if it has, suspect the temperature sensor.";
+
+/// Mean rate of each gyroscope.
+pub const GYRO: [MeasurementSpec; 3] = [
+    number("gyro_x", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_RATE),
+    number("gyro_y", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_RATE),
+    number("gyro_z", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_RATE),
+];
+/// Standard deviation of each.
+pub const GYRO_NOISE: [MeasurementSpec; 3] = [
+    number("gyro_x_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_SCATTER),
+    number("gyro_y_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_SCATTER),
+    number("gyro_z_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_SCATTER),
+];
+/// Mean specific force along each axis.
+pub const ACCEL: [MeasurementSpec; 3] = [
+    number("accel_x", Unit::Gravity, Dimension::Acceleration, ACCEL_FORCE),
+    number("accel_y", Unit::Gravity, Dimension::Acceleration, ACCEL_FORCE),
+    number("accel_z", Unit::Gravity, Dimension::Acceleration, ACCEL_FORCE),
+];
+/// Standard deviation of each.
+pub const ACCEL_NOISE: [MeasurementSpec; 3] = [
+    number("accel_x_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_SCATTER),
+    number("accel_y_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_SCATTER),
+    number("accel_z_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_SCATTER),
+];
+/// Length of the mean specific force.
+pub const ACCEL_NORM: MeasurementSpec = number(
+    "accel_norm",
+    Unit::Gravity,
+    Dimension::Acceleration,
+    "At rest the norm is 1 g in any attitude: the axis that is off names the accelerometer.",
+);
+/// Mean temperature of the gyroscopes.
+pub const GYRO_TEMPERATURE: MeasurementSpec =
+    number("gyro_temperature", Unit::DegreeCelsius, Dimension::Temperature, TEMPERATURE);
+/// Mean temperature of the accelerometers.
+pub const ACCEL_TEMPERATURE: MeasurementSpec =
+    number("accel_temperature", Unit::DegreeCelsius, Dimension::Temperature, TEMPERATURE);
+/// Channels that repeat one value, or "none".
+pub const STUCK_CHANNELS: MeasurementSpec =
+    text("stuck_channels", "These channels repeat one value: suspect the sensor or its line to the FPGA.");
+/// Channels at the end of their range, or "none".
+pub const SATURATED_CHANNELS: MeasurementSpec =
+    text("saturated_channels", "These channels stand at the end of their range: suspect the sensor or its supply.");
 
 /// Gyroscopes and accelerometers at rest; axes of the module, right-handed, +1 g on the axis that points up.
 pub(super) static IMU: ItemSpec = ItemSpec {
@@ -26,28 +70,23 @@ pub(super) static IMU: ItemSpec = ItemSpec {
         },
     ],
     measurements: &[
-        number("gyro_x", Unit::DegreePerSecond, Dimension::AngularRate, GYRO),
-        number("gyro_y", Unit::DegreePerSecond, Dimension::AngularRate, GYRO),
-        number("gyro_z", Unit::DegreePerSecond, Dimension::AngularRate, GYRO),
-        number("gyro_x_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_NOISE),
-        number("gyro_y_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_NOISE),
-        number("gyro_z_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_NOISE),
-        number("accel_x", Unit::Gravity, Dimension::Acceleration, ACCEL),
-        number("accel_y", Unit::Gravity, Dimension::Acceleration, ACCEL),
-        number("accel_z", Unit::Gravity, Dimension::Acceleration, ACCEL),
-        number("accel_x_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_NOISE),
-        number("accel_y_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_NOISE),
-        number("accel_z_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_NOISE),
-        number(
-            "accel_norm",
-            Unit::Gravity,
-            Dimension::Acceleration,
-            "At rest the norm is 1 g in any attitude: the axis that is off names the accelerometer.",
-        ),
-        number("gyro_temperature", Unit::DegreeCelsius, Dimension::Temperature, TEMPERATURE),
-        number("accel_temperature", Unit::DegreeCelsius, Dimension::Temperature, TEMPERATURE),
-        text("stuck_channels", "These channels repeat one value: suspect the sensor or its line to the FPGA."),
-        text("saturated_channels", "These channels stand at the end of their range: suspect the sensor or its supply."),
+        GYRO[0],
+        GYRO[1],
+        GYRO[2],
+        GYRO_NOISE[0],
+        GYRO_NOISE[1],
+        GYRO_NOISE[2],
+        ACCEL[0],
+        ACCEL[1],
+        ACCEL[2],
+        ACCEL_NOISE[0],
+        ACCEL_NOISE[1],
+        ACCEL_NOISE[2],
+        ACCEL_NORM,
+        GYRO_TEMPERATURE,
+        ACCEL_TEMPERATURE,
+        STUCK_CHANNELS,
+        SATURATED_CHANNELS,
         SAMPLE_RATE,
         FAILED_READS,
         STALE_SAMPLES,
@@ -55,6 +94,7 @@ pub(super) static IMU: ItemSpec = ItemSpec {
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
+    needs: &[],
     timeout_s: 30.0,
 };
 
@@ -63,6 +103,76 @@ const PLACE: &str = "Check that the antenna sees the sky, and that its place in 
 
 /// What a receiver says under a good checksum that cannot be.
 const RECEIVER: &str = "The line is good, but what the receiver says cannot be: suspect the receiver or its firmware.";
+
+/// 3D, 2D, "dimensions unknown", "lost", or why there is none.
+pub const FIX_TYPE: MeasurementSpec = text(
+    "fix_type",
+    "No fix: check antenna, cable and sky; 2D: too few satellites; dimensions unknown: the receiver says no GSA.",
+);
+/// Mean latitude, WGS-84.
+pub const LATITUDE: MeasurementSpec = number("latitude", Unit::Degree, Dimension::Angle, PLACE);
+/// Mean longitude, WGS-84.
+pub const LONGITUDE: MeasurementSpec = number("longitude", Unit::Degree, Dimension::Angle, PLACE);
+/// Mean height above the ellipsoid.
+pub const HEIGHT: MeasurementSpec = number("height", Unit::Metre, Dimension::Length, PLACE);
+/// Distance of the mean place from the surveyed one, in the horizontal.
+pub const HORIZONTAL_ERROR: MeasurementSpec = number("horizontal_error", Unit::Metre, Dimension::Length, PLACE);
+/// The same of the height.
+pub const HEIGHT_ERROR: MeasurementSpec = number("height_error", Unit::Metre, Dimension::Length, PLACE);
+/// Mean speed over ground.
+pub const GROUND_SPEED: MeasurementSpec = number(
+    "ground_speed",
+    Unit::MetrePerSecond,
+    Dimension::Speed,
+    "The antenna does not move: look for reflections, or suspect the receiver.",
+);
+/// Fewest satellites used in an epoch.
+pub const SATELLITES_USED: MeasurementSpec = count("satellites_used", "Few satellites: check antenna, cable and sky.");
+/// From the first sentence after the restart to the first fix.
+pub const TIME_TO_FIX: MeasurementSpec = number(
+    "time_to_fix",
+    Unit::Second,
+    Dimension::Time,
+    "A slow start: check the sky, and whether the receiver keeps its almanac.",
+);
+/// Horizontal dilution of precision, the newest.
+pub const HDOP: MeasurementSpec =
+    count("hdop", "The satellites stand badly: try again later, or check what hides the sky.");
+/// Vertical dilution of precision, the newest.
+pub const VDOP: MeasurementSpec =
+    count("vdop", "The satellites stand badly: try again later, or check what hides the sky.");
+/// Pulses that came.
+pub const PPS_PULSES: MeasurementSpec = count("pps_pulses", "No pulse: check the 1PPS line; none comes without a fix.");
+/// Largest deviation of a period from a second.
+pub const PPS_PERIOD_ERROR: MeasurementSpec = number(
+    "pps_period_error",
+    Unit::Microsecond,
+    Dimension::Time,
+    "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
+);
+/// How far the board's clock is off, by the pulses.
+pub const BOARD_CLOCK_ERROR: MeasurementSpec = ppm("board_clock_error", BOARD_CLOCK);
+/// Sentences that arrived broken.
+pub const SENTENCE_ERRORS: MeasurementSpec = count(
+    "sentence_errors",
+    "Sentences arrive broken: check the line between receiver and DSP; receiver_faults are of the receiver itself.",
+);
+/// Sentences without a checksum.
+pub const SENTENCES_UNCHECKED: MeasurementSpec =
+    count("sentences_unchecked", "The receiver says no checksums: switch them on, so that the line is checked.");
+/// Values that cannot be, under a good checksum.
+pub const RECEIVER_FAULTS: MeasurementSpec = count("receiver_faults", RECEIVER);
+/// The first of them, or "none".
+pub const RECEIVER_FAULT: MeasurementSpec = text("receiver_fault", RECEIVER);
+/// Frames of another protocol.
+pub const FOREIGN_FRAMES: MeasurementSpec =
+    count("foreign_frames", "The receiver says another protocol beside NMEA: check how its port is set.");
+/// Epochs of a moment that was told before.
+pub const EPOCHS_REPEATED: MeasurementSpec =
+    count("epochs_repeated", "The receiver says the same moment again: its clock stands, or it plays something back.");
+/// Spans of 1024 weeks by which the date is too early.
+pub const WEEK_ROLLOVERS: MeasurementSpec =
+    count("week_rollovers", "The date is 1024 weeks too early, or more: the receiver's firmware is too old.");
 
 /// Satellite receiver, judged against the surveyed place of the antenna.
 pub(super) static GNSS: ItemSpec = ItemSpec {
@@ -85,61 +195,90 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
         },
     ],
     measurements: &[
-        text(
-            "fix_type",
-            "No fix: check antenna, cable and sky; 2D: too few satellites; dimensions unknown: the receiver says no GSA.",
-        ),
-        number("latitude", Unit::Degree, Dimension::Angle, PLACE),
-        number("longitude", Unit::Degree, Dimension::Angle, PLACE),
-        number("height", Unit::Metre, Dimension::Length, PLACE),
-        number("horizontal_error", Unit::Metre, Dimension::Length, PLACE),
-        number("height_error", Unit::Metre, Dimension::Length, PLACE),
-        number(
-            "ground_speed",
-            Unit::MetrePerSecond,
-            Dimension::Speed,
-            "The antenna does not move: look for reflections, or suspect the receiver.",
-        ),
-        count("satellites_used", "Few satellites: check antenna, cable and sky."),
-        number(
-            "time_to_fix",
-            Unit::Second,
-            Dimension::Time,
-            "A slow start: check the sky, and whether the receiver keeps its almanac.",
-        ),
-        count("hdop", "The satellites stand badly: try again later, or check what hides the sky."),
-        count("vdop", "The satellites stand badly: try again later, or check what hides the sky."),
-        count("pps_pulses", "No pulse: check the 1PPS line; none comes without a fix."),
-        number(
-            "pps_period_error",
-            Unit::Microsecond,
-            Dimension::Time,
-            "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
-        ),
-        ppm("board_clock_error", BOARD_CLOCK),
-        count(
-            "sentence_errors",
-            "Sentences arrive broken: check the line between receiver and DSP; receiver_faults are of the receiver itself.",
-        ),
-        count("sentences_unchecked", "The receiver says no checksums: switch them on, so that the line is checked."),
-        count("receiver_faults", RECEIVER),
-        text("receiver_fault", RECEIVER),
-        count("foreign_frames", "The receiver says another protocol beside NMEA: check how its port is set."),
-        count(
-            "epochs_repeated",
-            "The receiver says the same moment again: its clock stands, or it plays something back.",
-        ),
-        count("week_rollovers", "The date is 1024 weeks too early, or more: the receiver's firmware is too old."),
+        FIX_TYPE,
+        LATITUDE,
+        LONGITUDE,
+        HEIGHT,
+        HORIZONTAL_ERROR,
+        HEIGHT_ERROR,
+        GROUND_SPEED,
+        SATELLITES_USED,
+        TIME_TO_FIX,
+        HDOP,
+        VDOP,
+        PPS_PULSES,
+        PPS_PERIOD_ERROR,
+        BOARD_CLOCK_ERROR,
+        SENTENCE_ERRORS,
+        SENTENCES_UNCHECKED,
+        RECEIVER_FAULTS,
+        RECEIVER_FAULT,
+        FOREIGN_FRAMES,
+        EPOCHS_REPEATED,
+        WEEK_ROLLOVERS,
     ],
     devices: &[Device::Slave],
     resources: &[],
+    needs: &[],
     timeout_s: 120.0,
 };
 
 const AD_ON: &str = "Check the DIP switch, the rail that it connects and the channel's input.";
 const AD_OFF: &str = "The channel reads something with its switch off: look for a short, or a switch that was left on.";
-const MAG_SPAN: &str =
+const MAG_SWEEP: &str =
     "The reading does not follow the heading as the field does: look for iron nearby, then suspect the magnetometer.";
+
+/// A channel behind a DIP switch.
+#[derive(Debug)]
+pub struct SwitchedSpec {
+    /// Its mean with its own switch on and all others off.
+    pub on: MeasurementSpec,
+    /// Its mean with all switches off.
+    pub off: MeasurementSpec,
+}
+
+/// Channels 4 to 8.
+pub const SWITCHED: [SwitchedSpec; 5] = [
+    SwitchedSpec {
+        on: number("ad4_on", Unit::Volt, Dimension::Voltage, AD_ON),
+        off: number("ad4_off", Unit::Volt, Dimension::Voltage, AD_OFF),
+    },
+    SwitchedSpec {
+        on: number("ad5_on", Unit::Volt, Dimension::Voltage, AD_ON),
+        off: number("ad5_off", Unit::Volt, Dimension::Voltage, AD_OFF),
+    },
+    SwitchedSpec {
+        on: number("ad6_on", Unit::Volt, Dimension::Voltage, AD_ON),
+        off: number("ad6_off", Unit::Volt, Dimension::Voltage, AD_OFF),
+    },
+    SwitchedSpec {
+        on: number("ad7_on", Unit::Volt, Dimension::Voltage, AD_ON),
+        off: number("ad7_off", Unit::Volt, Dimension::Voltage, AD_OFF),
+    },
+    SwitchedSpec {
+        on: number("ad8_on", Unit::Volt, Dimension::Voltage, AD_ON),
+        off: number("ad8_off", Unit::Volt, Dimension::Voltage, AD_OFF),
+    },
+];
+/// How far the field along X and Y sweeps over a turn.
+pub const MAG_SPAN: [MeasurementSpec; 2] = [
+    number("mag_x_span", Unit::Gauss, Dimension::MagneticField, MAG_SWEEP),
+    number("mag_y_span", Unit::Gauss, Dimension::MagneticField, MAG_SWEEP),
+];
+/// Largest change of a channel when the switch of another one is flipped.
+pub const CROSSTALK: MeasurementSpec = number(
+    "crosstalk",
+    Unit::Millivolt,
+    Dimension::Voltage,
+    "Another channel moves with the switch: look for a short between the inputs, or a bad multiplexer.",
+);
+/// Mean field along Z.
+pub const MAG_Z: MeasurementSpec = number(
+    "mag_z",
+    Unit::Gauss,
+    Dimension::MagneticField,
+    "Compare with the vertical field of the bench file: iron near the socket, or a bad channel.",
+);
 
 /// AD channels: 1-3 the magnetometer, 4-8 through the DIP switches.
 pub(super) static AD: ItemSpec = ItemSpec {
@@ -157,33 +296,24 @@ pub(super) static AD: ItemSpec = ItemSpec {
         },
     ],
     measurements: &[
-        number("ad4_on", Unit::Volt, Dimension::Voltage, AD_ON),
-        number("ad4_off", Unit::Volt, Dimension::Voltage, AD_OFF),
-        number("ad5_on", Unit::Volt, Dimension::Voltage, AD_ON),
-        number("ad5_off", Unit::Volt, Dimension::Voltage, AD_OFF),
-        number("ad6_on", Unit::Volt, Dimension::Voltage, AD_ON),
-        number("ad6_off", Unit::Volt, Dimension::Voltage, AD_OFF),
-        number("ad7_on", Unit::Volt, Dimension::Voltage, AD_ON),
-        number("ad7_off", Unit::Volt, Dimension::Voltage, AD_OFF),
-        number("ad8_on", Unit::Volt, Dimension::Voltage, AD_ON),
-        number("ad8_off", Unit::Volt, Dimension::Voltage, AD_OFF),
-        number(
-            "crosstalk",
-            Unit::Millivolt,
-            Dimension::Voltage,
-            "Another channel moves with the switch: look for a short between the inputs, or a bad multiplexer.",
-        ),
-        number("mag_x_span", Unit::Gauss, Dimension::MagneticField, MAG_SPAN),
-        number("mag_y_span", Unit::Gauss, Dimension::MagneticField, MAG_SPAN),
-        number(
-            "mag_z",
-            Unit::Gauss,
-            Dimension::MagneticField,
-            "Compare with the vertical field of the bench file: iron near the socket, or a bad channel.",
-        ),
+        SWITCHED[0].on,
+        SWITCHED[0].off,
+        SWITCHED[1].on,
+        SWITCHED[1].off,
+        SWITCHED[2].on,
+        SWITCHED[2].off,
+        SWITCHED[3].on,
+        SWITCHED[3].off,
+        SWITCHED[4].on,
+        SWITCHED[4].off,
+        CROSSTALK,
+        MAG_SPAN[0],
+        MAG_SPAN[1],
+        MAG_Z,
     ],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude],
+    needs: &[],
     timeout_s: 600.0,
 };
 
@@ -205,12 +335,13 @@ pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
         number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
         number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
         number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line."),
-        ppm("board_clock_error", BOARD_CLOCK),
+        BOARD_CLOCK_ERROR,
         number("pps_accuracy", Unit::Nanosecond, Dimension::Time, "Needs an external time reference."),
         count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences."),
         count("effective_epochs", "So few epochs are independent that the figure is uncertain: collect longer."),
     ],
     devices: &[Device::Slave],
     resources: &[],
+    needs: &[],
     timeout_s: 14_400.0,
 };

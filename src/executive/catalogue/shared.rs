@@ -1,7 +1,18 @@
 //! What the items of calibration and performance share: parameters of captures and of uncertainty, units of figures.
 
-use super::{MeasurementSpec, ParamKind, ParamSpec, number};
+use super::{ItemId, MeasurementSpec, ParamKind, ParamSpec, When, number};
 use crate::quantity::{Dimension, Unit};
+
+/// What an item works with whose figures are those of calibrated sensors.
+pub(super) const CALIBRATED: &[(ItemId, Option<When>)] =
+    &[(ItemId::SixPosition, None), (ItemId::GyroStill, None), (ItemId::Rotation, None)];
+
+const GYRO: Option<When> = Some(When::HasText { param: "sensors", element: "gyro" });
+
+/// The same for an item that judges both triads or one: the gyroscopes' g-sensitivity is taken out with the force that
+/// the accelerometers measure.
+pub(super) const COMPENSATED: &[(ItemId, Option<When>)] =
+    &[(ItemId::SixPosition, None), (ItemId::GyroStill, GYRO), (ItemId::Rotation, GYRO)];
 
 /// A quantity as a parameter.
 pub(super) const fn quantity(
@@ -100,7 +111,7 @@ pub(super) const CLOCK_U: ParamSpec = quantity(
 );
 
 /// The samples' rate against true time.
-pub(super) const SAMPLE_RATE: MeasurementSpec = ppm(
+pub const SAMPLE_RATE: MeasurementSpec = ppm(
     "sample_rate_error",
     "The oscillator of the slave board is off, or that of this computer: compare both with a counter.",
 );
@@ -134,19 +145,19 @@ pub(super) const fn degc(name: &'static str, look_at: &'static str) -> Measureme
 }
 
 /// Reads that a chip did not answer, of all samples that the item used.
-pub(super) const FAILED_READS: MeasurementSpec = percent(
+pub const FAILED_READS: MeasurementSpec = percent(
     "failed_reads",
     "A failed read gives 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
 );
 
 /// Samples that repeat the one before on all channels, of all samples that the item used.
-pub(super) const STALE_SAMPLES: MeasurementSpec = percent(
+pub const STALE_SAMPLES: MeasurementSpec = percent(
     "stale_samples",
     "The sensor is read more often than it updates, or it stops at times: compare its output rate with that of the stream.",
 );
 
 /// Samples far from their neighbours on both sides, of all samples that the item used.
-pub(super) const SPIKES: MeasurementSpec =
+pub const SPIKES: MeasurementSpec =
     percent("spikes", "Single samples jump: look for loose contacts and disturbances, then suspect the sensor.");
 
 /// Why a temperature or its drift may be out of its limit.

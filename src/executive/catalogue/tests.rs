@@ -54,7 +54,7 @@ fn the_table_is_consistent() {
 fn needs_stand_before() {
     let position = |item: ItemId| ItemId::ALL.iter().position(|other| *other == item);
     for item in ItemId::ALL {
-        for (need, when) in item.needs() {
+        for (need, when) in item.spec().needs {
             assert!(position(*need) < position(item), "{item} needs {need}");
             if let Some(When::HasText { param, element }) = when {
                 let Some(ParamKind::Choices { of, .. }) = item.spec().param(param).map(|param| &param.kind) else {
@@ -69,7 +69,7 @@ fn needs_stand_before() {
 #[test]
 fn power_cycles_exclude_everything() {
     for item in ItemId::ALL {
-        for switches in [ItemId::BiasRepeatability, ItemId::Identity] {
+        for switches in [ItemId::BiasRepeatability, ItemId::Identity, ItemId::PowerCycle] {
             assert!(switches.excludes(item) && item.excludes(switches), "{item}");
         }
     }
@@ -86,16 +86,54 @@ fn shared_pins_and_motion_exclude() {
 }
 
 #[test]
-fn counts_of_measurements_are_those_of_the_specification() {
-    let counts: Vec<usize> = ItemId::ALL.iter().map(|item| item.spec().measurements.len()).collect();
-    // identity 7, cpu 2 x 4, timers 3 x (4 x 3 + 1), memories 5 + 2, flashes 5 and 4, imu 17, the rate and three kinds of
-    // bad samples, gnss 21, ad 5 x 2 + 1 + 3, io 3, spi 3, sci 6, can 8: its seven and what the host's adapter saw.
-    assert_eq!(counts[..14], [7, 8, 39, 7, 7, 5, 4, 17 + 4, 21, 14, 3, 3, 6, 8]);
-    // six-position 3 biases, 3 scales, 6 couplings, 3 angles, 3; gyro-still 3 + 9 + 3; rotation 3 + 6 + 3 + 3 + 3 + 2;
-    // biases 5 and 4; stability and repeatability 6 + 2 each; coupling 2 x (6 + 3); resolution 6 + 3; allan 18; psd 12;
-    // and of each that captures samples how far their rate is off true time and three kinds of bad ones.
-    let of_figures = [18, 15, 20, 5, 4, 8, 8, 8, 18, 9, 18, 12, 13, 14];
-    assert_eq!(counts[14..28], of_figures.map(|figures| figures + 4));
-    // The receiver's accuracy with the board's clock; the download; the check.
-    assert_eq!(counts[28..], [9, 4, 8 + 4]);
+fn the_stored_page_is_the_generated_one() {
+    let stored = include_str!("../../../docs/items.md");
+    assert!(stored == page(), "run: cargo run -q -p gnc-executive --example items > docs/items.md");
 }
+
+#[test]
+fn counts_of_measurements_are_those_of_the_specification() {
+    let of_specification = [
+        (ItemId::Identity, 7),
+        (ItemId::Cpu, 2 * 4),
+        (ItemId::Timers, 3 * (4 * 3 + 1)),
+        // Five patterns, and two more.
+        (ItemId::InternalRam, 5 + 2),
+        (ItemId::Sdram, 5 + 2),
+        (ItemId::SpiFlash, 5),
+        (ItemId::InternalFlash, 4),
+        (ItemId::Imu, 17 + OF_SAMPLES),
+        (ItemId::Gnss, 21),
+        (ItemId::Ad, 5 * 2 + 1 + 3),
+        (ItemId::Io, 3),
+        (ItemId::Spi, 3),
+        (ItemId::Sci, 6),
+        // Its seven, and what the host's adapter saw.
+        (ItemId::Can, 7 + 1),
+        // Biases, scales, couplings, angles.
+        (ItemId::SixPosition, 3 + 3 + 6 + 3 + 3 + OF_SAMPLES),
+        (ItemId::GyroStill, 3 + 9 + 3 + OF_SAMPLES),
+        (ItemId::Rotation, 3 + 6 + 3 + 3 + 3 + 2 + OF_SAMPLES),
+        (ItemId::GyroBias, 5 + OF_SAMPLES),
+        (ItemId::AccelBias, 4 + OF_SAMPLES),
+        (ItemId::BiasStability, 6 + 2 + OF_SAMPLES),
+        (ItemId::BiasRepeatability, 6 + 2 + OF_SAMPLES),
+        (ItemId::ScaleFactorRepeatability, 6 + 2 + OF_SAMPLES),
+        (ItemId::CrossCoupling, 2 * (6 + 3) + OF_SAMPLES),
+        (ItemId::Resolution, 6 + 3 + OF_SAMPLES),
+        (ItemId::Allan, 18 + OF_SAMPLES),
+        (ItemId::Psd, 12 + OF_SAMPLES),
+        (ItemId::MagnetometerEllipse, 13 + OF_SAMPLES),
+        (ItemId::MagnetometerEllipsoid, 14 + OF_SAMPLES),
+        // With the board's clock.
+        (ItemId::GnssAccuracy, 9),
+        (ItemId::CalibrationDownload, 4),
+        (ItemId::CalibrationCheck, 8 + OF_SAMPLES),
+    ];
+    for (item, count) in of_specification {
+        assert_eq!(item.spec().measurements.len(), count, "{item}");
+    }
+}
+
+/// What every item measures that captures samples: how far their rate is off true time, and three kinds of bad ones.
+const OF_SAMPLES: usize = 4;

@@ -256,7 +256,7 @@ impl Linker<'_> {
     /// The calibration that the item works with is made before it.
     fn check_needs(&self, position: usize, mistakes: &mut Mistakes) {
         let item = &self.raw[position].item;
-        for (need, when) in item.id.needs() {
+        for (need, when) in item.id.spec().needs {
             let there = self.raw[..position].iter().any(|raw| raw.item.id == *need);
             if !there && !self.unreadable && item.params.switch_on(*when) {
                 let what =

@@ -275,7 +275,7 @@ fn noon() -> DateTime<FixedOffset> {
 }
 
 fn items() -> Vec<PlannedItem> {
-    let each = ItemId::ALL.into_iter().take(FUNCTIONAL).map(|id| PlannedItem {
+    let each = ITEMS.into_iter().map(|id| PlannedItem {
         name: id.as_str().to_owned(),
         id,
         title: id.spec().title.to_owned(),
@@ -286,8 +286,24 @@ fn items() -> Vec<PlannedItem> {
     each.collect()
 }
 
-/// Items of the functional table, which stand first in the catalogue.
-pub(crate) const FUNCTIONAL: usize = 14;
+/// Items of the plan that is played. It is the scene's own, so that a new item of the catalogue or of a plan changes no
+/// picture.
+pub(crate) const ITEMS: [ItemId; 14] = [
+    ItemId::Identity,
+    ItemId::Cpu,
+    ItemId::Timers,
+    ItemId::InternalRam,
+    ItemId::Sdram,
+    ItemId::SpiFlash,
+    ItemId::InternalFlash,
+    ItemId::Imu,
+    ItemId::Gnss,
+    ItemId::Ad,
+    ItemId::Io,
+    ItemId::Spi,
+    ItemId::Sci,
+    ItemId::Can,
+];
 
 fn header(serial_number: &str, plan: &str) -> RunHeader {
     RunHeader {

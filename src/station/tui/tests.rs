@@ -5,6 +5,7 @@ mod captures;
 use std::time::Duration;
 
 use gnc_bench::fixture::Ask;
+use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, Level};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_rig::{Along, Orientation};
@@ -13,7 +14,7 @@ use super::decode::Key;
 use super::lang::Lang;
 use super::model::{Earlier, Glyphs, Loaded, Rounds};
 use super::records::{Day, Mark, RunLine, Runs};
-use super::scene::{Scene, measured};
+use super::scene::{ITEMS, Scene, measured};
 use super::update::{Command, Msg};
 use super::view::text_width;
 
@@ -157,12 +158,7 @@ fn running() {
 fn passed() {
     check("passed", |scene| {
         scene.start("DEMO-1");
-        let all: Vec<&str> = gnc_executive::catalogue::ItemId::ALL
-            .iter()
-            .take(super::scene::FUNCTIONAL)
-            .map(|item| item.as_str())
-            .collect();
-        scene.passes(&all);
+        scene.passes(&ITEMS.map(ItemId::as_str));
         scene.run_ends(Outcome::Passed);
     });
 }

@@ -7,25 +7,6 @@ use gnc_executive::catalogue::ItemId;
 
 use super::{coverage, coverage_field, coverage_left, coverage_noise, coverage_repeated, coverage_sky};
 
-/// Items that give no interval: counts, times and answers of the board, and means of a quick look.
-const NO_FIGURES: [ItemId; 15] = [
-    ItemId::Identity,
-    ItemId::Cpu,
-    ItemId::Timers,
-    ItemId::InternalRam,
-    ItemId::Sdram,
-    ItemId::SpiFlash,
-    ItemId::InternalFlash,
-    ItemId::Imu,
-    ItemId::Gnss,
-    ItemId::Ad,
-    ItemId::Io,
-    ItemId::Spi,
-    ItemId::Sci,
-    ItemId::Can,
-    ItemId::CalibrationDownload,
-];
-
 /// Figures without an interval, of whichever item: shares of bad samples, temperatures, what a fit leaves, counts, bounds.
 const PLAIN: [&str; 30] = [
     "failed_reads",
@@ -73,9 +54,11 @@ const ALIKE: [(ItemId, &[&str]); 2] = [
     (ItemId::MagnetometerEllipsoid, &["field_error", "soft_iron_yy", "soft_iron_zz", "soft_iron_xy", "soft_iron_xz"]),
 ];
 
-/// Whether a measurement comes with an interval.
+/// Whether a measurement comes with an interval. Items that neither settle before a capture nor state a probability give
+/// counts, times and answers of the board, or means of a quick look.
 pub(super) fn has_interval(item: ItemId, name: &str) -> bool {
-    SHARED.contains(&name) || !(NO_FIGURES.contains(&item) || PLAIN.contains(&name) || name.starts_with("line_"))
+    let no_figures = !item.spec().params.iter().any(|param| ["settle", "coverage"].contains(&param.name));
+    SHARED.contains(&name) || !(no_figures || PLAIN.contains(&name) || name.starts_with("line_"))
 }
 
 #[test]

@@ -4,6 +4,12 @@ use chrono::NaiveDate;
 use gnc_analysis::figures::Findings;
 use gnc_analysis::figures::clock::BoardClock;
 use gnc_executive::bench::{Site, SitePlace};
+use gnc_executive::catalogue::MeasurementSpec;
+use gnc_executive::catalogue::sensors::{
+    BOARD_CLOCK_ERROR, EPOCHS_REPEATED, FIX_TYPE, FOREIGN_FRAMES, GROUND_SPEED, HDOP, HEIGHT, HEIGHT_ERROR,
+    HORIZONTAL_ERROR, LATITUDE, LONGITUDE, PPS_PERIOD_ERROR, PPS_PULSES, RECEIVER_FAULT, RECEIVER_FAULTS,
+    SATELLITES_USED, SENTENCE_ERRORS, SENTENCES_UNCHECKED, TIME_TO_FIX, VDOP, WEEK_ROLLOVERS,
+};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::stats::mean;
 use gnc_nmea::{Epoch, Fault, Fix};
@@ -33,38 +39,38 @@ pub(super) async fn file(
     said(heard, recorder).await?;
     let Some(last) = heard.fixes.last() else {
         let satellites = heard.without_fix.as_ref().and_then(|epoch| epoch.satellites_used).unwrap_or(0);
-        recorder.count("satellites_used", satellites.into()).await?;
-        return Ok(recorder.text("fix_type", &without_fix(heard)).await?);
+        recorder.count(&SATELLITES_USED, satellites.into()).await?;
+        return Ok(recorder.text(&FIX_TYPE, &without_fix(heard)).await?);
     };
-    recorder.text("fix_type", fix_type(&heard.fixes, heard.fixes_lost)).await?;
+    recorder.text(&FIX_TYPE, fix_type(&heard.fixes, heard.fixes_lost)).await?;
     // Of a broken sentence nothing is known, but those of other epochs say it too.
     match newest(&heard.fixes, |epoch| epoch.date) {
-        Some(date) => recorder.count("week_rollovers", week_rollovers(date)).await?,
-        None => recorder.not_available("week_rollovers", "the receiver says no date").await?,
+        Some(date) => recorder.count(&WEEK_ROLLOVERS, week_rollovers(date)).await?,
+        None => recorder.not_available(&WEEK_ROLLOVERS, "the receiver says no date").await?,
     }
     match heard.time_to_fix_s.filter(|_| restarted) {
-        Some(time_s) => recorder.number("time_to_fix", time_s, Unit::Second).await?,
-        None => recorder.not_available("time_to_fix", "the receiver was not restarted").await?,
+        Some(time_s) => recorder.number(&TIME_TO_FIX, time_s, Unit::Second).await?,
+        None => recorder.not_available(&TIME_TO_FIX, "the receiver was not restarted").await?,
     }
     place(&heard.fixes, last, site.and_then(|site| site.place), recorder).await?;
-    let or = async |name, value: Option<f64>, unit, why| match value {
-        Some(value) => recorder.number(name, value, unit).await,
-        None => recorder.not_available(name, why).await,
+    let or = async |measurement: &MeasurementSpec, value: Option<f64>, unit, why| match value {
+        Some(value) => recorder.number(measurement, value, unit).await,
+        None => recorder.not_available(measurement, why).await,
     };
     let speed_mps = average(&heard.fixes, |epoch| epoch.ground_speed_mps);
-    or("ground_speed", speed_mps, Unit::MetrePerSecond, "neither RMC nor VTG says a speed").await?;
+    or(&GROUND_SPEED, speed_mps, Unit::MetrePerSecond, "neither RMC nor VTG says a speed").await?;
     let used = heard.fixes.iter().filter_map(|epoch| epoch.satellites_used).min();
-    or("satellites_used", used.map(f64::from), Unit::Count, "no sentence says how many satellites are used").await?;
+    or(&SATELLITES_USED, used.map(f64::from), Unit::Count, "no sentence says how many satellites are used").await?;
     let hdop = newest(&heard.fixes, |epoch| epoch.hdop);
-    or("hdop", hdop, Unit::Count, "none of GGA, GNS and GSA says it").await?;
+    or(&HDOP, hdop, Unit::Count, "none of GGA, GNS and GSA says it").await?;
     let vdop = newest(&heard.fixes, |epoch| epoch.vdop);
-    or("vdop", vdop, Unit::Count, "no GSA says it").await?;
+    or(&VDOP, vdop, Unit::Count, "no GSA says it").await?;
     if heard.pulses_ns.len() >= 2 {
         let error_us = heard.pulses_ns.windows(2).map(|pair| (pair[1].wrapping_sub(pair[0])) as f64 * 1e-3 - 1e6);
         let worst_us = error_us.map(f64::abs).fold(0.0, f64::max);
-        recorder.number("pps_period_error", worst_us, Unit::Microsecond).await?;
+        recorder.number(&PPS_PERIOD_ERROR, worst_us, Unit::Microsecond).await?;
     } else {
-        recorder.not_available("pps_period_error", "fewer than two pulses came").await?;
+        recorder.not_available(&PPS_PERIOD_ERROR, "fewer than two pulses came").await?;
     }
     board_clock(heard, recorder).await
 }
@@ -79,27 +85,27 @@ async fn board_clock(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), Proce
     };
     match clock {
         Ok(clock) => {
-            let measured = vec![("board_clock_error".to_owned(), clock.value(0.95))];
+            let measured = vec![(BOARD_CLOCK_ERROR.name.to_owned(), clock.value(0.95))];
             Ok(recorder.found(Findings { measured, details: clock.details() }).await?)
         }
-        Err(why) => Ok(recorder.not_available("board_clock_error", &why).await?),
+        Err(why) => Ok(recorder.not_available(&BOARD_CLOCK_ERROR, &why).await?),
     }
 }
 
 /// What is known of a receiver with a fix or without.
 async fn said(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let counts = heard.sentences.counts();
-    recorder.count("sentence_errors", counts.errors.into()).await?;
-    recorder.count("sentences_unchecked", counts.unchecked.into()).await?;
-    recorder.count("receiver_faults", counts.faults.into()).await?;
+    recorder.count(&SENTENCE_ERRORS, counts.errors.into()).await?;
+    recorder.count(&SENTENCES_UNCHECKED, counts.unchecked.into()).await?;
+    recorder.count(&RECEIVER_FAULTS, counts.faults.into()).await?;
     let fault = heard.sentences.fault().map_or_else(|| "none".to_owned(), ToString::to_string);
-    recorder.text("receiver_fault", &fault).await?;
-    recorder.count("foreign_frames", counts.foreign.into()).await?;
+    recorder.text(&RECEIVER_FAULT, &fault).await?;
+    recorder.count(&FOREIGN_FRAMES, counts.foreign.into()).await?;
     if counts.foreign > 0 {
         recorder.note(&format!("the receiver says frames of other protocols: {}", heard.sentences.foreign())).await?;
     }
-    recorder.count("epochs_repeated", counts.repeated.into()).await?;
-    Ok(recorder.count("pps_pulses", heard.pulses_ns.len() as u64).await?)
+    recorder.count(&EPOCHS_REPEATED, counts.repeated.into()).await?;
+    Ok(recorder.count(&PPS_PULSES, heard.pulses_ns.len() as u64).await?)
 }
 
 /// Why there is no fix.
@@ -145,25 +151,25 @@ async fn place(
         None => "the receiver says no height",
     };
     if let Some((latitude_deg, longitude_deg)) = here {
-        recorder.number("latitude", latitude_deg, Unit::Degree).await?;
-        recorder.number("longitude", longitude_deg, Unit::Degree).await?;
+        recorder.number(&LATITUDE, latitude_deg, Unit::Degree).await?;
+        recorder.number(&LONGITUDE, longitude_deg, Unit::Degree).await?;
     }
     match height_m {
-        Some(height_m) => recorder.number("height", height_m, Unit::Metre).await?,
-        None => recorder.not_available("height", no_height).await?,
+        Some(height_m) => recorder.number(&HEIGHT, height_m, Unit::Metre).await?,
+        None => recorder.not_available(&HEIGHT, no_height).await?,
     }
     let Some(site) = site else {
         let why = "the bench file has no surveyed place under [site]";
-        recorder.not_available("horizontal_error", why).await?;
-        return Ok(recorder.not_available("height_error", why).await?);
+        recorder.not_available(&HORIZONTAL_ERROR, why).await?;
+        return Ok(recorder.not_available(&HEIGHT_ERROR, why).await?);
     };
     if let Some((latitude_deg, longitude_deg)) = here {
         let horizontal_m = horizontal_distance_m(&site, latitude_deg, longitude_deg);
-        recorder.number("horizontal_error", horizontal_m, Unit::Metre).await?;
+        recorder.number(&HORIZONTAL_ERROR, horizontal_m, Unit::Metre).await?;
     }
     match height_m {
-        Some(height_m) => Ok(recorder.number("height_error", (height_m - site.height_m).abs(), Unit::Metre).await?),
-        None => Ok(recorder.not_available("height_error", no_height).await?),
+        Some(height_m) => Ok(recorder.number(&HEIGHT_ERROR, (height_m - site.height_m).abs(), Unit::Metre).await?),
+        None => Ok(recorder.not_available(&HEIGHT_ERROR, no_height).await?),
     }
 }
 

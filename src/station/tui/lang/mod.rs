@@ -4,9 +4,9 @@
 mod en;
 mod motion;
 mod ru;
-mod ru_look_at;
+mod ru_catalogue;
 mod zh;
-mod zh_look_at;
+mod zh_catalogue;
 
 use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;

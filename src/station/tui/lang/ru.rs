@@ -1,10 +1,9 @@
 //! Russian.
 
-use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::Level;
 use gnc_executive::outcome::{Cause, Outcome};
 
-use super::ru_look_at::look_at_sentence;
+use super::ru_catalogue::{item_title, look_at_sentence};
 use super::{KeyText, Texts, fill};
 use crate::tui::keymap::Action;
 
@@ -256,42 +255,6 @@ fn verdict(outcome: Outcome) -> &'static str {
         Outcome::Errored => "СБОЙ",
         Outcome::Aborted => "СТОП",
         Outcome::Skipped | Outcome::NotRun => "НЕТ",
-    }
-}
-
-fn item_title(item: ItemId) -> &'static str {
-    match item {
-        ItemId::Identity => "Паспорт и питание",
-        ItemId::Cpu => "ЦП, оба ядра",
-        ItemId::Timers => "Таймеры и прерывания",
-        ItemId::InternalRam => "Внутреннее ОЗУ",
-        ItemId::Sdram => "SDRAM",
-        ItemId::SpiFlash => "Флеш-память SPI",
-        ItemId::InternalFlash => "Внутренняя флеш-память",
-        ItemId::Imu => "ИИМ в покое",
-        ItemId::Gnss => "Приёмник ГНСС",
-        ItemId::Ad => "Каналы АЦП и магнитометр",
-        ItemId::Io => "Линии ввода-вывода",
-        ItemId::Spi => "SPI",
-        ItemId::Sci => "Эхо SCI (RS-422)",
-        ItemId::Can => "Эхо CAN",
-        ItemId::SixPosition => "Калибровка в шести положениях",
-        ItemId::GyroStill => "Гироскопы в покое",
-        ItemId::Rotation => "Гироскопы на поворотах",
-        ItemId::GyroBias => "Смещение гироскопов",
-        ItemId::AccelBias => "Смещение акселерометров",
-        ItemId::BiasStability => "Стабильность смещений",
-        ItemId::BiasRepeatability => "Повторяемость смещений",
-        ItemId::ScaleFactorRepeatability => "Повторяемость масштаба",
-        ItemId::CrossCoupling => "Взаимное влияние осей",
-        ItemId::Resolution => "Разрешение",
-        ItemId::Allan => "Вариация Аллана",
-        ItemId::Psd => "Спектр шума",
-        ItemId::MagnetometerEllipse => "Магнитометр: эллипс",
-        ItemId::MagnetometerEllipsoid => "Магнитометр: эллипсоид",
-        ItemId::GnssAccuracy => "Точность ГНСС",
-        ItemId::CalibrationDownload => "Запись калибровки",
-        ItemId::CalibrationCheck => "Проверка калибровки",
     }
 }
 

@@ -1,10 +1,9 @@
 //! Chinese, simplified.
 
-use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::Level;
 use gnc_executive::outcome::{Cause, Outcome};
 
-use super::zh_look_at::look_at_sentence;
+use super::zh_catalogue::{item_title, look_at_sentence};
 use super::{KeyText, Texts, fill};
 use crate::tui::keymap::Action;
 
@@ -257,42 +256,6 @@ fn verdict(outcome: Outcome) -> &'static str {
         Outcome::Errored => "ERROR",
         Outcome::Aborted => "ABORT",
         Outcome::Skipped | Outcome::NotRun => "NONE",
-    }
-}
-
-fn item_title(item: ItemId) -> &'static str {
-    match item {
-        ItemId::Identity => "标识与供电",
-        ItemId::Cpu => "CPU（双核）",
-        ItemId::Timers => "定时器与中断",
-        ItemId::InternalRam => "内部 RAM",
-        ItemId::Sdram => "SDRAM",
-        ItemId::SpiFlash => "SPI 闪存",
-        ItemId::InternalFlash => "内部闪存",
-        ItemId::Imu => "静止状态的惯性器件",
-        ItemId::Gnss => "卫星导航接收机",
-        ItemId::Ad => "AD 通道与磁强计",
-        ItemId::Io => "IO 线",
-        ItemId::Spi => "SPI",
-        ItemId::Sci => "SCI（RS-422）回环",
-        ItemId::Can => "CAN 回环",
-        ItemId::SixPosition => "六位置标定",
-        ItemId::GyroStill => "陀螺静态标定",
-        ItemId::Rotation => "陀螺转动标定",
-        ItemId::GyroBias => "陀螺零偏",
-        ItemId::AccelBias => "加速度计零偏",
-        ItemId::BiasStability => "零偏稳定性",
-        ItemId::BiasRepeatability => "零偏重复性",
-        ItemId::ScaleFactorRepeatability => "标度因数重复性",
-        ItemId::CrossCoupling => "交叉耦合",
-        ItemId::Resolution => "分辨率",
-        ItemId::Allan => "Allan 方差",
-        ItemId::Psd => "噪声功率谱",
-        ItemId::MagnetometerEllipse => "磁强计椭圆校正",
-        ItemId::MagnetometerEllipsoid => "磁强计椭球校正",
-        ItemId::GnssAccuracy => "卫星导航精度",
-        ItemId::CalibrationDownload => "标定参数下载",
-        ItemId::CalibrationCheck => "标定检查",
     }
 }
 

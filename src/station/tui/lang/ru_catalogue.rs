@@ -1,4 +1,44 @@
-//! What to look at, in Russian: the sentences of the catalogue, each with its translation.
+//! The catalogue in Russian: the title of each item, and the sentences that say what to look at, each with its translation.
+
+use gnc_executive::catalogue::ItemId;
+
+/// The title of an item.
+pub(super) fn item_title(item: ItemId) -> &'static str {
+    match item {
+        ItemId::Identity => "Паспорт и питание",
+        ItemId::Cpu => "ЦП, оба ядра",
+        ItemId::Timers => "Таймеры и прерывания",
+        ItemId::InternalRam => "Внутреннее ОЗУ",
+        ItemId::Sdram => "SDRAM",
+        ItemId::SpiFlash => "Флеш-память SPI",
+        ItemId::InternalFlash => "Внутренняя флеш-память",
+        ItemId::Imu => "ИИМ в покое",
+        ItemId::Gnss => "Приёмник ГНСС",
+        ItemId::Ad => "Каналы АЦП и магнитометр",
+        ItemId::Io => "Линии ввода-вывода",
+        ItemId::Spi => "SPI",
+        ItemId::Sci => "Эхо SCI (RS-422)",
+        ItemId::Can => "Эхо CAN",
+        ItemId::PowerCycle => "Включения питания",
+        ItemId::SixPosition => "Калибровка в шести положениях",
+        ItemId::GyroStill => "Гироскопы в покое",
+        ItemId::Rotation => "Гироскопы на поворотах",
+        ItemId::GyroBias => "Смещение гироскопов",
+        ItemId::AccelBias => "Смещение акселерометров",
+        ItemId::BiasStability => "Стабильность смещений",
+        ItemId::BiasRepeatability => "Повторяемость смещений",
+        ItemId::ScaleFactorRepeatability => "Повторяемость масштаба",
+        ItemId::CrossCoupling => "Взаимное влияние осей",
+        ItemId::Resolution => "Разрешение",
+        ItemId::Allan => "Вариация Аллана",
+        ItemId::Psd => "Спектр шума",
+        ItemId::MagnetometerEllipse => "Магнитометр: эллипс",
+        ItemId::MagnetometerEllipsoid => "Магнитометр: эллипсоид",
+        ItemId::GnssAccuracy => "Точность ГНСС",
+        ItemId::CalibrationDownload => "Запись калибровки",
+        ItemId::CalibrationCheck => "Проверка калибровки",
+    }
+}
 
 /// The sentence in Russian; English where the catalogue has a new one, which a test finds.
 pub(super) fn look_at_sentence(english: &'static str) -> &'static str {
@@ -137,6 +177,18 @@ const SENTENCES: &[(&str, &str)] = &[
      "Проверка кончилась раньше: см. запись об ошибке."),
     ("The line disturbs bytes: check cable, termination and ground, and the rate at both ends.",
      "Линия искажает байты: проверьте кабель, нагрузку, землю и скорость с обеих сторон."),
+    ("Compare the cycles in the details: if all are off, check the 5 V supply at the test socket; if one is, its contacts.",
+     "Сравните циклы в подробностях: если неверны все, проверьте питание 5 В на гнезде; если один, его контакты."),
+    ("Compare the cycles in the details: a module that draws otherwise after one power-on starts otherwise; suspect its supplies and its firmware.",
+     "Сравните циклы в подробностях: если после одного включения ток другой, модуль запускается иначе; подозрение на его питание и прошивку."),
+    ("Something feeds the module with its supply off: check the board's switch, and lines that lead to other devices.",
+     "Модуль питается и при выключенном питании: проверьте ключ платы и линии к другим устройствам."),
+    ("The test ended early: see the log of this item.",
+     "Тест окончен раньше времени: см. журнал этой проверки."),
+    ("The module does not start each time: suspect its supplies, its reset and its boot flash.",
+     "Модуль запускается не каждый раз: подозрение на его питание, сброс и загрузочную флеш-память."),
+    ("The module starts late: compare the cycles in the details; suspect its reset, its oscillator and its boot flash.",
+     "Модуль запускается поздно: сравните циклы в подробностях; подозрение на сброс, генератор и загрузочную флеш-память."),
     ("Whole blocks vanish: check the cable, then the receiver of the module.",
      "Пропадают целые блоки: проверьте кабель, затем приёмник модуля."),
     ("Bytes come back altered: suspect the module's SCI or its transceiver.",

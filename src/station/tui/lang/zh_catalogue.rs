@@ -1,4 +1,44 @@
-//! What to look at, in Chinese: the sentences of the catalogue, each with its translation.
+//! The catalogue in Chinese: the title of each item, and the sentences that say what to look at, each with its translation.
+
+use gnc_executive::catalogue::ItemId;
+
+/// The title of an item.
+pub(super) fn item_title(item: ItemId) -> &'static str {
+    match item {
+        ItemId::Identity => "标识与供电",
+        ItemId::Cpu => "CPU（双核）",
+        ItemId::Timers => "定时器与中断",
+        ItemId::InternalRam => "内部 RAM",
+        ItemId::Sdram => "SDRAM",
+        ItemId::SpiFlash => "SPI 闪存",
+        ItemId::InternalFlash => "内部闪存",
+        ItemId::Imu => "静止状态的惯性器件",
+        ItemId::Gnss => "卫星导航接收机",
+        ItemId::Ad => "AD 通道与磁强计",
+        ItemId::Io => "IO 线",
+        ItemId::Spi => "SPI",
+        ItemId::Sci => "SCI（RS-422）回环",
+        ItemId::Can => "CAN 回环",
+        ItemId::PowerCycle => "循环上电",
+        ItemId::SixPosition => "六位置标定",
+        ItemId::GyroStill => "陀螺静态标定",
+        ItemId::Rotation => "陀螺转动标定",
+        ItemId::GyroBias => "陀螺零偏",
+        ItemId::AccelBias => "加速度计零偏",
+        ItemId::BiasStability => "零偏稳定性",
+        ItemId::BiasRepeatability => "零偏重复性",
+        ItemId::ScaleFactorRepeatability => "标度因数重复性",
+        ItemId::CrossCoupling => "交叉耦合",
+        ItemId::Resolution => "分辨率",
+        ItemId::Allan => "Allan 方差",
+        ItemId::Psd => "噪声功率谱",
+        ItemId::MagnetometerEllipse => "磁强计椭圆校正",
+        ItemId::MagnetometerEllipsoid => "磁强计椭球校正",
+        ItemId::GnssAccuracy => "卫星导航精度",
+        ItemId::CalibrationDownload => "标定参数下载",
+        ItemId::CalibrationCheck => "标定检查",
+    }
+}
 
 /// The sentence in Chinese; English where the catalogue has a new one, which a test finds.
 pub(super) fn look_at_sentence(english: &'static str) -> &'static str {
@@ -137,6 +177,18 @@ const SENTENCES: &[(&str, &str)] = &[
      "测试提前结束：请看错误记录。"),
     ("The line disturbs bytes: check cable, termination and ground, and the rate at both ends.",
      "线路干扰字节：检查电缆、终端电阻和地线，以及两端的速率。"),
+    ("Compare the cycles in the details: if all are off, check the 5 V supply at the test socket; if one is, its contacts.",
+     "对照明细中的各次循环：若每次都偏差，检查测试插座的 5 V 供电；若只有一次，检查插座触点。"),
+    ("Compare the cycles in the details: a module that draws otherwise after one power-on starts otherwise; suspect its supplies and its firmware.",
+     "对照明细中的各次循环：某次上电后电流不同，说明启动过程不同；怀疑模块的电源和固件。"),
+    ("Something feeds the module with its supply off: check the board's switch, and lines that lead to other devices.",
+     "供电断开后仍有电源馈入模块：检查测试板的开关，以及通向其他设备的线路。"),
+    ("The test ended early: see the log of this item.",
+     "测试提前结束：参见本项的日志。"),
+    ("The module does not start each time: suspect its supplies, its reset and its boot flash.",
+     "模块不能每次启动：怀疑其电源、复位电路和启动闪存。"),
+    ("The module starts late: compare the cycles in the details; suspect its reset, its oscillator and its boot flash.",
+     "模块启动过迟：对照明细中的各次循环；怀疑复位电路、晶振和启动闪存。"),
     ("Whole blocks vanish: check the cable, then the receiver of the module.",
      "整块数据丢失：检查电缆，再查模块的接收器。"),
     ("Bytes come back altered: suspect the module's SCI or its transceiver.",

@@ -1,0 +1,218 @@
+//! The board's switch takes the module's supply away and gives it back: does the module start each time, as soon, and does
+//! it draw the same?
+//!
+//! The time to the first identity is board time, since no request and no simulated bench goes by the wall's clock: the time
+//! of the request for power, of every request for the identity up to the first answer, and of the pauses between them. The
+//! way over the line between two requests, about a millisecond of each, is not in it.
+//!
+//! Nothing is believed. A module that answers or draws current without supply, another module than before, and a meter whose
+//! readings never move make the item errored: such cycles are no evidence. A module that does not start fails.
+
+use std::time::Duration;
+
+use gnc_analysis::figures::Findings;
+use gnc_board::BoardError;
+use gnc_executive::catalogue::power::{
+    CYCLES_DONE, OFF_CURRENT, OFF_VOLTAGE, STARTS_MISSED, SUPPLY_CURRENT_MAX, SUPPLY_CURRENT_MIN, SUPPLY_VOLTAGE_MAX,
+    SUPPLY_VOLTAGE_MIN, TIME_TO_IDENTITY,
+};
+use gnc_executive::plan::Params;
+use gnc_executive::quantity::Unit;
+use gnc_protocol::message::{Identity, IdentityReply, ModulePower, PowerReply};
+use gnc_protocol::{FaultCode, NakCode};
+use serde_json::json;
+
+use super::{Bench, ProcedureError, Recorder};
+use crate::turntable::{self, Turntable};
+
+/// Between two requests to a module that does not answer yet: one that is refused at once is not asked without a pause.
+const ASK_EVERY: Duration = Duration::from_millis(20);
+/// A tenth of the published 5 V and 0.49 A. A module that has more without supply is not off.
+const FED_V: f64 = 0.5;
+const FED_A: f64 = 0.05;
+/// So many cycles show whether the meter's readings move.
+const CYCLES_OF_METER: usize = 3;
+
+/// A reading of the supply: voltage at the socket in V, current into the module in A.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Supply {
+    voltage_v: f64,
+    current_a: f64,
+}
+
+impl Supply {
+    fn of(reply: &PowerReply) -> Self {
+        Self { voltage_v: f64::from(reply.supply_uv) * 1e-6, current_a: f64::from(reply.supply_ua) * 1e-6 }
+    }
+}
+
+/// One cycle.
+#[derive(Debug)]
+struct Cycle {
+    /// At the end of the time without supply.
+    off: Supply,
+    /// As soon as the board calls it settled.
+    switched_on: Supply,
+    /// After the settling time, with the module at work.
+    settled: Supply,
+    /// From the request for power to the first identity, s; or what the module's silence is.
+    start: Result<f64, BoardError>,
+}
+
+pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    let wanted = usize::try_from(params.integer("cycles")?).unwrap_or(1);
+    let seconds = |name| params.quantity(name, Unit::Second);
+    let (off_s, settling_s, timeout_s) =
+        (seconds("off_time")?, seconds("settling_time")?, seconds("identity_timeout")?);
+    let table = turntable::of(bench.fixture, recorder);
+    let before = bench.board.call(&Identity {}).await?;
+    let switch = Switch { bench, recorder, table: table.as_ref(), off_s, settling_s, timeout_s, before };
+    let mut cycles = Vec::new();
+    let mut ended = Ok(());
+    while cycles.len() < wanted && ended.is_ok() {
+        match switch.cycle(cycles.len() + 1).await {
+            Ok(cycle) => cycles.push(cycle),
+            Err(error) => ended = Err(error),
+        }
+        bench.board.advanced(cycles.len() as f64, wanted as f64);
+    }
+    // What was seen stands beside the reason why it is no evidence.
+    let ended = ended.and_then(|()| check_meter(&cycles));
+    recorder.found(Findings { measured: Vec::new(), details: details(&cycles) }).await?;
+    ended?;
+    file(&cycles, recorder).await?;
+    match cycles.into_iter().find_map(|cycle| cycle.start.err()) {
+        Some(silent) => Err(silent.into()),
+        None => Ok(()),
+    }
+}
+
+struct Switch<'a> {
+    bench: &'a Bench<'a>,
+    recorder: &'a Recorder<'a>,
+    table: &'a (dyn Turntable + 'a),
+    off_s: f64,
+    settling_s: f64,
+    timeout_s: f64,
+    /// Who was in the socket before the first cycle.
+    before: IdentityReply,
+}
+
+impl Switch<'_> {
+    /// Off and on again. After an error the runner sees to the supply.
+    async fn cycle(&self, number: usize) -> Result<Cycle, ProcedureError> {
+        let board = self.bench.board;
+        board.call(&ModulePower { on: 0 }).await?;
+        self.recorder.powered(false, None).await?;
+        self.table.pause(Duration::from_secs_f64(self.off_s)).await?;
+        // Switching off what is off measures the supply again.
+        let off = Supply::of(&board.call(&ModulePower { on: 0 }).await?);
+        if off.voltage_v > FED_V || off.current_a > FED_A {
+            let Supply { voltage_v, current_a } = off;
+            return Err(ProcedureError::StillFed { cycle: number, voltage_v, current_a });
+        }
+        self.must_not_answer(number).await?;
+
+        let (reply, answer) = board.ask(&ModulePower { on: 1 }).await?;
+        self.recorder.powered(true, Some((reply.supply_uv, reply.supply_ua))).await?;
+        let start = self.start(number, answer.elapsed).await?;
+        self.table.pause(Duration::from_secs_f64(self.settling_s)).await?;
+        let settled = Supply::of(&board.call(&ModulePower { on: 1 }).await?);
+        Ok(Cycle { off, switched_on: Supply::of(&reply), settled, start })
+    }
+
+    /// A board that answers for a module without supply would hide that it does not start.
+    async fn must_not_answer(&self, number: usize) -> Result<(), ProcedureError> {
+        match self.bench.board.call(&Identity {}).await {
+            Err(BoardError::Refused { code: NakCode::NotPowered, .. }) => Ok(()),
+            Err(error) => Err(error.into()),
+            Ok(_) => Err(ProcedureError::Nonsense {
+                what: "Identity",
+                why: format!("cycle {number}: it answers for a module that has no supply"),
+            }),
+        }
+    }
+
+    /// Asks who the module is until it says so, and tells when that was; the inner error if it does not in time.
+    async fn start(&self, number: usize, switching: Duration) -> Result<Result<f64, BoardError>, ProcedureError> {
+        let mut since_on = switching;
+        loop {
+            let silent = match self.bench.board.ask(&Identity {}).await {
+                Ok((identity, answer)) => {
+                    since_on += answer.elapsed;
+                    self.must_be_same(number, &identity)?;
+                    return Ok(Ok(since_on.as_secs_f64()));
+                }
+                Err(silent @ BoardError::Fault { code: FaultCode::DeviceTimeout, elapsed, .. }) => {
+                    since_on += elapsed;
+                    silent
+                }
+                Err(error) => return Err(error.into()),
+            };
+            if since_on.as_secs_f64() >= self.timeout_s {
+                let text = format!("cycle {number}: no identity {:.2} s after power-on", since_on.as_secs_f64());
+                self.recorder.note(&text).await?;
+                return Ok(Err(silent));
+            }
+            self.table.pause(ASK_EVERY).await?;
+            since_on += ASK_EVERY;
+        }
+    }
+
+    fn must_be_same(&self, number: usize, identity: &IdentityReply) -> Result<(), ProcedureError> {
+        if *identity == self.before {
+            return Ok(());
+        }
+        Err(ProcedureError::ModuleChanged { cycle: number, was: name(&self.before), is: name(identity) })
+    }
+}
+
+fn name(identity: &IdentityReply) -> String {
+    let IdentityReply { serial_number, part, hardware, firmware, .. } = identity;
+    format!("{serial_number} ({part}, hardware {hardware}, firmware {firmware})")
+}
+
+/// Readings of a meter that measures scatter; only one that stands gives the same one to the last bit in each cycle.
+fn check_meter(cycles: &[Cycle]) -> Result<(), ProcedureError> {
+    let Some(first) = cycles.first().map(|cycle| cycle.settled) else { return Ok(()) };
+    let stands = cycles.iter().all(|cycle| cycle.switched_on == first && cycle.settled == first);
+    if cycles.len() < CYCLES_OF_METER || !stands {
+        return Ok(());
+    }
+    let (count, Supply { voltage_v, current_a }) = (2 * cycles.len(), first);
+    let why = format!("{count} readings of the supply are {voltage_v:.6} V and {current_a:.6} A to the last bit");
+    Err(ProcedureError::Nonsense { what: "ModulePower", why })
+}
+
+/// A row for each cycle.
+fn details(cycles: &[Cycle]) -> serde_json::Value {
+    let row = |(index, cycle): (usize, &Cycle)| {
+        json!({
+            "cycle": index + 1,
+            "off_voltage_v": cycle.off.voltage_v,
+            "off_current_a": cycle.off.current_a,
+            "time_to_identity_s": cycle.start.as_ref().ok(),
+            "supply_voltage_v": cycle.settled.voltage_v,
+            "supply_current_a": cycle.settled.current_a,
+        })
+    };
+    json!({ "cycles": cycles.iter().enumerate().map(row).collect::<Vec<_>>() })
+}
+
+/// The worst of all cycles.
+async fn file(cycles: &[Cycle], recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+    let highest = |of: &dyn Fn(&Cycle) -> f64| cycles.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
+    let lowest = |of: &dyn Fn(&Cycle) -> f64| cycles.iter().map(of).fold(f64::INFINITY, f64::min);
+    recorder.count(&CYCLES_DONE, cycles.len() as u64).await?;
+    recorder.count(&STARTS_MISSED, cycles.iter().filter(|cycle| cycle.start.is_err()).count() as u64).await?;
+    match cycles.iter().filter_map(|cycle| cycle.start.as_ref().ok().copied()).reduce(f64::max) {
+        Some(slowest_s) => recorder.number(&TIME_TO_IDENTITY, slowest_s, Unit::Second).await?,
+        None => recorder.not_available(&TIME_TO_IDENTITY, "the module did not start in any cycle").await?,
+    }
+    recorder.number(&SUPPLY_VOLTAGE_MIN, lowest(&|cycle| cycle.settled.voltage_v), Unit::Volt).await?;
+    recorder.number(&SUPPLY_VOLTAGE_MAX, highest(&|cycle| cycle.settled.voltage_v), Unit::Volt).await?;
+    recorder.number(&SUPPLY_CURRENT_MIN, lowest(&|cycle| cycle.settled.current_a), Unit::Ampere).await?;
+    recorder.number(&SUPPLY_CURRENT_MAX, highest(&|cycle| cycle.settled.current_a), Unit::Ampere).await?;
+    recorder.number(&OFF_VOLTAGE, highest(&|cycle| cycle.off.voltage_v) * 1e3, Unit::Millivolt).await?;
+    Ok(recorder.number(&OFF_CURRENT, highest(&|cycle| cycle.off.current_a), Unit::Ampere).await?)
+}

@@ -1,0 +1,185 @@
+//! Power cycles on the simulated bench: a good module passes, each fault has its verdict, and the module is left without
+//! power.
+
+#![cfg(feature = "sim")]
+#![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
+
+mod played;
+
+use gnc_bench::control::Control;
+use gnc_executive::event::{Event, EventKind};
+use gnc_executive::measurement::Reading;
+use gnc_executive::outcome::Outcome;
+use gnc_executive::state::{Attempt, RunState};
+use hw_mocks::{Options, Personality, Speed};
+use played::{outcomes, run_plan};
+
+/// The plan of the repository. It expects the module that the bench is told to have.
+fn plan() -> String {
+    include_str!("../../../test-plans/power-cycle.toml").replace("serial_number = \"== $serial_number\"\n", "")
+}
+
+fn options(faults: &str) -> Options {
+    let text = format!("description = \"power\"\n{faults}");
+    let personality = Personality::from_toml("power", &text).unwrap_or_else(|error| panic!("{error}"));
+    Options { personality, speed: Speed::Max, ..Options::default() }
+}
+
+fn run(faults: &str) -> RunState {
+    run_plan(&plan(), &options(faults), |_, _| {})
+}
+
+fn attempt(state: &RunState) -> &Attempt {
+    state.rows()[1].attempts.first().expect("an attempt")
+}
+
+fn value(attempt: &Attempt, name: &str) -> f64 {
+    let measured = attempt.measurements.iter().find(|measured| measured.name == name);
+    match measured.map(|measured| &measured.value) {
+        Some(Reading::Number(number)) => *number,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+/// Names of the measurements outside their limits.
+fn failed(attempt: &Attempt) -> Vec<&str> {
+    let failed = attempt.measurements.iter().filter(|measured| measured.outcome == Some(Outcome::Failed));
+    failed.map(|measured| measured.name.as_str()).collect()
+}
+
+/// Such cycles are no evidence: the item is errored, says why, and says nothing of the module.
+#[track_caller]
+fn check_no_evidence(faults: &str, why: &str) {
+    let state = run(faults);
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Errored]);
+    let attempt = attempt(&state);
+    let error = attempt.error.as_ref().expect("an error");
+    assert!(error.text.contains(why) && !error.hint.is_empty(), "{error:?}");
+    assert!(attempt.measurements.is_empty(), "{:?}", attempt.measurements);
+}
+
+/// 150 ms of switching on and 20 ms of the request for the identity, by the interface document; 5.012 V and 0.487 A by a
+/// meter that scatters by 1 mV and 0.5 mA, six deviations of which are the bounds.
+#[test]
+fn a_good_module_starts_each_time() {
+    let state = run("");
+    assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
+    let attempt = attempt(&state);
+    assert_eq!((value(attempt, "cycles_done"), value(attempt, "starts_missed")), (10.0, 0.0));
+    assert!((value(attempt, "time_to_identity") - 0.170).abs() < 1e-6, "{}", value(attempt, "time_to_identity"));
+    for end in ["min", "max"] {
+        assert!((value(attempt, &format!("supply_voltage_{end}")) - 5.012).abs() < 0.006);
+        assert!((value(attempt, &format!("supply_current_{end}")) - 0.487).abs() < 0.003);
+    }
+    assert!(value(attempt, "supply_voltage_min") < value(attempt, "supply_voltage_max"));
+    assert!((value(attempt, "off_voltage") - 3.0).abs() < 6.0 && value(attempt, "off_current") < 0.003);
+    let rows = attempt.details[0]["cycles"].as_array().expect("a row for each cycle");
+    assert_eq!(rows.len(), 10);
+    assert!(rows.iter().all(|row| row["time_to_identity_s"].as_f64().is_some_and(|time_s| time_s < 0.2)), "{rows:?}");
+}
+
+/// The run's own power-on is the first, so that cycles 2, 5 and 8 have every third one. Up 750 ms after it, the module is
+/// asked each 120 ms: the eighth time it answers, 0.150 + 7 x 0.120 + 0.020 s after the request for power.
+#[test]
+fn a_module_that_is_late_once_in_three_fails_by_its_limit() {
+    let state = run("[start]\nlate_every = 3\nlate_ms = 750\n");
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Failed]);
+    let attempt = attempt(&state);
+    assert_eq!(failed(attempt), ["time_to_identity"]);
+    let late: Vec<u64> = attempt.details[0]["cycles"]
+        .as_array()
+        .expect("a row for each cycle")
+        .iter()
+        .filter(|row| (row["time_to_identity_s"].as_f64().expect("a time") - 1.010).abs() < 1e-6)
+        .map(|row| row["cycle"].as_u64().expect("a number"))
+        .collect();
+    assert_eq!(late, [2, 5, 8]);
+}
+
+/// A module that needs a second power-on now and then fails, with or without a limit, and the other cycles are still done.
+#[test]
+fn a_module_that_needs_two_tries_fails() {
+    let starts = "[start]\nhangs_every = 3\n";
+    let state = run(starts);
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Failed]);
+    let judged = attempt(&state);
+    assert_eq!(failed(judged), ["starts_missed"]);
+    assert_eq!((value(judged, "cycles_done"), value(judged, "starts_missed")), (10.0, 3.0));
+    let unlimited = plan().replace("starts_missed = \"<= 0\"\n", "");
+    let state = run_plan(&unlimited, &options(starts), |_, _| {});
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Failed]);
+    let error = attempt(&state).error.as_ref().expect("an error");
+    assert!(error.text.contains("does not answer"), "{error:?}");
+}
+
+#[test]
+fn a_limit_is_for_the_worst_cycle() {
+    let strict = plan().replace("\"supply_current_*\" = \"0.49 A +- 5 %\"", "supply_current_max = \"<= 0.4 A\"");
+    let state = run_plan(&strict, &options(""), |_, _| {});
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Failed]);
+    assert_eq!(failed(attempt(&state)), ["supply_current_max"]);
+}
+
+#[test]
+fn a_module_that_is_not_off_is_no_evidence() {
+    check_no_evidence(
+        "[supply]\noff_voltage_v = 5.012\noff_current_a = 0.487\n",
+        "cycle 1: the supply is switched off",
+    );
+    // Fed through a signal line, past the meter of the current.
+    check_no_evidence("[supply]\noff_voltage_v = 1.9\n", "still has 1.");
+}
+
+#[test]
+fn a_board_that_answers_for_the_module_is_no_evidence() {
+    check_no_evidence("[board]\ncaches_identity = true\n", "it answers for a module that has no supply");
+}
+
+#[test]
+fn a_meter_that_stands_is_no_evidence() {
+    check_no_evidence("[supply]\nmeter_holds = true\n", "20 readings of the supply are");
+}
+
+#[test]
+fn another_module_is_no_evidence() {
+    check_no_evidence("[module]\nswapped_after = 3\n", "cycle 3: the module says that it is SIM-OTHER");
+}
+
+/// Request for power 4: the run's own, and in cycle 1 off, the second look, on. The restart is the item's, since nothing
+/// runs beside it.
+#[test]
+fn a_board_that_restarts_in_a_cycle_fails_the_item() {
+    let state = run("[reboot]\non = \"power\"\nnth = 4\nafter_ms = 50\n");
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Failed]);
+    let error = attempt(&state).error.as_ref().expect("an error");
+    assert!(error.text.contains("the board restarted"), "{error:?}");
+}
+
+/// Asks for something when the module of the first cycle has no supply.
+fn when_off(event: &Event, control: &Control, ask: impl Fn(&Control)) {
+    if matches!(&event.kind, EventKind::Power(power) if !power.on) {
+        ask(control);
+    }
+}
+
+/// A run looks whether the module is left without power, whatever ends it.
+#[test]
+fn a_stop_in_the_middle_leaves_the_module_off() {
+    let long = plan().replace("off_time = \"2 s\"", "off_time = \"600 s\"");
+    for speed in [Speed::Max, Speed::Times(20.0)] {
+        let options = Options { speed, ..options("") };
+        let state = run_plan(&long, &options, |event, control| when_off(event, control, |asked| asked.stop("a test")));
+        assert_eq!(outcomes(&state)[1], Outcome::Aborted);
+    }
+}
+
+/// An item that is given up without supply leaves the module to the next one under power.
+#[test]
+fn the_next_item_after_one_that_is_given_up_has_power() {
+    let more = "[[item]]\nid = \"cpu\"\n[item.limits]\ncore1_register_errors = \"<= 0\"\n";
+    let long = plan().replace("off_time = \"2 s\"", "off_time = \"600 s\"") + more;
+    let options = Options { speed: Speed::Times(20.0), ..options("") };
+    let state =
+        run_plan(&long, &options, |event, control| when_off(event, control, |asked| asked.give_up("power-cycle")));
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Aborted, Outcome::Passed]);
+}
