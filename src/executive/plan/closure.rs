@@ -3,15 +3,12 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
+use gnc_config::{Mistake, Mistakes, Source, Span, Table, Walk, did_you_mean, parse};
 use gnc_text::{printable, quoted};
 
-use super::item::{self, RawItem};
+use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
 use crate::catalogue::ParamKind;
-use gnc_config::{Mistake, Mistakes, Source, Span, Table, Walk, did_you_mean, parse};
-
-/// Characters of a name, which becomes a folder.
-const NAME_CHARACTERS: usize = 64;
 
 /// Bytes of a path, as most systems have it.
 const PATH_BYTES: usize = 4096;
@@ -153,16 +150,6 @@ fn head(walk: &Walk<'_>, root: &Table<'_, '_>) -> Head {
     };
     let description = root.text("description").map_or("", |(text, _)| text).to_owned();
     Head { name: name.unwrap_or_default(), version: version.unwrap_or_default(), description, on_fail }
-}
-
-/// Refuses a name that is no folder's.
-pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
-    let fit = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || matches!(byte, b'-' | b'_' | b'.');
-    let first = name.bytes().next().is_some_and(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit());
-    if !first || !name.bytes().all(fit) || name.len() > NAME_CHARACTERS {
-        let hint = "small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first";
-        walk.mistake(span, format!("{} is not fit for a folder's name", quoted(name)), hint);
-    }
 }
 
 /// Orders the items by phase, gives each its requirements by position, and refuses names that stand twice.

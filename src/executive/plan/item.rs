@@ -3,11 +3,13 @@
 use gnc_config::{Span, Table, Walk, did_you_mean};
 use gnc_text::quoted;
 
-use super::closure::check_name;
 use super::{ItemPlace, Phase, PlanItem, limits, params};
 use crate::catalogue::{ItemId, ParamKind};
 use crate::quantity::{Dimension, quantity_at};
 use crate::uncertainty::Decision;
+
+/// Characters of a name, which becomes a folder.
+pub(super) const NAME_CHARACTERS: usize = 64;
 
 /// Tries of an item: one that fails ten times will fail again.
 const MAX_ATTEMPTS: i64 = 10;
@@ -136,4 +138,14 @@ fn prompt(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<String> {
         return None;
     }
     Some(prompt.to_owned())
+}
+
+/// Refuses a name that is no folder's.
+pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
+    let fit = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || matches!(byte, b'-' | b'_' | b'.');
+    let first = name.bytes().next().is_some_and(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit());
+    if !first || !name.bytes().all(fit) || name.len() > NAME_CHARACTERS {
+        let hint = "small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first";
+        walk.mistake(span, format!("{} is not fit for a folder's name", quoted(name)), hint);
+    }
 }

@@ -1,8 +1,8 @@
 //! Sums of squared differences of the phase.
 
-use std::thread;
-
-use super::{Kind, overlapping};
+use super::Kind;
+use super::overlapping::{self, difference};
+use super::parallel::{on_threads, spread};
 use crate::stats;
 
 const BLOCK: usize = 1024;
@@ -50,16 +50,6 @@ pub(super) fn integrate(rates: &[f64], mean: f64, dt_s: f64, threads: usize) -> 
 /// Samples of a thread's stretch: whole blocks.
 fn share(samples: usize, threads: usize) -> usize {
     samples.div_ceil(threads.max(1)).next_multiple_of(BLOCK)
-}
-
-/// Runs `work` on each part, on a thread of its own, and gives the results in order.
-pub(super) fn on_threads<T: Send, R: Send>(parts: impl IntoIterator<Item = T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
-    let work = &work;
-    thread::scope(|scope| {
-        let handles: Vec<_> = parts.into_iter().map(|part| scope.spawn(move || work(part))).collect();
-        let joined = handles.into_iter().map(thread::ScopedJoinHandle::join);
-        joined.map(|result| result.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-    })
 }
 
 /// Neumaier's compensated sum.
@@ -119,24 +109,6 @@ pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: Kind, threads
         (sum / (norm * n as f64), n)
     };
     factors.iter().zip(sums).map(scaled).collect()
-}
-
-/// Difference of order 2 or 3 with stride m.
-pub(super) fn difference<const ORDER: usize>(x: &[f64], i: usize, m: usize) -> f64 {
-    if ORDER == 2 {
-        (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i])
-    } else {
-        (x[i + 3 * m] - x[i]) - 3.0 * (x[i + 2 * m] - x[i + m])
-    }
-}
-
-/// Runs `work` for each factor, the factors dealt to the threads in turn.
-pub(super) fn spread<R: Copy + Send>(factors: &[usize], threads: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
-    let threads = threads.clamp(1, factors.len().max(1));
-    let lanes = on_threads(0..threads, |lane| -> Vec<R> {
-        factors.iter().skip(lane).step_by(threads).map(|&m| work(m)).collect()
-    });
-    (0..factors.len()).map(|k| lanes[k % threads][k / threads]).collect()
 }
 
 /// Modified: squares of the mean of m neighbouring differences. The moving sum starts afresh now and then, so that its

@@ -12,6 +12,7 @@ mod freedom;
 mod lines;
 mod noise;
 mod overlapping;
+mod parallel;
 mod resolution;
 mod scatter;
 
@@ -165,7 +166,7 @@ pub fn analyse(
     let known = fitted.as_ref().and_then(|fitted| fitted.known(rate_hz, kind, phase.len()));
     let names = match known {
         Some(_) => Vec::new(),
-        None => noise::names(&deviation::spread(&factors, threads, |m| noise::identify(&phase, m, kind.order()))),
+        None => noise::names(&parallel::spread(&factors, threads, |m| noise::identify(&phase, m, kind.order()))),
     };
     let point = |(k, (&m, (square, n))): (usize, (&usize, (f64, usize)))| {
         let tau_s = m as f64 / rate_hz;

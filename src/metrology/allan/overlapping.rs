@@ -7,7 +7,7 @@
 
 use wide::f64x4;
 
-use super::deviation::{difference, on_threads};
+use super::parallel::on_threads;
 
 /// Start points of a tile. With the phases of the short factors behind it, it fits a core's nearest cache.
 const TILE: usize = 2048;
@@ -156,4 +156,13 @@ fn third(x: &[f64], starts: Part, m: usize) -> f64 {
     }
     let rest = starts.end - n % LANES..starts.end;
     lanes.iter().sum::<f64>() + rest.map(|i| difference::<3>(x, i, m).powi(2)).sum::<f64>()
+}
+
+/// Difference of order 2 or 3 with stride m.
+pub(super) fn difference<const ORDER: usize>(x: &[f64], i: usize, m: usize) -> f64 {
+    if ORDER == 2 {
+        (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i])
+    } else {
+        (x[i + 3 * m] - x[i]) - 3.0 * (x[i + 2 * m] - x[i + m])
+    }
 }
