@@ -11,9 +11,9 @@ use gnc_executive::event::Event;
 use gnc_executive::state::RunState;
 
 use super::decode::Key;
-use super::lang::{Lang, fill};
+use super::lang::{Lang, Texts, fill};
 use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
-use super::records::{Check, Day, Mark, OpenRun, Runs};
+use super::records::{Check, Checked, Day, Mark, OpenRun, Runs, Unopened};
 use super::setup_form::Choices;
 
 /// Something that happened.
@@ -54,9 +54,9 @@ pub(crate) enum Msg {
     /// Runs of a day.
     Runs(Result<Runs, String>),
     /// A run was opened.
-    Opened(Result<Box<(PathBuf, RunState, Mark)>, String>),
+    Opened(Result<Box<(PathBuf, RunState, Mark)>, Unopened>),
     /// A run was compared with its digests.
-    Verified { path: PathBuf, problems: Vec<String> },
+    Verified { path: PathBuf, checked: Checked },
     /// Nothing is watched any more, and why.
     WatchOver { why: Option<String> },
     /// Somebody wants the program to end.
@@ -191,21 +191,31 @@ fn take_records(model: &mut Model, msg: Msg) {
             let (path, state, mark) = *opened;
             records.open = Some(OpenRun { path, state, mark, cursor: 0, check: Check::NotAsked });
         }
-        Msg::Verified { path, problems } => {
+        Msg::Verified { path, checked } => {
             if let Some(open) = records.open.as_mut().filter(|open| open.path == path) {
-                open.check = Check::Done(problems);
+                open.check = Check::Done(checked);
             } else {
-                let text = model.texts;
-                let (weight, what) = match problems.first() {
-                    None => (Weight::Info, text.as_written.to_owned()),
-                    Some(problem) => (Weight::Error, format!("{}: {problem}", text.not_as_written)),
-                };
+                let (weight, what) = checked_words(model.texts, &checked);
                 let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 model.say(weight, format!("{name}: {what}"));
             }
         }
-        Msg::Days(Err(why)) | Msg::Runs(Err(why)) | Msg::Opened(Err(why)) => records.error = Some(why),
+        Msg::Opened(Err(Unopened::Newer(unknown))) => {
+            records.error = Some(words(model.texts.written_by_newer, &[&unknown]));
+        }
+        Msg::Days(Err(why)) | Msg::Runs(Err(why)) | Msg::Opened(Err(Unopened::Unreadable(why))) => {
+            records.error = Some(why);
+        }
         _ => {}
+    }
+}
+
+/// How a run compares with its digests and its journal, and how much that matters.
+pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (Weight, String) {
+    match (checked.problems.as_slice(), &checked.newer) {
+        ([], None) => (Weight::Info, texts.as_written.to_owned()),
+        ([], Some(unknown)) => (Weight::Warning, words(texts.digests_agree, &[unknown])),
+        (problems, _) => (Weight::Error, format!("{}: {}", texts.not_as_written, problems.join("; "))),
     }
 }
 
