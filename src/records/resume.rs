@@ -54,6 +54,26 @@ impl ResumeError {
     }
 }
 
+/// What the run that is to begin must have in common with the one that is taken up, as far as it is known without a
+/// board.
+#[derive(Debug, Clone, Copy)]
+pub struct Like<'a> {
+    /// SHA-256 of the plan with all that it includes.
+    pub plan_sha256: &'a str,
+    /// The module's serial number.
+    pub serial_number: &'a str,
+    /// The bench.
+    pub bench: &'a Bench,
+}
+
+impl<'a> Like<'a> {
+    /// That of a run with this header.
+    #[must_use]
+    pub fn header(header: &'a RunHeader) -> Self {
+        Self { plan_sha256: &header.plan.sha256, serial_number: &header.serial_number, bench: &header.bench }
+    }
+}
+
 /// A run that broke off.
 #[derive(Debug, Clone)]
 pub struct Resumed {
@@ -70,15 +90,15 @@ impl Resumed {
     ///
     /// # Errors
     /// [`ResumeError`].
-    pub fn read(folder: &Path, header: &RunHeader) -> Result<Self, ResumeError> {
+    pub fn read(folder: &Path, like: Like<'_>) -> Result<Self, ResumeError> {
         let state = reader::fold(folder).map_err(ResumeError::Unreadable)?;
         let path = folder.join(JOURNAL);
         let unreadable = |source| ResumeError::Unreadable(ReadError::File { path: path.clone(), source });
         let journal = fs::read(&path).map_err(unreadable)?;
         let was = state.header().ok_or(ResumeError::Unreadable(ReadError::Empty))?;
-        same("the plan with the digest", &was.plan.sha256, &header.plan.sha256)?;
-        same("the serial number", &was.serial_number, &header.serial_number)?;
-        same("the bench", &bench(&was.bench), &bench(&header.bench))?;
+        same("the plan with the digest", &was.plan.sha256, like.plan_sha256)?;
+        same("the serial number", &was.serial_number, like.serial_number)?;
+        same("the bench", &bench(&was.bench), &bench(like.bench))?;
         // A run that was stopped in order is closed, and its digests vouch for it.
         if folder.join(DIGESTS).exists()
             && let Some(what) = reader::verify(folder).into_iter().next()

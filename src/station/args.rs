@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
 /// What to do with records.
@@ -122,6 +123,15 @@ pub(crate) enum OnFailArg {
     Stop,
     /// The rest is run.
     Continue,
+}
+
+impl From<OnFailArg> for OnFail {
+    fn from(asked: OnFailArg) -> Self {
+        match asked {
+            OnFailArg::Stop => Self::Stop,
+            OnFailArg::Continue => Self::Continue,
+        }
+    }
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {

@@ -11,7 +11,7 @@ use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
-use crate::refusal::{complain, refuse};
+use crate::refusal::{Refusal, complain, refuse};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -180,6 +180,22 @@ pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
             Err(refuse(what, "name one by its folder; `gnc-station records list` shows them"))
         }
     }
+}
+
+/// The one run that is to be taken up again.
+///
+/// # Errors
+/// There is none, there are several, or the folder cannot be read.
+pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Refusal> {
+    let mut runs =
+        resolve(records, named).map_err(|error| Refusal::new(gnc_text::with_causes(&error), error.try_this()))?;
+    let shown = gnc_text::quoted(&named.to_string_lossy());
+    let what = match runs.len() {
+        0 => format!("there is no run {shown}"),
+        1 => return Ok(runs.remove(0)),
+        more => format!("{shown} names {more} runs"),
+    };
+    Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
 }
 
 pub(crate) fn no_such(named: &Path) -> ExitCode {

@@ -178,6 +178,14 @@ pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
     days.flat_map(of_day).take(limit)
 }
 
+/// Folders of the runs of one module, newest first. A folder of another module may be among them, since two serial numbers
+/// may share one.
+pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<Item = PathBuf> {
+    let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
+    let name = folder_name(serial_number);
+    days.flat_map(move |day| folders(&day.join(&name)).unwrap_or_default().into_iter().rev())
+}
+
 fn found(path: PathBuf) -> FoundRun {
     FoundRun { run: read(&path), sealed: is_sealed(&path), path }
 }

@@ -3,23 +3,23 @@
 #![cfg(feature = "sim")]
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
 
-use std::sync::mpsc;
+use std::path::Path;
+use std::sync::mpsc::{self, SyncSender};
 
-use chrono::Local;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::Fixture;
-use gnc_bench::journal::Journal;
-use gnc_bench::runner::{self, Live, Order, looking};
+use gnc_bench::runner::{Ending, Live, looking};
+use gnc_bench::service::{self, CheckedPlan, Equipment, Observer, Request, Rounds};
 use gnc_board::{Board, Desk, Readings};
-use gnc_executive::event::{Bench, EVENTS_SCHEMA, Event, EventKind, PlanInfo, Program, RunHeader};
-use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::event::{Bench, Event, EventKind, Program};
+use gnc_executive::job::BenchAbilities;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_link::{Link, Target};
 use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
 use gnc_protocol::message::ModulePower;
-use gnc_records::store::{RunFolder, Scribe, Watcher};
+use gnc_records::store::Watcher;
 use hw_mocks::{Options, RunningBench, Speed};
 use tokio::sync::watch;
 
@@ -71,24 +71,32 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
         let bench = RunningBench::start(options).expect("a simulated bench");
         let records = tempfile::tempdir().expect("a folder");
         let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
-        let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
-        let abilities = BenchAbilities { rs422: true, can: false, operator: false };
-        let order = Order {
-            job: Job::new(plan.clone(), abilities, None).unwrap_or_else(|mistakes| panic!("{mistakes}")),
-            header: header(),
-            target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
-            can: None,
-            fixture: Fixture::Absent,
-            site: None,
-            resumed: None,
+        let plan = plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}"));
+        let request = Request {
+            plan,
+            serial_number: "SN".to_owned(),
+            operator: None,
+            selection: None,
+            program: Program { name: "control".to_owned(), version: "0".to_owned() },
+            on_fail: None,
+            rounds: Rounds::Once,
+            resume: None,
             one_by_one: false,
             nonce: None,
-            found: Vec::new(),
+            began: None,
         };
-        let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
-        let (watcher, events) = mpsc::sync_channel(1000);
-        let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
-        let scribe = Scribe::start(folder, &plan, vec![watcher]).expect("a store");
+        let equipment = Equipment {
+            station: "test".to_owned(),
+            records: records.path().to_owned(),
+            key: None,
+            bench: Bench::simulated("good", "1", 1),
+            target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
+            can: None,
+            abilities: BenchAbilities { rs422: true, can: false, operator: false },
+            fixture: Fixture::Absent,
+            site: None,
+        };
+        let (told, events) = mpsc::sync_channel(1000);
         let control = Control::default();
         let asks = control.clone();
         let observer = std::thread::spawn(move || {
@@ -99,26 +107,26 @@ fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Se
             }
             state
         });
-        let ending = runner::run(&order, Journal::new(scribe), &control, &Live::default()).await;
-        assert!(ending.store_error.is_none());
+        let mut told = Told { events: Some(told) };
+        let done = service::run(&request, equipment, &control, &Live::default(), &mut told).await;
+        assert_eq!(done.expect("a run").outcomes.len(), 1);
         observer.join().expect("an observer")
     })
 }
 
-fn header() -> RunHeader {
-    RunHeader {
-        schema: EVENTS_SCHEMA.to_owned(),
-        serial_number: "SN".to_owned(),
-        operator: None,
-        station: "test".to_owned(),
-        program: Program { name: "control".to_owned(), version: "0".to_owned() },
-        bench: Bench::simulated("good", "1", 1),
-        plan: PlanInfo { name: "short".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
-        site: None,
-        recomputed: None,
-        resumed: None,
-        selection: None,
-        looped: None,
+/// Hands the events of the only round on.
+struct Told {
+    events: Option<SyncSender<Event>>,
+}
+
+impl Observer for Told {
+    fn begin(&mut self, _: &Path) -> std::io::Result<Watcher> {
+        let events = self.events.take().expect("one round");
+        Ok(Box::new(move |event| events.try_send(event.clone()).is_ok()))
+    }
+
+    async fn end(&mut self, _: &Path, ending: &Ending) {
+        assert!(ending.store_error.is_none());
     }
 }
 

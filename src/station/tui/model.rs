@@ -1,6 +1,7 @@
 //! All that the screen knows. Only [`update`](super::update::update) changes it, and drawing only reads it.
 
 use std::cell::Cell;
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,6 +19,7 @@ use super::field::Field;
 use super::keymap::Place;
 use super::lang::{Lang, Texts};
 use super::records::Records;
+use crate::files::ChangedFile;
 
 /// The time, passed in so that every screen can be drawn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +75,12 @@ pub(crate) enum Over {
     Log { scroll: usize },
     /// The module was tested today; test it again?
     Again { at: DateTime<FixedOffset>, outcome: Option<Outcome> },
+    /// Files are not as they were checked; run what was checked, or read them again?
+    Changed(Vec<ChangedFile>),
+    /// A run of the module broke off; take it up again?
+    Interrupted(Interrupted),
+    /// The run that was asked for cannot be taken up; run the plan from its beginning?
+    NoResume { why: String },
     /// A run is on; leave?
     Leave,
 }
@@ -117,6 +125,8 @@ impl<T> Loaded<T> {
 pub(crate) struct PlanView {
     pub name: String,
     pub version: String,
+    /// Digest of what was checked: that, and nothing else, is what a start runs.
+    pub sha256: String,
     pub items: Vec<PlannedItem>,
     /// What its items do with the module, of those that capture.
     pub programs: Vec<ProgramView>,
@@ -285,11 +295,51 @@ pub(crate) struct Earlier {
     pub outcome: Option<Outcome>,
 }
 
-/// What was asked for and waits for the look at earlier runs.
+/// A run that broke off and can be taken up again.
 #[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Interrupted {
+    pub folder: PathBuf,
+    /// When it began.
+    pub at: DateTime<FixedOffset>,
+}
+
+/// Whether a run can be taken up again.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Resumable {
+    Yes(Interrupted),
+    /// Somebody asked for one that cannot.
+    No {
+        why: String,
+    },
+}
+
+/// What must be known before a run begins.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Prepared {
+    pub serial_number: String,
+    /// Files of plan and bench that are not as they were checked.
+    pub changed: Vec<ChangedFile>,
+    /// The newest run of the module today.
+    pub earlier: Option<Earlier>,
+    pub resume: Option<Resumable>,
+}
+
+/// What was asked for and waits for answers.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Pending {
     pub selection: Option<Vec<String>>,
     pub rounds: Rounds,
+    /// The run that is taken up again.
+    pub resume: Option<PathBuf>,
+    /// What is still to be asked, the next one first.
+    pub questions: VecDeque<Over>,
+}
+
+impl Pending {
+    /// A run about which nothing was asked yet.
+    pub(crate) fn new(selection: Option<Vec<String>>, rounds: Rounds) -> Self {
+        Self { selection, rounds, resume: None, questions: VecDeque::new() }
+    }
 }
 
 /// How much a message matters.
@@ -319,6 +369,8 @@ pub(crate) struct Model {
     pub after_failure: AfterFailure,
     pub scan: Scan,
     pub pending: Option<Pending>,
+    /// The run that the command line wants to take up, until somebody has decided about it.
+    pub resume: Option<PathBuf>,
     /// Items that are to be run, in the order of the plan.
     pub ticks: Vec<bool>,
     /// Items that the command line chose.
@@ -359,6 +411,7 @@ impl Model {
             after_failure: AfterFailure::AsPlanned,
             scan: Scan::default(),
             pending: None,
+            resume: None,
             ticks: Vec::new(),
             only: None,
             cursor: 0,
@@ -381,7 +434,9 @@ impl Model {
     /// Where the next key is pressed.
     pub(crate) fn place(&self) -> Place {
         match self.over.last() {
-            Some(Over::Again { .. } | Over::Leave) => return Place::Confirm,
+            Some(Over::Again { .. } | Over::NoResume { .. } | Over::Leave) => return Place::Confirm,
+            Some(Over::Changed(_)) => return Place::Changed,
+            Some(Over::Interrupted(_)) => return Place::Interrupted,
             Some(Over::Help { .. }) => return Place::Help,
             Some(Over::Setup(_)) => return Place::Setup,
             _ => {}

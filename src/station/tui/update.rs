@@ -2,6 +2,7 @@
 
 mod keys;
 mod run;
+mod start;
 
 use std::path::PathBuf;
 
@@ -12,7 +13,7 @@ use gnc_executive::state::RunState;
 
 use super::decode::Key;
 use super::lang::{Lang, Texts, fill};
-use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
+use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Prepared, Progress, Rounds, Weight};
 use super::records::{Check, Checked, Day, Mark, OpenRun, Runs, Unopened};
 use super::setup_form::Choices;
 
@@ -41,6 +42,8 @@ pub(crate) enum Msg {
     Choices(Choices),
     /// The newest run of a module today.
     Earlier { serial_number: String, run: Option<Earlier> },
+    /// What must be known before the run that was asked for begins.
+    Prepared(Box<Prepared>),
     /// A round begins, with its record there.
     RoundBegins { folder: PathBuf },
     /// No round follows: why a record could not be written, why a round was not begun.
@@ -68,6 +71,12 @@ pub(crate) enum Msg {
 pub(crate) enum Command {
     /// Look for earlier runs of a module.
     LookUp(String),
+    /// Look at all that must be known before a run of a module begins.
+    Prepare {
+        serial_number: String,
+        /// The run that somebody wants to take up.
+        resume: Option<PathBuf>,
+    },
     Start(Start),
     /// Show raw values without a run.
     Watch,
@@ -94,6 +103,10 @@ pub(crate) enum Command {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Start {
     pub serial_number: String,
+    /// Digest of the plan that is shown.
+    pub plan_sha256: String,
+    /// The run that is taken up again.
+    pub resume: Option<PathBuf>,
     pub operator: Option<String>,
     pub selection: Option<Vec<String>>,
     pub rounds: Rounds,
@@ -124,7 +137,8 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
         }
         Msg::Plan { path, plan } => take_plan(model, path, plan),
         Msg::Choices(choices) => model.choices = choices,
-        Msg::Earlier { serial_number, run } => return run::earlier(model, &serial_number, run),
+        Msg::Earlier { serial_number, run } => run::earlier(model, &serial_number, run),
+        Msg::Prepared(prepared) => return start::prepared(model, *prepared),
         Msg::RoundBegins { folder } => {
             if let Some(run) = &mut model.run {
                 run.folder = Some(folder);

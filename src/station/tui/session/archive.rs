@@ -16,13 +16,18 @@ use crate::tui::update::Msg;
 /// Runs that are opened to learn how long a plan takes; if none of them is of it, nobody knows.
 const MAX_LOOKED_AT: usize = 100;
 
-/// The newest run of a module today.
+/// Says which is the newest run of a module today.
 pub(super) fn look_up(records: &Path, serial_number: String) -> Msg {
-    let today = Local::now().format("%Y-%m-%d").to_string();
-    let runs = reader::of_module(records, &today, &serial_number);
-    let newest = runs.iter().filter_map(|found| found.run.as_ref().ok()).max_by_key(|run| run.started);
-    let run = newest.map(|run| Earlier { at: run.started, outcome: (!run.interrupted).then_some(run.outcome) });
+    let run = earlier(records, &serial_number);
     Msg::Earlier { serial_number, run }
+}
+
+/// The newest run of a module today.
+pub(super) fn earlier(records: &Path, serial_number: &str) -> Option<Earlier> {
+    let today = Local::now().format("%Y-%m-%d").to_string();
+    let runs = reader::of_module(records, &today, serial_number);
+    let newest = runs.iter().filter_map(|found| found.run.as_ref().ok()).max_by_key(|run| run.started);
+    newest.map(|run| Earlier { at: run.started, outcome: (!run.interrupted).then_some(run.outcome) })
 }
 
 /// Days with records, newest first.
