@@ -84,7 +84,7 @@ fn digests_vouch_for_a_newer_run() {
     assert!(verified.stdout.contains(&format!("{told}: its digests agree")), "{}", verified.stdout);
     assert!(verified.stdout.contains("0 of 1 runs are as written"), "{}", verified.stdout);
     assert!(verified.stderr.contains("nothing is known to be wrong"), "{}", verified.stderr);
-    // Somebody rewrote its digests, and the chain tells.
+    // This test rewrote its digests, and the chain tells.
     let chain = place.run(["records", "verify"]);
     assert_eq!(chain.code, Some(1), "{}{}", chain.stdout, chain.stderr);
     fs::write(folder.join("log.txt"), "PASSED").expect("writable");
@@ -93,7 +93,7 @@ fn digests_vouch_for_a_newer_run() {
     assert!(changed.stdout.contains(told) && changed.stdout.contains("log.txt was changed"), "{}", changed.stdout);
 }
 
-/// A run of a later version that has no end yet is left to that version: nobody seals what he cannot read.
+/// A run of a later version that has no end yet is left to that version to seal.
 #[test]
 fn an_open_run_of_a_newer_version_is_not_sealed() {
     let place = recorded();

@@ -12,7 +12,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
 use crate::store::reader::{self, ReadError};
-use crate::store::{DIGESTS, JOURNAL, digest};
+use crate::store::{self, DIGESTS, JOURNAL, digest};
 
 /// Why a run cannot be taken up again.
 #[derive(Debug, thiserror::Error)]
@@ -30,6 +30,9 @@ pub enum ResumeError {
         /// Here.
         is: String,
     },
+    /// Another station carries it out at this moment.
+    #[error("the run to take up again goes on")]
+    GoesOn,
     /// A file of a closed run is not as it was written.
     #[error("the run to take up again is not as it was written: {what}")]
     Changed {
@@ -48,6 +51,7 @@ impl ResumeError {
         match self {
             Self::Unreadable(error) => error.try_this(),
             Self::Unlike { .. } => "run the plan from its beginning, without --resume",
+            Self::GoesOn => "let it end, or stop it where it runs",
             Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
             Self::Captures(error) => error.source.try_this(),
         }
@@ -99,6 +103,9 @@ impl Resumed {
         same("the plan with the digest", &was.plan.sha256, like.plan_sha256)?;
         same("the serial number", &was.serial_number, like.serial_number)?;
         same("the bench", &bench(&was.bench), &bench(like.bench))?;
+        if store::goes_on(folder) {
+            return Err(ResumeError::GoesOn);
+        }
         // A run that was stopped in order is closed, and its digests vouch for it.
         if folder.join(DIGESTS).exists()
             && let Some(what) = reader::verify(folder).into_iter().next()

@@ -105,7 +105,8 @@ pub(crate) struct RunArgs {
     /// Whether a bad item ends the run and its loop, whatever the plan says.
     #[arg(long, value_name = "stop|continue")]
     pub on_fail: Option<OnFailArg>,
-    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same.
+    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same. The
+    /// screen asks first, and offers such a run of a scanned module by itself.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
     pub resume: Option<PathBuf>,
     /// Runs one item after the other, also where the plan's items could run at once.

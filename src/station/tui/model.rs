@@ -307,7 +307,7 @@ pub(crate) struct Interrupted {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Resumable {
     Yes(Interrupted),
-    /// Somebody asked for one that cannot.
+    /// The command line asked for one that cannot.
     No {
         why: String,
     },
@@ -369,7 +369,7 @@ pub(crate) struct Model {
     pub after_failure: AfterFailure,
     pub scan: Scan,
     pub pending: Option<Pending>,
-    /// The run that the command line wants to take up, until somebody has decided about it.
+    /// The run that the command line wants to take up, until the operator has decided about it.
     pub resume: Option<PathBuf>,
     /// Items that are to be run, in the order of the plan.
     pub ticks: Vec<bool>,

@@ -250,8 +250,9 @@ impl Session {
         self.tell(msg);
     }
 
+    /// Where runs are recorded: by the bench that is shown, or as far as that can be said without one.
     fn records(&self) -> PathBuf {
-        files::records(&self.args)
+        self.held.bench.as_ref().map_or_else(|| files::records(&self.args), |bench| bench.records.clone())
     }
 
     /// Work on files, beside the run.

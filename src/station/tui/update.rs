@@ -74,7 +74,7 @@ pub(crate) enum Command {
     /// Look at all that must be known before a run of a module begins.
     Prepare {
         serial_number: String,
-        /// The run that somebody wants to take up.
+        /// The run that the command line wants to take up.
         resume: Option<PathBuf>,
     },
     Start(Start),

@@ -193,7 +193,7 @@ pub(super) static TEXTS: Texts = Texts {
     unreadable: "unreadable",
     newer: "newer",
     written_by_newer: "written by a newer version of the station ({})",
-    digests_agree: "written by a newer version of the station ({}); the digests agree",
+    digests_agree: "the digests agree; written by a newer version of the station ({})",
     verifying: "comparing with the digests",
     as_written: "as written: digests and journal agree",
     not_as_written: "NOT AS WRITTEN",

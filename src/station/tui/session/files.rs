@@ -22,7 +22,10 @@ const PLANS: &str = "test-plans";
 /// Files that are offered; more are typed.
 const MAX_CHOICES: usize = 100;
 
-/// What runs when somebody starts: bench and plan as they were read, checked and shown.
+/// Why nothing is started while bench and plan are being read.
+pub(super) const NOT_HELD: &str = "plan and bench are not those on the screen";
+
+/// What runs when the operator starts: bench and plan as they were read, checked and shown.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Held {
     pub bench: Option<Arc<CheckedBench>>,

@@ -4,12 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use gnc_executive::outcome::Outcome;
-use gnc_records::resume::{Like, Resumed};
+use gnc_records::resume::{Like, ResumeError, Resumed};
 use gnc_records::store::{captures, reader};
 use gnc_text::with_causes;
 
 use super::archive;
-use super::files::Held;
+use super::files::{Held, NOT_HELD};
 use crate::tui::model::{Interrupted, Prepared, Resumable};
 
 /// Newest runs of a module that are read to find one that broke off.
@@ -26,12 +26,13 @@ pub(super) fn prepare(held: &Held, records: &Path, serial_number: String, resume
     Prepared { serial_number, changed, earlier, resume }
 }
 
-/// The run that somebody asked for, or why it cannot be taken up.
+/// The run that the command line asked for, or why it cannot be taken up.
 fn asked_for(held: &Held, serial_number: &str, folder: PathBuf) -> Resumable {
-    let Some(like) = like(held, serial_number) else { return Resumable::No { why: String::new() } };
-    match Resumed::read(&folder, like).map(|_| reader::read(&folder)) {
-        Ok(Ok(run)) => Resumable::Yes(Interrupted { folder, at: run.started }),
-        Ok(Err(error)) => Resumable::No { why: with_causes(&error) },
+    let Some(like) = like(held, serial_number) else { return Resumable::No { why: NOT_HELD.to_owned() } };
+    let fits = Resumed::read(&folder, like);
+    let started = fits.and_then(|_| reader::read(&folder).map(|run| run.started).map_err(ResumeError::Unreadable));
+    match started {
+        Ok(at) => Resumable::Yes(Interrupted { folder, at }),
         Err(error) => Resumable::No { why: with_causes(&error) },
     }
 }

@@ -15,7 +15,7 @@ use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
-use super::files::Held;
+use super::files::{Held, NOT_HELD};
 use crate::auto;
 use crate::refusal::Refusal;
 use crate::setup::Setup;
@@ -77,9 +77,9 @@ fn in_words(refusal: &Refusal) -> String {
     format!("{}{hint}", refusal.what)
 }
 
-/// The screen starts nothing that it does not show; whatever comes between is refused.
+/// The screen and what runs are out of step: nothing is started that is not shown.
 fn nothing_held() -> Refusal {
-    Refusal::new("plan and bench are not those on the screen", "choose them again")
+    Refusal::new(NOT_HELD, "choose them again with F2")
 }
 
 /// Carries out an order of the screen.

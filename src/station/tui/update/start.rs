@@ -5,7 +5,7 @@ use crate::tui::keymap::Action;
 use crate::tui::live::History;
 use crate::tui::model::{Interrupted, Loaded, Model, Over, Pending, Prepared, Resumable, Rounds, RunView, Weight};
 
-/// A run is asked for: first somebody looks at files and records.
+/// A run is asked for: the session looks at files and records first.
 pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Command> {
     let Some(serial_number) = model.scan.current.clone() else {
         model.say(Weight::Warning, model.texts.scan_first);
@@ -15,10 +15,11 @@ pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Comman
     Some(Command::Prepare { serial_number, resume: model.resume.clone() })
 }
 
-/// Everything is known; what there is to ask is asked, one after the other.
+/// The look is done. The screen asks one question after the other.
 pub(super) fn prepared(model: &mut Model, prepared: Prepared) -> Option<Command> {
     let Prepared { serial_number, changed, earlier, resume } = prepared;
-    if model.scan.current.as_ref() != Some(&serial_number) {
+    // A key that was pressed twice asks once.
+    if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
         return None;
     }
     model.scan.earlier = Some(earlier.clone());
@@ -41,7 +42,7 @@ pub(super) fn prepared(model: &mut Model, prepared: Prepared) -> Option<Command>
     ask_next(model)
 }
 
-/// Asks what is still to be asked; then the run begins.
+/// Asks the next question; after the last one the run begins.
 fn ask_next(model: &mut Model) -> Option<Command> {
     match model.pending.as_mut()?.questions.pop_front() {
         Some(question) => {
@@ -52,12 +53,14 @@ fn ask_next(model: &mut Model) -> Option<Command> {
     }
 }
 
+/// Whether it asks something about a start.
+fn is_question(over: &Over) -> bool {
+    matches!(over, Over::Again { .. } | Over::Changed(_) | Over::Interrupted(_) | Over::NoResume { .. })
+}
+
 /// The answer to a question about a start; `None` if the question on top is another one.
 pub(super) fn answer(model: &mut Model, action: Action) -> Option<Option<Command>> {
-    let question = match model.over.last()? {
-        Over::Again { .. } | Over::Changed(_) | Over::Interrupted(_) | Over::NoResume { .. } => model.over.pop()?,
-        _ => return None,
-    };
+    let question = model.over.pop_if(|over| is_question(over))?;
     Some(match (question, action) {
         (_, Action::No) => {
             model.pending = None;
@@ -66,7 +69,7 @@ pub(super) fn answer(model: &mut Model, action: Action) -> Option<Option<Command
         (Over::Changed(_), Action::LoadNew) => load_new(model),
         (Over::Interrupted(run), Action::TakeUp) => take_up(model, run),
         (Over::Interrupted(_) | Over::NoResume { .. }, _) => {
-            // Somebody has decided.
+            // The operator has decided about the run of the command line.
             model.resume = None;
             ask_next(model)
         }
@@ -74,7 +77,7 @@ pub(super) fn answer(model: &mut Model, action: Action) -> Option<Option<Command
     })
 }
 
-/// Plan and bench are read and checked again; somebody looks at them before they run.
+/// Plan and bench are read and checked again. The operator looks at them before they run.
 fn load_new(model: &mut Model) -> Option<Command> {
     model.pending = None;
     model.plan = Loaded::Loading;
