@@ -16,7 +16,8 @@ pub(crate) enum RecordsCommand {
         /// Its folder, whole or below the records folder; or a serial number, for its newest run.
         run: PathBuf,
     },
-    /// Compares runs with their digests and their journals.
+    /// Compares runs with their digests and their journals: exit code 1 if something was changed, 2 if all that can be said
+    /// of a run is that a newer version of the station wrote it.
     Verify {
         /// Their folders or serial numbers; all runs if none is named.
         runs: Vec<PathBuf>,

@@ -54,13 +54,17 @@ pub(crate) struct CheckedBench {
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Real {
-        key: Option<StationKey>,
-        target: Target,
-        can: Option<CanTarget>,
-    },
+    Real(Box<Lines>),
     #[cfg(feature = "sim")]
     Simulated(Box<simulated::Module>),
+}
+
+/// What a real bench has to open.
+#[derive(Debug, Clone)]
+struct Lines {
+    key: Option<StationKey>,
+    target: Target,
+    can: Option<CanTarget>,
 }
 
 /// Reads and checks the bench that the command line names.
@@ -84,15 +88,16 @@ impl CheckedBench {
         operator: impl FnOnce() -> Result<Fixture, Refusal>,
     ) -> Result<Setup, Refusal> {
         match &self.kind {
-            Kind::Real { key, target, can } => {
+            Kind::Real(lines) => {
+                let Lines { key, target, can } = (**lines).clone();
                 let fixture = operator()?;
                 let equipment = Equipment {
                     station: self.station.clone(),
                     records: self.records.clone(),
-                    key: key.clone(),
+                    key,
                     bench: self.bench.clone(),
-                    target: target.clone(),
-                    can: can.clone(),
+                    target,
+                    can,
                     abilities: BenchAbilities { operator: fixture.is_there(), ..self.abilities },
                     fixture,
                     site: self.site.clone(),
@@ -107,7 +112,7 @@ impl CheckedBench {
     /// The way to the board, as far as it is known before a module is scanned.
     pub(crate) fn link(&self) -> Option<&Target> {
         match &self.kind {
-            Kind::Real { target, .. } => Some(target),
+            Kind::Real(lines) => Some(&lines.target),
             #[cfg(feature = "sim")]
             Kind::Simulated(_) => None,
         }
@@ -152,7 +157,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, Refusal> {
         bench,
         abilities: abilities(&file, true),
         text: Some(text),
-        kind: Kind::Real { key: key(&file, path.parent())?, target, can },
+        kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
         site: file.site,
     })
 }

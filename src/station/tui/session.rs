@@ -69,7 +69,8 @@ pub(crate) struct Session {
     held: Held,
     /// Counts the looks at bench and plan: of two the later one counts.
     look: u64,
-    looks: (mpsc::Sender<(u64, Looked)>, mpsc::Receiver<(u64, Looked)>),
+    tell_look: mpsc::Sender<(u64, Looked)>,
+    looks: mpsc::Receiver<(u64, Looked)>,
 }
 
 /// What goes on at the board: a run, or a look at raw values.
@@ -87,8 +88,8 @@ impl Session {
         signals: Signals,
         live: Live,
     ) -> Self {
-        let (held, looks) = (Held::default(), mpsc::channel(LOOKS));
-        Self { args, plan, screen, commands, signals, live, held, look: 0, looks }
+        let (tell_look, looks) = mpsc::channel(LOOKS);
+        Self { args, plan, screen, commands, signals, live, held: Held::default(), look: 0, tell_look, looks }
     }
 
     /// Serves the screen until somebody leaves. The outcome is that of a run that was ended by the end of the program.
@@ -117,7 +118,7 @@ impl Session {
                     }
                     self.tell(finished.into_msg());
                 }
-                Some((look, looked)) = self.looks.1.recv() => {
+                Some((look, looked)) = self.looks.recv() => {
                     if look == self.look {
                         self.take(looked);
                     }
@@ -185,9 +186,9 @@ impl Session {
                 let records = self.records();
                 self.aside(move || archive::look_up(&records, serial_number));
             }
-            Command::Prepare { serial_number, resume } => {
-                let (held, records) = (self.held.clone(), self.records());
-                self.aside(move || Msg::Prepared(Box::new(prepare::prepare(&held, &records, serial_number, resume))));
+            Command::Prepare { serial_number, selection, resume } => {
+                let look = prepare::Look { held: self.held.clone(), records: self.records(), serial_number, selection };
+                self.aside(move || Msg::Prepared(Box::new(look.prepare(resume))));
             }
             Command::Choose { plan, bench } => self.choose(Some((plan, bench))),
             Command::ListChoices => {
@@ -217,7 +218,7 @@ impl Session {
         }
         // Nothing of the old ones runs any more.
         (self.held, self.look) = (Held::default(), self.look + 1);
-        let (args, plan, look, looks) = (self.args.clone(), self.plan.clone(), self.look, self.looks.0.clone());
+        let (args, plan, look, looks) = (self.args.clone(), self.plan.clone(), self.look, self.tell_look.clone());
         tokio::task::spawn_blocking(move || {
             files::look(&args, &plan, |looked| {
                 // A session that has ended wants to know nothing.

@@ -376,7 +376,7 @@ fn hostile_scans_are_refused_in_words() {
 
 /// The look at files and records before a run of DEMO-1.
 fn look() -> Command {
-    Command::Prepare { serial_number: "DEMO-1".into(), resume: None }
+    Command::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: None }
 }
 
 /// What it finds where no file was changed and no run broke off.
@@ -405,7 +405,7 @@ fn a_second_test_is_asked_for() {
 fn what_failed_is_repeated() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
-    assert_eq!(scene.key(Key::F(4)), Some(look()));
+    assert!(matches!(scene.key(Key::F(4)), Some(Command::Prepare { selection: Some(_), .. })));
     let command = scene.tell(found(None));
     let Some(Command::Start(start)) = command else { panic!("{command:?}") };
     let selection = start.selection.expect("a selection");
@@ -440,7 +440,7 @@ fn ticks_make_a_selection() {
     assert!(scene.text().contains("No item is ticked"), "{}", scene.text());
     scene.key(Key::Down);
     scene.key(Key::Char(' '));
-    assert_eq!(scene.key(Key::F(5)), Some(look()));
+    assert!(matches!(scene.key(Key::F(5)), Some(Command::Prepare { selection: Some(_), .. })));
     let command = scene.tell(found(None));
     assert!(matches!(command, Some(Command::Start(start)) if start.selection == Some(vec!["cpu".into()])));
 }

@@ -74,6 +74,8 @@ pub(crate) enum Command {
     /// Look at all that must be known before a run of a module begins.
     Prepare {
         serial_number: String,
+        /// Names of the chosen items; `None` for the whole plan.
+        selection: Option<Vec<String>>,
         /// The run that the command line wants to take up.
         resume: Option<PathBuf>,
     },

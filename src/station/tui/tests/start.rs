@@ -112,7 +112,7 @@ fn the_run_of_the_command_line_is_not_forgotten() {
     scene.model.resume = Some(RUN.into());
     scene.types("DEMO-1");
     scene.key(Key::Enter);
-    let asked = Command::Prepare { serial_number: "DEMO-1".into(), resume: Some(RUN.into()) };
+    let asked = Command::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: Some(RUN.into()) };
     assert_eq!(scene.key(Key::F(5)), Some(asked.clone()));
     let refused = || {
         let (serial_number, resume) = ("DEMO-1".into(), unlike());

@@ -382,17 +382,13 @@ fn back(model: &mut Model, place: Place) {
 }
 
 fn answer(model: &mut Model, yes: bool) -> Option<Command> {
-    match model.over.last() {
-        Some(Over::Leave) => {
-            model.over.pop();
-            if yes {
-                model.leaving = true;
-                model.say(Weight::Warning, model.texts.leave_stop_first);
-                return stop(model);
-            }
-            return None;
+    if model.over.pop_if(|over| *over == Over::Leave).is_some() {
+        if yes {
+            model.leaving = true;
+            model.say(Weight::Warning, model.texts.leave_stop_first);
+            return stop(model);
         }
-        _ => {}
+        return None;
     }
     let run = model.run.as_mut()?;
     run.prompt.take().map(|_| Command::Answer(yes))

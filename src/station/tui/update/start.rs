@@ -11,8 +11,9 @@ pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Comman
         model.say(Weight::Warning, model.texts.scan_first);
         return None;
     };
+    let (selection, resume) = (pending.selection.clone(), model.resume.clone());
     model.pending = Some(pending);
-    Some(Command::Prepare { serial_number, resume: model.resume.clone() })
+    Some(Command::Prepare { serial_number, selection, resume })
 }
 
 /// The look is done. The screen asks one question after the other.
