@@ -82,6 +82,7 @@ pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, Refusal> {
 
 impl CheckedBench {
     /// Opens it. `operator` is asked only for a real bench: the simulated one turns its module by itself.
+    #[cfg_attr(not(feature = "sim"), expect(unused_variables, reason = "a real module has its number without us"))]
     pub(crate) fn open(
         &self,
         serial_number: &str,

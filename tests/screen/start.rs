@@ -92,7 +92,7 @@ fn the_new_plan_is_shown_before_it_runs() {
     terminal.types(F5);
     terminal.wait_for("limits.toml was changed");
     terminal.types(b"\r");
-    terminal.wait_for("no item has the id \"cpo\"");
+    terminal.wait_for("unknown item \"cpo\"");
     leaves(terminal);
     assert!(place.runs().is_empty());
 }
