@@ -10,6 +10,7 @@ mod lang;
 mod live;
 mod look;
 mod model;
+mod pending;
 mod records;
 mod scene;
 mod session;

@@ -22,7 +22,8 @@ use ratatui::backend::TestBackend;
 
 use super::decode::Key;
 use super::lang::Lang;
-use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Prepared, Progress};
+use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
+use super::pending::Prepared;
 use super::update::{Command, Msg, update};
 use super::view;
 

@@ -12,7 +12,8 @@ use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;
 use super::lang::Lang;
-use super::model::{Earlier, Glyphs, Loaded, Prepared, Rounds};
+use super::model::{Earlier, Glyphs, Loaded, Rounds};
+use super::pending::Prepared;
 use super::records::{Day, Mark, RunLine, Runs};
 use super::scene::{Scene, measured};
 use super::update::{Command, Msg};

@@ -13,7 +13,8 @@ use gnc_executive::state::RunState;
 
 use super::decode::Key;
 use super::lang::{Lang, Texts, fill};
-use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Prepared, Progress, Rounds, Weight};
+use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
+use super::pending::Prepared;
 use super::records::{Check, Checked, Day, Mark, OpenRun, Runs, Unopened};
 use super::setup_form::Choices;
 

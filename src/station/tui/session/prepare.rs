@@ -10,7 +10,7 @@ use gnc_text::with_causes;
 
 use super::archive;
 use super::files::{Held, NOT_HELD};
-use crate::tui::model::{Interrupted, Prepared, Resumable};
+use crate::tui::pending::{Interrupted, Prepared, Resumable};
 
 /// Newest runs of a module that are read to find one that broke off.
 const MAX_LOOKED_AT: usize = 20;

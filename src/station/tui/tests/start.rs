@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use gnc_executive::outcome::Outcome;
 
-use super::{check, scene};
+use super::scene;
 use crate::files::ChangedFile;
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
-use crate::tui::model::{Earlier, Interrupted, Loaded, Prepared, Resumable, Rounds};
+use crate::tui::model::{Earlier, Loaded, Rounds};
+use crate::tui::pending::{Interrupted, Prepared, Resumable};
 use crate::tui::records::{Checked, Mark, Runs, Unopened};
 use crate::tui::scene::Scene;
 use crate::tui::update::{Command, Msg, Start};
@@ -50,6 +51,15 @@ fn started(command: Option<Command>) -> Start {
     match command {
         Some(Command::Start(start)) => start,
         other => panic!("{other:?}"),
+    }
+}
+
+/// A question looks the same on a larger screen, so one size is looked at, in all languages.
+fn check(name: &str, play: impl Fn(&mut Scene)) {
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        play(&mut scene);
+        insta::assert_snapshot!(format!("{name}-{lang:?}-80"), scene.text());
     }
 }
 

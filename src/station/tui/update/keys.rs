@@ -6,7 +6,8 @@ use crate::serial_number::{self, SerialNumberError};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, Action, Place};
 use crate::tui::live::History;
-use crate::tui::model::{Loaded, Model, Over, Page, Pause, Pending, Rounds, RunView, Weight, order};
+use crate::tui::model::{Loaded, Model, Over, Page, Pause, Rounds, RunView, Weight, order};
+use crate::tui::pending::Pending;
 use crate::tui::records::Check;
 use crate::tui::setup_form::{Form, Line, MAX_ROUNDS};
 

@@ -3,7 +3,8 @@
 use super::{Command, Start, earlier_words, words};
 use crate::tui::keymap::Action;
 use crate::tui::live::History;
-use crate::tui::model::{Interrupted, Loaded, Model, Over, Pending, Prepared, Resumable, Rounds, RunView, Weight};
+use crate::tui::model::{Loaded, Model, Over, Rounds, RunView, Weight};
+use crate::tui::pending::{Interrupted, Pending, Prepared, Resumable};
 
 /// A run is asked for: the session looks at files and records first.
 pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Command> {

@@ -13,7 +13,8 @@ use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
 use crate::tui::keymap::{self, Action, Place};
 use crate::tui::lang::fill;
-use crate::tui::model::{Earlier, Glyphs, Interrupted, Model};
+use crate::tui::model::{Earlier, Glyphs, Model};
+use crate::tui::pending::Interrupted;
 use crate::tui::update::earlier_words;
 
 /// Files that a question names; a plan with more is better looked at in its folder.
