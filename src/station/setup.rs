@@ -44,7 +44,7 @@ pub(crate) struct CheckedBench {
     pub records: PathBuf,
     /// The bench as records name it; of a simulated one without its port, which is another one for each module.
     pub bench: Bench,
-    /// What it can do if somebody is at it.
+    /// What it can do with an operator.
     pub abilities: BenchAbilities,
     /// The file that describes it, unless it is built in.
     pub text: Option<ReadFile>,

@@ -73,7 +73,7 @@ pub(super) struct Heard<F> {
 }
 
 impl<F: Fn() -> bool + Clone + Send + 'static> Heard<F> {
-    /// `event` is called for each one; `false`: nobody listens any more.
+    /// `event` is called for each one; `false`: the listener has gone.
     pub(super) fn new(event: F) -> Self {
         Self { event, folder: None, store_error: None }
     }

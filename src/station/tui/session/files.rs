@@ -61,7 +61,7 @@ pub(super) fn look(args: &RunArgs, plan_path: &Path, tell: impl Fn(Looked)) {
     let bench = setup::check(args).map(Box::new);
     let known = bench.as_ref().ok().map(|bench| (bench.abilities, bench.bench.kind, bench.records.clone()));
     tell(Looked::Bench { path: bench_name(args), bench });
-    // Without a bench the plan alone is checked, as somebody may mend one after the other.
+    // Without a bench the plan alone is checked, so that the two can be mended one after the other.
     let abilities = known.as_ref().map_or(setup::SIMULATED, |(abilities, ..)| *abilities);
     let plan = plan_view(plan_path, abilities).map(Box::new);
     let sha256 = plan.as_ref().ok().map(|plan| plan.1.sha256.clone());
