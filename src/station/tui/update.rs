@@ -180,6 +180,10 @@ fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
         // The verdict on the screen was by another plan.
         model.run = None;
     }
+    if matches!(plan, Loaded::Refused(_)) {
+        // The message may say that F5 starts a run.
+        model.message = None;
+    }
     model.plan_path = path;
     model.plan = plan;
     model.cursor = 0;

@@ -91,6 +91,10 @@ fn changed_files_are_asked_about() {
     assert_eq!(scene.key(Key::Enter), Some(Command::Choose { plan, bench }));
     assert_eq!(scene.model.plan, Loaded::Loading);
     assert_eq!(scene.model.pending, None, "it is looked at before it runs");
+    assert!(scene.text().contains("then press F5"), "{}", scene.text());
+    let path = "test-plans/functional.toml".into();
+    scene.tell(Msg::Plan { path, plan: Loaded::Refused("unknown item \"cpo\"".into()) });
+    assert!(!scene.text().contains("then press F5"), "{}", scene.text());
 
     let mut scene = super::scene(Lang::En);
     start(&mut scene, changed(), None);
