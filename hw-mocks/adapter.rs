@@ -10,7 +10,7 @@ use gnc_protocol::can::{CanFrame, CanId};
 use nix::errno::Errno;
 use socketcan::{CanSocket, EmbeddedFrame as _, Id, Socket as _};
 
-use crate::bench::Bench;
+use crate::bench::SimulatedBench;
 use crate::can::Adapter;
 use crate::port::Tty;
 
@@ -57,7 +57,7 @@ impl Interface {
     }
 
     /// Whether the interface has no room.
-    fn write(&mut self, bench: &mut Bench) -> io::Result<bool> {
+    fn write(&mut self, bench: &mut SimulatedBench) -> io::Result<bool> {
         while let Some(frame) = self.waiting.take().or_else(|| bench.output_can()) {
             let Some(raw) = to_socket(&frame) else { continue };
             // What is said while there is no interface is lost, as on a bus without one.
@@ -139,7 +139,7 @@ impl CanPort {
     }
 
     /// Takes what the host sent, as far as the bus has room.
-    pub(crate) fn read(&mut self, bench: &mut Bench, now: Duration) -> io::Result<()> {
+    pub(crate) fn read(&mut self, bench: &mut SimulatedBench, now: Duration) -> io::Result<()> {
         while bench.can_room() > 0 {
             match self {
                 Self::Slcan { pty: None, .. } => return Ok(()),
@@ -176,7 +176,7 @@ impl CanPort {
     }
 
     /// Hands on what came off the bus; tells whether the port is full.
-    pub(crate) fn write(&mut self, bench: &mut Bench) -> io::Result<bool> {
+    pub(crate) fn write(&mut self, bench: &mut SimulatedBench) -> io::Result<bool> {
         match self {
             Self::Slcan { pty, adapter } => {
                 // No more lines than a write takes, so that a host which does not read holds the bus up.

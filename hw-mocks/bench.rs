@@ -14,19 +14,19 @@ use std::time::Duration;
 use gnc_protocol::can::CanFrame;
 use gnc_protocol::frame::Frame;
 use gnc_protocol::message::{HostHello, MAGIC};
-use gnc_protocol::serial::{Decoder, encode};
+use gnc_protocol::serial::{FrameDecoder, encode};
 use gnc_protocol::slave::Slave;
 use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
 
-use crate::board::{Port, SimulatedBoard};
-use crate::can::{CanBus, Heard};
-use crate::line::Line;
-use crate::noise::{Dice, Source};
+use crate::board::{BoardPort, SimulatedBoard};
+use crate::can::{CanBus, HeardFrame};
+use crate::line::ByteLine;
+use crate::noise::{Dice, RandomStream};
 use crate::personality::Personality;
-use crate::turntable::Turntable;
+use crate::turntable::SimulatedTable;
 use crate::wire_faults::FaultyWire;
-use crate::world::{Site, World};
+use crate::world::{TrueSite, World};
 
 /// Samples waiting for so much time of the line, beyond which the board drops new ones.
 const SAMPLES_WAIT_S: f64 = 0.7;
@@ -67,7 +67,7 @@ pub enum Speed {
 
 /// What a bench is made of.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct BenchOptions {
     /// Board, module and faults.
     pub personality: Personality,
     /// What the module says its serial number is, unless the personality fixes one.
@@ -81,12 +81,12 @@ pub struct Options {
     /// UTC at the start since 1970, so that a run can be repeated; not the wall clock.
     pub utc_start: Duration,
     /// Where the bench stands.
-    pub site: Site,
+    pub site: TrueSite,
     /// Temperature of the room.
     pub ambient_c: f64,
 }
 
-impl Default for Options {
+impl Default for BenchOptions {
     /// A good module at true speed and 921600 baud, on 2026-11-22 at 06:30:15 UTC.
     fn default() -> Self {
         Self {
@@ -96,7 +96,7 @@ impl Default for Options {
             speed: Speed::Times(1.0),
             rate_baud: 921_600,
             utc_start: Duration::from_secs(1_795_329_015),
-            site: Site::default(),
+            site: TrueSite::default(),
             ambient_c: 23.0,
         }
     }
@@ -104,21 +104,21 @@ impl Default for Options {
 
 /// The simulated bench as a state machine.
 #[derive(Debug)]
-pub struct Bench {
+pub struct SimulatedBench {
     /// The board's end of the conversation on RS-422.
     slave: Slave,
     /// The same on CAN. A HELLO on one link ends the session on the other.
     can_slave: Slave,
     /// Where the last HELLO came.
-    session_on: Port,
+    session_on: BoardPort,
     can: CanBus,
     /// The host's CAN adapter holds frames that it could not hand on yet.
     pub(crate) can_held: bool,
     board: SimulatedBoard,
-    table: Turntable,
-    decoder: Decoder,
-    incoming: Line,
-    outgoing: Line,
+    table: SimulatedTable,
+    decoder: FrameDecoder,
+    incoming: ByteLine,
+    outgoing: ByteLine,
     /// What happens to bytes before they reach `incoming`, and behind the board before `outgoing`.
     wire_to_board: FaultyWire,
     wire_to_host: FaultyWire,
@@ -132,10 +132,10 @@ pub struct Bench {
     speed: Speed,
 }
 
-impl Bench {
+impl SimulatedBench {
     /// A bench at link time 0.
     #[must_use]
-    pub fn new(options: &Options) -> Self {
+    pub fn new(options: &BenchOptions) -> Self {
         let table = options.personality.model.turntable;
         let mut world = World::new(options.site, options.utc_start, options.ambient_c);
         world.fixture_field_gauss = table.field_mgauss.map(|field| field * 1e-3).into();
@@ -150,16 +150,16 @@ impl Bench {
         Self {
             slave: Slave::default(),
             can_slave: Slave::default(),
-            session_on: Port::Serial,
+            session_on: BoardPort::Serial,
             can_held: false,
             can: CanBus::new(can_pace, wire.can_lose_every, options.personality.model.can_wire, options.seed),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
-            table: Turntable::new(options.personality.model.turntable, options.seed),
-            decoder: Decoder::default(),
-            incoming: Line::new(pace),
-            outgoing: Line::new(pace),
-            wire_to_board: FaultyWire::new(wire.to_board, Dice::new(options.seed, Source::LineToBoard)),
-            wire_to_host: FaultyWire::new(wire.to_host, Dice::new(options.seed, Source::Line)),
+            table: SimulatedTable::new(options.personality.model.turntable, options.seed),
+            decoder: FrameDecoder::default(),
+            incoming: ByteLine::new(pace),
+            outgoing: ByteLine::new(pace),
+            wire_to_board: FaultyWire::new(wire.to_board, Dice::new(options.seed, RandomStream::LineToBoard)),
+            wire_to_host: FaultyWire::new(wire.to_host, Dice::new(options.seed, RandomStream::Line)),
             said_more: false,
             repaired_at: Duration::ZERO,
             sleepers: Vec::new(),
@@ -168,7 +168,7 @@ impl Bench {
         }
     }
 
-    /// How many bytes [`Bench::receive`] takes now; what is more stays in the host's port.
+    /// How many bytes [`SimulatedBench::receive`] takes now; what is more stays in the host's port.
     #[must_use]
     pub fn room(&self) -> usize {
         INPUT_WAIT.saturating_sub(self.incoming.len() + self.wire_to_board.len())
@@ -198,7 +198,7 @@ impl Bench {
         self.can.pace();
     }
 
-    /// How many frames [`Bench::receive_can`] takes now.
+    /// How many frames [`SimulatedBench::receive_can`] takes now.
     #[must_use]
     pub fn can_room(&self) -> usize {
         self.can.room()
@@ -255,7 +255,7 @@ impl Bench {
         let quiet = self.incoming.is_empty() && self.wire_to_board.is_clean() && self.wire_to_host.is_clean();
         let first = self.board.next_event_ns() < self.sleeper_due_ns().or(Some(u64::MAX));
         self.speed == Speed::Max
-            && self.session_on == Port::Serial
+            && self.session_on == BoardPort::Serial
             && (1..AT_ONCE).contains(&said)
             && !self.said_more
             && quiet
@@ -268,8 +268,8 @@ impl Bench {
     pub fn pass_time(&mut self, now: Duration) {
         if let Speed::Times(times) = self.speed {
             self.board.line_full = match self.session_on {
-                Port::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
-                Port::Can => self.can.is_full(),
+                BoardPort::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
+                BoardPort::Can => self.can.is_full(),
             };
             // The board's clock goes by its oscillator; true time is link time, so many times as fast.
             let now_ns = self.board.bench_ns(now.as_secs_f64() * times) as u64;
@@ -281,7 +281,7 @@ impl Bench {
         }
     }
 
-    /// The next link time at which [`Bench::advance`] or [`Bench::output`] has something to do; it may lie in the past.
+    /// The next link time at which [`SimulatedBench::advance`] or [`SimulatedBench::output`] has something to do; it may lie in the past.
     #[must_use]
     pub fn next_due(&self, now: Duration) -> Duration {
         let events = match self.speed {
@@ -316,11 +316,11 @@ impl Bench {
         }
         let pending = self.board.has_work() || !self.sleepers.is_empty();
         let said = match self.session_on {
-            Port::Serial => {
+            BoardPort::Serial => {
                 let lines_empty = self.outgoing.is_empty() && self.incoming.is_empty();
                 lines_empty && self.wire_to_host.is_empty() && self.wire_to_board.is_empty()
             }
-            Port::Can => self.can.is_quiet() && !self.can_held,
+            BoardPort::Can => self.can.is_quiet() && !self.can_held,
         };
         pending && said && now >= self.repaired_at
     }
@@ -359,14 +359,14 @@ impl Bench {
             if frame.header.kind == gnc_protocol::Kind::Hello {
                 self.decoder.restart_sequence();
             }
-            self.take(Port::Serial, &frame, now);
+            self.take(BoardPort::Serial, &frame, now);
         }
     }
 
     /// Frames pass on the CAN bus: the module sends test frames back, the board hears the rest.
     fn run_bus(&mut self, now: Duration) {
         while let Some(heard) = self.can.step(now) {
-            let Heard::FromHost(frame) = heard else { continue };
+            let HeardFrame::FromHost(frame) = heard else { continue };
             if self.board.is_powered() {
                 self.board.module.can.echo(&frame).for_each(|echo| self.can.echo(echo));
             }
@@ -374,30 +374,30 @@ impl Bench {
                 continue;
             }
             if let Some(Ok(frame)) = self.can.understand(&frame, now) {
-                self.take(Port::Can, &frame, now);
+                self.take(BoardPort::Can, &frame, now);
             }
         }
     }
 
     /// A frame of the conversation that came on a link.
-    fn take(&mut self, port: Port, frame: &Frame, now: Duration) {
+    fn take(&mut self, port: BoardPort, frame: &Frame, now: Duration) {
         if HostHello::from_payload(&frame.payload).is_ok_and(|hello| hello.magic == MAGIC)
             && frame.header.kind == gnc_protocol::Kind::Hello
         {
             self.session_on = port;
             self.board.set_carrier(port);
             match port {
-                Port::Serial => {
+                BoardPort::Serial => {
                     self.can_slave.leave();
                     self.can.drop_samples();
                 }
-                Port::Can => self.slave.leave(),
+                BoardPort::Can => self.slave.leave(),
             }
         }
         self.count_link();
         let slave = match port {
-            Port::Serial => &mut self.slave,
-            Port::Can => &mut self.can_slave,
+            BoardPort::Serial => &mut self.slave,
+            BoardPort::Can => &mut self.can_slave,
         };
         let mut answers = Vec::new();
         slave.receive(frame, now, &mut self.board, &mut |answer| answers.push(answer));
@@ -410,14 +410,14 @@ impl Bench {
             let (mut frames, mut can_frames) = (Vec::new(), Vec::new());
             self.count_link();
             self.board.line_room = match self.session_on {
-                Port::Serial => self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len()),
+                BoardPort::Serial => self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len()),
                 // On the bus samples wait in a queue of their own, behind all else.
-                Port::Can => usize::MAX,
+                BoardPort::Can => usize::MAX,
             };
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
             self.can_slave.tick(now, &mut self.board, &mut |frame| can_frames.push(frame));
-            self.send(Port::Serial, frames, now);
-            self.send(Port::Can, can_frames, now);
+            self.send(BoardPort::Serial, frames, now);
+            self.send(BoardPort::Can, can_frames, now);
         }
         self.carry(now);
     }
@@ -428,7 +428,7 @@ impl Bench {
             self.slave = Slave::default();
             self.can_slave = Slave::default();
             self.can.restart();
-            self.decoder = Decoder::default();
+            self.decoder = FrameDecoder::default();
             self.outgoing.clear();
             self.incoming.clear();
         }
@@ -442,8 +442,8 @@ impl Bench {
 
     fn count_link(&mut self) {
         let (counters, sent) = match self.session_on {
-            Port::Serial => (self.decoder.counters(), self.slave.sent()),
-            Port::Can => (self.can.counters(), self.can_slave.sent()),
+            BoardPort::Serial => (self.decoder.counters(), self.slave.sent()),
+            BoardPort::Can => (self.can.counters(), self.can_slave.sent()),
         };
         let reply = &mut self.board.link_counters;
         (reply.frames, reply.bad_checksum) = (counters.frames, counters.bad_checksum);
@@ -451,22 +451,22 @@ impl Bench {
         reply.sent = sent;
     }
 
-    fn send(&mut self, port: Port, frames: Vec<Frame>, now: Duration) {
+    fn send(&mut self, port: BoardPort, frames: Vec<Frame>, now: Duration) {
         for frame in frames {
-            self.said_more |= port == Port::Serial && frame.header.kind != gnc_protocol::Kind::Stream;
+            self.said_more |= port == BoardPort::Serial && frame.header.kind != gnc_protocol::Kind::Stream;
             match port {
-                Port::Serial if self.wire_to_host.is_clean() => {
+                BoardPort::Serial if self.wire_to_host.is_clean() => {
                     if self.outgoing.len() <= FRAMES_WAIT {
                         self.outgoing.push(&encode(&frame), now);
                     }
                 }
-                Port::Serial => {
+                BoardPort::Serial => {
                     if frame.header.kind == gnc_protocol::Kind::Hello {
                         self.wire_to_host.begin_numbers();
                     }
                     self.wire_to_host.push(&encode(&frame), now);
                 }
-                Port::Can => self.can.send(&frame),
+                BoardPort::Can => self.can.send(&frame),
             }
         }
         let echo = self.wire_to_host.take_echo();

@@ -6,14 +6,14 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use gnc_protocol::can::endpoint::{Endpoint, Role};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
 use gnc_protocol::can::{BIT_RATE, CanFrame, CanId, slcan};
 use gnc_protocol::frame::{Frame, FrameError};
 use gnc_protocol::serial::LineCounters;
 
 use crate::can_faults::{CanWireFaults, FaultyBus};
 use crate::fault_queue::Toll;
-use crate::noise::{Dice, Source};
+use crate::noise::{Dice, RandomStream};
 
 /// Frames of streams that wait beyond which the board drops samples: 0.3 s of the bus.
 const SAMPLES_WAIT: usize = 1024;
@@ -58,9 +58,9 @@ impl CanBus {
     /// A bus that runs so many times as fast as a real one; `None`: without pace.
     pub(crate) fn new(times: Option<f64>, lose_every: u32, faults: CanWireFaults, seed: u64) -> Self {
         Self {
-            endpoint: Endpoint::new(Role::Board),
-            wire_to_board: FaultyBus::new(faults.to_board, Dice::new(seed, Source::CanToBoard)),
-            wire_to_host: FaultyBus::new(faults.to_host, Dice::new(seed, Source::CanToHost)),
+            endpoint: Endpoint::new(EndpointRole::Board),
+            wire_to_board: FaultyBus::new(faults.to_board, Dice::new(seed, RandomStream::CanToBoard)),
+            wire_to_host: FaultyBus::new(faults.to_host, Dice::new(seed, RandomStream::CanToHost)),
             from_host: VecDeque::new(),
             events: VecDeque::new(),
             samples: VecDeque::new(),
@@ -83,7 +83,7 @@ impl CanBus {
 
     /// The board restarted: what it had to say is gone.
     pub(crate) fn restart(&mut self) {
-        self.endpoint = Endpoint::new(Role::Board);
+        self.endpoint = Endpoint::new(EndpointRole::Board);
         self.events.clear();
         self.samples.clear();
     }
@@ -157,7 +157,7 @@ impl CanBus {
 
     /// Lets the next frame pass, if the bus is free: gives what board and module hear of it. `None`: nothing can pass
     /// now.
-    pub(crate) fn step(&mut self, now: Duration) -> Option<Heard> {
+    pub(crate) fn step(&mut self, now: Duration) -> Option<HeardFrame> {
         self.carry(now);
         if self.free_at > now {
             return None;
@@ -189,7 +189,7 @@ impl CanBus {
         let frame = queue.pop_front()?;
         self.free_at += Duration::from_nanos((f64::from(frame.worst_bits()) * self.bit_ns) as u64);
         if matches!(sender, Sender::Host) {
-            return Some(Heard::FromHost(frame));
+            return Some(HeardFrame::FromHost(frame));
         }
         self.sent = self.sent.wrapping_add(1);
         let lost = self.lose_every != 0 && self.sent.is_multiple_of(self.lose_every);
@@ -198,7 +198,7 @@ impl CanBus {
             self.wire_to_host.push(frame, now);
         }
         self.carry(now);
-        Some(Heard::Nothing)
+        Some(HeardFrame::Nothing)
     }
 
     /// What a frame from the host means to the board.
@@ -217,7 +217,7 @@ impl CanBus {
 
 /// What board and module hear of a frame that passed.
 #[derive(Debug)]
-pub(crate) enum Heard {
+pub(crate) enum HeardFrame {
     /// Their own.
     Nothing,
     /// The host's.
@@ -235,7 +235,7 @@ fn priority(id: CanId) -> (u32, bool, u32) {
 /// The host's slcan adapter: lines on a serial port, frames on the bus once it was opened.
 #[derive(Debug, Default)]
 pub struct Adapter {
-    decoder: slcan::Decoder,
+    decoder: slcan::SlcanDecoder,
     open: bool,
     lines: VecDeque<u8>,
 }
@@ -247,17 +247,20 @@ impl Adapter {
         let mut frames = Vec::new();
         while let Some(item) = self.decoder.next(&mut bytes) {
             match item {
-                slcan::Item::Frame(frame) if self.open => frames.push(frame),
-                slcan::Item::Open | slcan::Item::Listen => self.answer(b'\r', true),
-                slcan::Item::Close => {
+                slcan::SlcanEvent::Frame(frame) if self.open => frames.push(frame),
+                slcan::SlcanEvent::Open | slcan::SlcanEvent::Listen => self.answer(b'\r', true),
+                slcan::SlcanEvent::Close => {
                     self.lines.clear();
                     self.answer(b'\r', false);
                 }
-                slcan::Item::Rate(6) if !self.open => self.answer(b'\r', false),
-                slcan::Item::Frame(_) | slcan::Item::Remote(_) | slcan::Item::Rate(_) | slcan::Item::Other(_) => {
+                slcan::SlcanEvent::Rate(6) if !self.open => self.answer(b'\r', false),
+                slcan::SlcanEvent::Frame(_)
+                | slcan::SlcanEvent::Remote(_)
+                | slcan::SlcanEvent::Rate(_)
+                | slcan::SlcanEvent::Other(_) => {
                     self.answer(7, self.open);
                 }
-                slcan::Item::Refused => {}
+                slcan::SlcanEvent::Refused => {}
             }
         }
         frames

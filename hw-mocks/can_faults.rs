@@ -145,13 +145,13 @@ fn garbage(dice: &mut Dice) -> Option<CanFrame> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::Source;
+    use crate::noise::RandomStream;
 
     const SECOND: Duration = Duration::from_secs(1);
 
     /// What two hundred numbered frames of messages become, all sent at once, and when the last has gone on.
     fn through(rates: CanRates) -> (Vec<CanFrame>, Duration) {
-        let mut bus = FaultyBus::new(rates, Dice::new(7, Source::CanToHost));
+        let mut bus = FaultyBus::new(rates, Dice::new(7, RandomStream::CanToHost));
         (0..200).for_each(|number| bus.push(numbered(number), SECOND));
         let (mut frames, mut now) = (Vec::new(), SECOND);
         while let Some(due) = bus.next_due() {
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn raw_frames_are_never_altered() {
         let rates = CanRates { flipped_frames: 1e6, ..CanRates::default() };
-        let mut bus = FaultyBus::new(rates, Dice::new(7, Source::CanToHost));
+        let mut bus = FaultyBus::new(rates, Dice::new(7, RandomStream::CanToHost));
         for id in [CanId::Standard(IMU_GYRO), CanId::Standard(0x715), CanId::Extended(0x1abd_0000)] {
             let frame = CanFrame::new(id, &[1, 2, 3]).unwrap();
             bus.push(frame, SECOND);

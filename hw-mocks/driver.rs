@@ -15,11 +15,11 @@ use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
 
 use crate::adapter::CanPort;
-use crate::bench::{Bench, Options, Truth};
+use crate::bench::{BenchOptions, SimulatedBench, Truth};
 use crate::link_clock::{LOOK_EVERY, LinkClock};
 use crate::port::Tty;
 use crate::turntable::TableRefusal;
-use crate::world::{Axis, Sign};
+use crate::world::{ModuleAxis, Sign};
 
 /// Longest wait for a port that is full: the kernel does not always tell when it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);
@@ -34,7 +34,7 @@ pub struct BenchGone;
 
 /// Why the turntable did not do what it was told.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum TableError {
+pub enum TurntableError {
     /// There is no bench any more.
     #[error(transparent)]
     Gone(#[from] BenchGone),
@@ -44,8 +44,8 @@ pub enum TableError {
 }
 
 #[derive(Debug)]
-enum Motion {
-    Orient(Along, Axis, Sign, f64),
+enum TableMotion {
+    Orient(Along, ModuleAxis, Sign, f64),
     OrientUp([f64; 3], f64),
     Rotate(f64, f64),
     Spin(f64),
@@ -53,14 +53,14 @@ enum Motion {
 }
 
 #[derive(Debug)]
-enum Command {
-    Move(Motion, Sender<Result<(), TableRefusal>>),
+enum BenchCommand {
+    Move(TableMotion, Sender<Result<(), TableRefusal>>),
     WaitStill(Sender<Result<(), TableRefusal>>),
     IsMoving(Sender<bool>),
     SetSwitch(u8, bool),
     SetHeading(f64),
-    SetAxisUp(Axis, Sign),
-    SetTurn(Axis, f64),
+    SetAxisUp(ModuleAxis, Sign),
+    SetTurn(ModuleAxis, f64),
     Sleep(Duration, Sender<()>),
     Truth(Sender<Truth>),
     WaitOff(Sender<()>),
@@ -82,27 +82,27 @@ pub enum Cable {
 /// board afterwards finds it done.
 ///
 /// # The turntable
-/// [`Control::orient`], [`Control::rotate`], [`Control::spin`] and [`Control::stop`] begin a motion and return at once;
+/// [`BenchControl::orient`], [`BenchControl::rotate`], [`BenchControl::spin`] and [`BenchControl::stop`] begin a motion and return at once;
 /// it begins in that moment of bench time, takes the time that `turntable.rs` says and ends by itself.
-/// [`Control::wait_still`] returns when bench time has passed its end.
+/// [`BenchControl::wait_still`] returns when bench time has passed its end.
 ///
 /// # Waiting
-/// [`Control::sleep`] and [`Control::wait_still`] block their thread until bench time has come so far. At maximum speed
+/// [`BenchControl::sleep`] and [`BenchControl::wait_still`] block their thread until bench time has come so far. At maximum speed
 /// they let bench time move, also without any request or stream. But bench time stands while a port is full, so that a
 /// stream is never dropped: whoever waits beside a running stream must go on reading it on another thread.
 #[derive(Debug, Clone)]
-pub struct Control {
-    commands: Sender<(Command, Option<Sender<()>>)>,
+pub struct BenchControl {
+    commands: Sender<(BenchCommand, Option<Sender<()>>)>,
     wake: std::sync::Arc<UnixStream>,
 }
 
-impl Control {
+impl BenchControl {
     /// Flips DIP switch 1 to 5.
     ///
     /// # Errors
     /// [`BenchGone`].
     pub fn set_switch(&self, number: u8, on: bool) -> Result<(), BenchGone> {
-        self.order(Command::SetSwitch(number, on))
+        self.order(BenchCommand::SetSwitch(number, on))
     }
 
     /// Points the reference axis (X for Z up) at a heading, clockwise from north, and ends any turning.
@@ -110,23 +110,23 @@ impl Control {
     /// # Errors
     /// [`BenchGone`].
     pub fn set_heading_deg(&self, heading_deg: f64) -> Result<(), BenchGone> {
-        self.order(Command::SetHeading(heading_deg))
+        self.order(BenchCommand::SetHeading(heading_deg))
     }
 
     /// Lays the module down with an axis up and ends any turning.
     ///
     /// # Errors
     /// [`BenchGone`].
-    pub(crate) fn set_axis_up(&self, axis: Axis, sign: Sign) -> Result<(), BenchGone> {
-        self.order(Command::SetAxisUp(axis, sign))
+    pub(crate) fn set_axis_up(&self, axis: ModuleAxis, sign: Sign) -> Result<(), BenchGone> {
+        self.order(BenchCommand::SetAxisUp(axis, sign))
     }
 
     /// Turns the module steadily about one of its axes, right-handed.
     ///
     /// # Errors
     /// [`BenchGone`].
-    pub(crate) fn set_turn(&self, axis: Axis, rate_dps: f64) -> Result<(), BenchGone> {
-        self.order(Command::SetTurn(axis, rate_dps))
+    pub(crate) fn set_turn(&self, axis: ModuleAxis, rate_dps: f64) -> Result<(), BenchGone> {
+        self.order(BenchCommand::SetTurn(axis, rate_dps))
     }
 
     /// Returns when bench time has passed `span`.
@@ -135,50 +135,50 @@ impl Control {
     /// [`BenchGone`].
     pub fn sleep(&self, span: Duration) -> Result<(), BenchGone> {
         let (done, awake) = mpsc::channel();
-        self.post(Command::Sleep(span, done), None)?;
+        self.post(BenchCommand::Sleep(span, done), None)?;
         awake.recv().map_err(|_| BenchGone)
     }
 
     /// Begins to point an axis of the module along a direction, the next axis (Y for X, Z for Y, X for Z) at a heading.
     ///
     /// # Errors
-    /// [`TableError`]: the bench has ended, or the table is moving.
-    pub fn orient(&self, along: Along, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableError> {
-        self.set_in_motion(Motion::Orient(along, axis, sign, heading_deg))
+    /// [`TurntableError`]: the bench has ended, or the table is moving.
+    pub fn orient(&self, along: Along, axis: ModuleAxis, sign: Sign, heading_deg: f64) -> Result<(), TurntableError> {
+        self.set_in_motion(TableMotion::Orient(along, axis, sign, heading_deg))
     }
 
     /// Begins to lay the module down in any attitude: `up`, in the module's axes and of any length, points up. Of the
     /// axis nearest to it the next one points at the heading as nearly as it can.
     ///
     /// # Errors
-    /// As [`Control::orient`]; or `up` is no direction.
-    pub(crate) fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TableError> {
-        self.set_in_motion(Motion::OrientUp(up, heading_deg))
+    /// As [`BenchControl::orient`]; or `up` is no direction.
+    pub(crate) fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TurntableError> {
+        self.set_in_motion(TableMotion::OrientUp(up, heading_deg))
     }
 
     /// Begins a rotation about the table's axis, which is along the module's axis of the last orientation, positive by
     /// the right-hand rule about that axis. Ramps take 10 % of the span each: 1080 deg in 5 s peak at 240 deg/s.
     ///
     /// # Errors
-    /// [`TableError`]: the bench has ended, the table is moving, or it cannot turn so fast.
-    pub fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), TableError> {
-        self.set_in_motion(Motion::Rotate(angle_deg, span_s))
+    /// [`TurntableError`]: the bench has ended, the table is moving, or it cannot turn so fast.
+    pub fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), TurntableError> {
+        self.set_in_motion(TableMotion::Rotate(angle_deg, span_s))
     }
 
     /// Begins to spin about the table's axis, without end; from another spin it goes over to this one.
     ///
     /// # Errors
-    /// As [`Control::rotate`].
-    pub fn spin(&self, rate_dps: f64) -> Result<(), TableError> {
-        self.set_in_motion(Motion::Spin(rate_dps))
+    /// As [`BenchControl::rotate`].
+    pub fn spin(&self, rate_dps: f64) -> Result<(), TurntableError> {
+        self.set_in_motion(TableMotion::Spin(rate_dps))
     }
 
     /// Begins to stop whatever motion runs; no error where none does.
     ///
     /// # Errors
-    /// [`TableError::Gone`].
-    pub fn stop(&self) -> Result<(), TableError> {
-        self.set_in_motion(Motion::Stop)
+    /// [`TurntableError::Gone`].
+    pub fn stop(&self) -> Result<(), TurntableError> {
+        self.set_in_motion(TableMotion::Stop)
     }
 
     /// Whether the module moves. At maximum speed it goes on doing so until something lets bench time pass.
@@ -187,17 +187,17 @@ impl Control {
     /// [`BenchGone`].
     pub fn moving(&self) -> Result<bool, BenchGone> {
         let (told, moving) = mpsc::channel();
-        self.post(Command::IsMoving(told), None)?;
+        self.post(BenchCommand::IsMoving(told), None)?;
         moving.recv().map_err(|_| BenchGone)
     }
 
     /// Returns when the module is still.
     ///
     /// # Errors
-    /// [`TableError`]: the bench has ended, or the table spins without end, also if it begins to while somebody waits.
-    pub fn wait_still(&self) -> Result<(), TableError> {
+    /// [`TurntableError`]: the bench has ended, or the table spins without end, also if it begins to while somebody waits.
+    pub fn wait_still(&self) -> Result<(), TurntableError> {
         let (done, still) = mpsc::channel();
-        self.post(Command::WaitStill(done), None)?;
+        self.post(BenchCommand::WaitStill(done), None)?;
         Ok(still.recv().map_err(|_| BenchGone)??)
     }
 
@@ -207,7 +207,7 @@ impl Control {
     /// [`BenchGone`].
     pub fn wait_off(&self, limit: Duration) -> Result<bool, BenchGone> {
         let (done, off) = mpsc::channel();
-        self.post(Command::WaitOff(done), None)?;
+        self.post(BenchCommand::WaitOff(done), None)?;
         match off.recv_timeout(limit) {
             Ok(()) => Ok(true),
             Err(mpsc::RecvTimeoutError::Timeout) => Ok(false),
@@ -221,7 +221,7 @@ impl Control {
     /// # Errors
     /// [`BenchGone`].
     pub fn unplug(&self, cable: Cable) -> Result<(), BenchGone> {
-        self.order(Command::Unplug(cable))
+        self.order(BenchCommand::Unplug(cable))
     }
 
     /// Plugs a cable in, into another pseudo-terminal than before: gives what the host opens.
@@ -230,13 +230,13 @@ impl Control {
     /// The system has no pseudo-terminal left; or the bench has ended, or has no such cable.
     pub fn plug_in(&self, cable: Cable) -> io::Result<PathBuf> {
         let (told, port) = mpsc::channel();
-        self.post(Command::PlugIn(cable, told), None).map_err(io::Error::other)?;
+        self.post(BenchCommand::PlugIn(cable, told), None).map_err(io::Error::other)?;
         port.recv().map_err(|_| io::Error::other(BenchGone))?
     }
 
-    fn set_in_motion(&self, motion: Motion) -> Result<(), TableError> {
+    fn set_in_motion(&self, motion: TableMotion) -> Result<(), TurntableError> {
         let (done, answer) = mpsc::channel();
-        self.post(Command::Move(motion, done), None)?;
+        self.post(BenchCommand::Move(motion, done), None)?;
         Ok(answer.recv().map_err(|_| BenchGone)??)
     }
 
@@ -246,17 +246,17 @@ impl Control {
     /// [`BenchGone`].
     pub fn truth(&self) -> Result<Truth, BenchGone> {
         let (told, truth) = mpsc::channel();
-        self.post(Command::Truth(told), None)?;
+        self.post(BenchCommand::Truth(told), None)?;
         truth.recv().map_err(|_| BenchGone)
     }
 
-    fn order(&self, command: Command) -> Result<(), BenchGone> {
+    fn order(&self, command: BenchCommand) -> Result<(), BenchGone> {
         let (done, answer) = mpsc::channel();
         self.post(command, Some(done))?;
         answer.recv().map_err(|_| BenchGone)
     }
 
-    fn post(&self, command: Command, done: Option<Sender<()>>) -> Result<(), BenchGone> {
+    fn post(&self, command: BenchCommand, done: Option<Sender<()>>) -> Result<(), BenchGone> {
         self.commands.send((command, done)).map_err(|_| BenchGone)?;
         // A full pipe means that a wake-up is on its way already.
         let _ = (&*self.wake).write(&[0]);
@@ -269,7 +269,7 @@ impl Control {
 pub struct RunningBench {
     port: PathBuf,
     can_port: String,
-    control: Control,
+    control: BenchControl,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
@@ -278,7 +278,7 @@ impl RunningBench {
     ///
     /// # Errors
     /// When the system has no pseudo-terminal or no thread left.
-    pub fn start(options: &Options) -> io::Result<Self> {
+    pub fn start(options: &BenchOptions) -> io::Result<Self> {
         Self::start_with(options, None)
     }
 
@@ -286,7 +286,7 @@ impl RunningBench {
     ///
     /// # Errors
     /// As [`RunningBench::start`]; or there is no such interface.
-    pub fn start_with(options: &Options, interface: Option<&str>) -> io::Result<Self> {
+    pub fn start_with(options: &BenchOptions, interface: Option<&str>) -> io::Result<Self> {
         Self::serve(options, Tty::pseudo_terminal()?, interface)
     }
 
@@ -295,11 +295,11 @@ impl RunningBench {
     ///
     /// # Errors
     /// As [`RunningBench::start_with`]; or it is no port, or does not have the rate.
-    pub(crate) fn start_on(options: &Options, device: &Path, interface: Option<&str>) -> io::Result<Self> {
+    pub(crate) fn start_on(options: &BenchOptions, device: &Path, interface: Option<&str>) -> io::Result<Self> {
         Self::serve(options, Tty::device(device, options.rate_baud)?, interface)
     }
 
-    fn serve(options: &Options, tty: Tty, interface: Option<&str>) -> io::Result<Self> {
+    fn serve(options: &BenchOptions, tty: Tty, interface: Option<&str>) -> io::Result<Self> {
         let port = tty.name.clone();
         let can = match interface {
             Some(interface) => CanPort::socket(interface)?,
@@ -310,14 +310,14 @@ impl RunningBench {
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let (commands, received) = mpsc::channel();
-        let mut bench = Bench::new(options);
+        let mut bench = SimulatedBench::new(options);
         if interface.is_some() {
             bench.pace_can();
         }
         let clock = LinkClock::start(Instant::now(), options.speed);
         let driver = Driver { bench, tty: Some(tty), can, wait_off: Vec::new(), woken, received, clock };
         let thread = std::thread::Builder::new().name("simulated bench".to_owned()).spawn(move || driver.serve())?;
-        let control = Control { commands, wake: std::sync::Arc::new(wake) };
+        let control = BenchControl { commands, wake: std::sync::Arc::new(wake) };
         Ok(Self { port, can_port, control, thread: Some(thread) })
     }
 
@@ -335,7 +335,7 @@ impl RunningBench {
 
     /// The operator's hands.
     #[must_use]
-    pub fn control(&self) -> Control {
+    pub fn control(&self) -> BenchControl {
         self.control.clone()
     }
 }
@@ -343,7 +343,7 @@ impl RunningBench {
 impl Drop for RunningBench {
     fn drop(&mut self) {
         // Both fail only when the thread has ended, which is what is wanted.
-        let _ = self.control.post(Command::Stop, None);
+        let _ = self.control.post(BenchCommand::Stop, None);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -351,13 +351,13 @@ impl Drop for RunningBench {
 }
 
 struct Driver {
-    bench: Bench,
+    bench: SimulatedBench,
     /// `None`: the cable is pulled out.
     tty: Option<Tty>,
     can: CanPort,
     wait_off: Vec<Sender<()>>,
     woken: UnixStream,
-    received: Receiver<(Command, Option<Sender<()>>)>,
+    received: Receiver<(BenchCommand, Option<Sender<()>>)>,
     clock: LinkClock,
 }
 
@@ -391,29 +391,29 @@ impl Driver {
         while let Ok((command, done)) = self.received.try_recv() {
             self.bench.pass_time(self.clock.now());
             match command {
-                Command::SetSwitch(number, on) => self.bench.set_switch(number, on),
-                Command::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
-                Command::SetAxisUp(axis, sign) => self.bench.set_axis_up(axis, sign),
-                Command::SetTurn(axis, rate_dps) => self.bench.set_turn(axis, rate_dps),
-                Command::Sleep(span, done) => self.bench.sleep(span, done),
-                Command::Move(motion, done) => {
+                BenchCommand::SetSwitch(number, on) => self.bench.set_switch(number, on),
+                BenchCommand::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
+                BenchCommand::SetAxisUp(axis, sign) => self.bench.set_axis_up(axis, sign),
+                BenchCommand::SetTurn(axis, rate_dps) => self.bench.set_turn(axis, rate_dps),
+                BenchCommand::Sleep(span, done) => self.bench.sleep(span, done),
+                BenchCommand::Move(motion, done) => {
                     let _ = done.send(self.set_in_motion(&motion));
                 }
-                Command::WaitStill(done) => self.bench.wait_still(done),
-                Command::IsMoving(told) => {
+                BenchCommand::WaitStill(done) => self.bench.wait_still(done),
+                BenchCommand::IsMoving(told) => {
                     let _ = told.send(self.bench.is_moving());
                 }
-                Command::Truth(told) => {
+                BenchCommand::Truth(told) => {
                     // Whoever asked and left needs no answer.
                     let _ = told.send(self.bench.truth());
                 }
-                Command::WaitOff(done) => self.wait_off.push(done),
-                Command::Unplug(Cable::Serial) => self.tty = None,
-                Command::Unplug(Cable::Slcan) => self.can.unplug(),
-                Command::PlugIn(cable, told) => {
+                BenchCommand::WaitOff(done) => self.wait_off.push(done),
+                BenchCommand::Unplug(Cable::Serial) => self.tty = None,
+                BenchCommand::Unplug(Cable::Slcan) => self.can.unplug(),
+                BenchCommand::PlugIn(cable, told) => {
                     let _ = told.send(self.plug_in(cable));
                 }
-                Command::Stop => return false,
+                BenchCommand::Stop => return false,
             }
             if let Some(done) = done {
                 let _ = done.send(());
@@ -434,13 +434,13 @@ impl Driver {
         }
     }
 
-    fn set_in_motion(&mut self, motion: &Motion) -> Result<(), TableRefusal> {
+    fn set_in_motion(&mut self, motion: &TableMotion) -> Result<(), TableRefusal> {
         match *motion {
-            Motion::Orient(along, axis, sign, heading_deg) => self.bench.orient(along, axis, sign, heading_deg),
-            Motion::OrientUp(up, heading_deg) => self.bench.orient_up(up, heading_deg),
-            Motion::Rotate(angle_deg, span_s) => self.bench.rotate(angle_deg, span_s),
-            Motion::Spin(rate_dps) => self.bench.spin(rate_dps),
-            Motion::Stop => {
+            TableMotion::Orient(along, axis, sign, heading_deg) => self.bench.orient(along, axis, sign, heading_deg),
+            TableMotion::OrientUp(up, heading_deg) => self.bench.orient_up(up, heading_deg),
+            TableMotion::Rotate(angle_deg, span_s) => self.bench.rotate(angle_deg, span_s),
+            TableMotion::Spin(rate_dps) => self.bench.spin(rate_dps),
+            TableMotion::Stop => {
                 self.bench.stop();
                 Ok(())
             }

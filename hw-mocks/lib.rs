@@ -1,6 +1,6 @@
 //! The simulated bench: a world with a truth, a slave board and a GNC module in it.
 //!
-//! [`RunningBench`] serves a [`Bench`] on a pseudo-terminal or a serial port; [`Control`] is what an operator or a
+//! [`RunningBench`] serves a [`SimulatedBench`] on a pseudo-terminal or a serial port; [`BenchControl`] is what an operator or a
 //! fixture does at it; a [`Personality`] says what is in the socket and what is wrong with it. Faults change the world,
 //! a device or the wire, never an answer: the bench knows no plans, no limits and no verdicts, and must not know the
 //! right answer.
@@ -35,10 +35,10 @@ mod turntable;
 mod wire_faults;
 pub mod world;
 
-pub use bench::{Bench, LineTruth, Options, Speed, Truth};
+pub use bench::{BenchOptions, LineTruth, SimulatedBench, Speed, Truth};
 pub use can::Adapter;
-pub use driver::{BenchGone, Cable, Control, RunningBench, TableError};
+pub use driver::{BenchControl, BenchGone, Cable, RunningBench, TurntableError};
 pub use fault_queue::Toll;
 pub use personality::{Expectation, Load, Personality, beside, boards};
 pub use turntable::{TableModel, TableRefusal, TableTruth};
-pub use world::{Axis, Sign};
+pub use world::{ModuleAxis, Sign};

@@ -12,7 +12,7 @@ const KEPT: usize = 64 * 1024;
 
 /// Bytes on their way.
 #[derive(Debug, Default)]
-pub(crate) struct Line {
+pub(crate) struct ByteLine {
     bytes: Vec<u8>,
     /// Bytes at the front that are through and taken.
     taken: usize,
@@ -22,7 +22,7 @@ pub(crate) struct Line {
     free_at: Duration,
 }
 
-impl Line {
+impl ByteLine {
     /// A line of so many baud; `None` for one without pace.
     pub(crate) fn new(rate_baud: Option<f64>) -> Self {
         let byte_ns = rate_baud.map_or(0, |baud| (f64::from(BITS_PER_BYTE) * 1e9 / baud.max(1.0)) as u64);

@@ -5,10 +5,10 @@ use gnc_protocol::wire::text;
 
 use crate::devices::ad::Ad;
 use crate::devices::calibration::CalibrationMemory;
-use crate::devices::can::Can;
+use crate::devices::can::CanController;
 use crate::devices::cpu::Cpu;
 use crate::devices::flash::{FlashMemory, INTERNAL_FLASH, SPI_FLASH};
-use crate::devices::gnss::Receiver;
+use crate::devices::gnss::SimulatedReceiver;
 use crate::devices::inertial::Sensors;
 use crate::devices::lines::Lines;
 use crate::devices::memory::{INTERNAL_WORDS, Memory, SDRAM_WORDS};
@@ -16,7 +16,7 @@ use crate::devices::sci::Sci;
 use crate::devices::start::Start;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::Timers;
-use crate::noise::{Dice, Source};
+use crate::noise::{Dice, RandomStream};
 use crate::personality::Personality;
 
 /// The module with all its devices.
@@ -41,7 +41,7 @@ pub(crate) struct Module {
     /// Where it keeps its calibration.
     pub calibration: CalibrationMemory,
     /// GNSS receiver.
-    pub gnss: Receiver,
+    pub gnss: SimulatedReceiver,
     /// AD converter with the board's DIP switches.
     pub ad: Ad,
     /// IO lines.
@@ -49,7 +49,7 @@ pub(crate) struct Module {
     /// RS-422.
     pub sci: Sci,
     /// CAN.
-    pub can: Can,
+    pub can: CanController,
     /// How it starts.
     pub start: Start,
     supply: SupplyModel,
@@ -63,7 +63,7 @@ impl Module {
     #[must_use]
     pub(crate) fn new(personality: &Personality, serial_number: &str, seed: u64) -> Self {
         let model = &personality.model;
-        let mut content = Dice::new(seed, Source::Content);
+        let mut content = Dice::new(seed, RandomStream::Content);
         let mut rails = model.rails;
         rails.v5_v = rails.v5_v.min(model.supply.voltage_v);
         Self {
@@ -78,22 +78,22 @@ impl Module {
             timers: Timers::new(model.timers, seed),
             internal_ram: Memory::new(INTERNAL_WORDS, 16, model.internal_ram.clone(), || content.word()),
             sdram: Memory::new(SDRAM_WORDS, 32, model.sdram.clone(), || content.word()),
-            spi_flash: FlashMemory::new(SPI_FLASH, model.spi_flash.clone(), Dice::new(seed, Source::SpiFlash)),
+            spi_flash: FlashMemory::new(SPI_FLASH, model.spi_flash.clone(), Dice::new(seed, RandomStream::SpiFlash)),
             internal_flash: FlashMemory::new(
                 INTERNAL_FLASH,
                 model.internal_flash.clone(),
-                Dice::new(seed, Source::InternalFlash),
+                Dice::new(seed, RandomStream::InternalFlash),
             ),
             sensors: Sensors::new(model.sensors, model.sensor_faults, seed),
             calibration: CalibrationMemory::new(model.calibration),
-            gnss: Receiver::new(model.gnss, model.playback.clone(), seed),
+            gnss: SimulatedReceiver::new(model.gnss, model.playback.clone(), seed),
             ad: Ad::new(rails, model.unwired_switches, seed),
             lines: Lines::new(model.lines.clone()),
             sci: Sci::new(model.sci),
-            can: Can::new(model.can),
+            can: CanController::new(model.can),
             start: Start::new(model.start),
             supply: model.supply,
-            supply_dice: Dice::new(seed, Source::Supply),
+            supply_dice: Dice::new(seed, RandomStream::Supply),
             supply_seen: None,
         }
     }

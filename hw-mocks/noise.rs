@@ -10,7 +10,7 @@ use rand_distr::StandardNormal;
 /// What the chance is for; each has its own stream of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
-pub enum Source {
+pub enum RandomStream {
     /// Boot ids.
     Boot = 1,
     /// Supply voltage and current.
@@ -66,7 +66,7 @@ pub struct Dice {
 impl Dice {
     /// The stream of `source` under `seed`, from its beginning.
     #[must_use]
-    pub fn new(seed: u64, source: Source) -> Self {
+    pub fn new(seed: u64, source: RandomStream) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(source as u64);
         Self { generator }

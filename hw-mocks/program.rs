@@ -13,10 +13,10 @@ use clap::Parser;
 use gnc_rig::Along;
 use nix::sys::signal::{SigSet, Signal};
 
-use crate::bench::{Options, Speed, Truth};
-use crate::driver::{BenchGone, RunningBench, TableError};
+use crate::bench::{BenchOptions, Speed, Truth};
+use crate::driver::{BenchGone, RunningBench, TurntableError};
 use crate::personality::{Personality, beside, boards};
-use crate::world::{Axis, Sign};
+use crate::world::{ModuleAxis, Sign};
 
 /// Largest personality file that is read: they are a page long.
 const LARGEST_FILE: u64 = 1024 * 1024;
@@ -143,13 +143,13 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
     if arguments.boards {
         return list_boards();
     }
-    let options = Options {
+    let options = BenchOptions {
         personality: load(&arguments.board)?,
         serial_number: arguments.serial_number.clone(),
         seed: arguments.seed,
         speed: arguments.speed,
         rate_baud: arguments.rate,
-        ..Options::default()
+        ..BenchOptions::default()
     };
     // Blocked before any thread starts, so that only the thread that waits for them gets them.
     let mut signals = SigSet::empty();
@@ -214,7 +214,7 @@ fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
     let done = |outcome: Result<(), BenchGone>| {
         outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
     };
-    let moved = |outcome: Result<(), TableError>| {
+    let moved = |outcome: Result<(), TurntableError>| {
         outcome.map(|()| Answer::Text("ok".to_owned())).map_err(|error| error.to_string())
     };
     match words.as_slice() {
@@ -261,14 +261,14 @@ fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| format!("\"{text}\" is no number"))
 }
 
-fn parse_signed_axis(text: &str) -> Result<(Axis, Sign), String> {
+fn parse_signed_axis(text: &str) -> Result<(ModuleAxis, Sign), String> {
     match text {
-        "x+" => Ok((Axis::X, Sign::Plus)),
-        "x-" => Ok((Axis::X, Sign::Minus)),
-        "y+" => Ok((Axis::Y, Sign::Plus)),
-        "y-" => Ok((Axis::Y, Sign::Minus)),
-        "z+" => Ok((Axis::Z, Sign::Plus)),
-        "z-" => Ok((Axis::Z, Sign::Minus)),
+        "x+" => Ok((ModuleAxis::X, Sign::Plus)),
+        "x-" => Ok((ModuleAxis::X, Sign::Minus)),
+        "y+" => Ok((ModuleAxis::Y, Sign::Plus)),
+        "y-" => Ok((ModuleAxis::Y, Sign::Minus)),
+        "z+" => Ok((ModuleAxis::Z, Sign::Plus)),
+        "z-" => Ok((ModuleAxis::Z, Sign::Minus)),
         _ => Err(format!("\"{text}\" is not one of x+ x- y+ y- z+ z-")),
     }
 }

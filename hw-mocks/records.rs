@@ -22,7 +22,7 @@ pub(crate) struct Finder {
 
 /// What was found.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Finding {
+pub(crate) struct ErrorFinding {
     /// What it is about.
     pub kind: ErrorKind,
     /// Where.
@@ -42,7 +42,7 @@ pub(crate) struct ErrorLog {
 
 impl ErrorLog {
     /// Notes what a request found, the first few of it.
-    pub(crate) fn note(&mut self, finder: Finder, findings: impl IntoIterator<Item = Finding>) {
+    pub(crate) fn note(&mut self, finder: Finder, findings: impl IntoIterator<Item = ErrorFinding>) {
         for finding in findings.into_iter().take(PER_REQUEST) {
             if self.kept.len() == KEPT {
                 self.kept.pop_front();

@@ -10,7 +10,7 @@ use gnc_protocol::error::NakCode;
 use gnc_protocol::message::{
     Flash, GnssStart, Ram, RamPattern, Request, SpiDirection, StreamStart, TimerMeasure, TimerMeasureReply, WordTarget,
 };
-use gnc_protocol::slave::Refusal;
+use gnc_protocol::slave::RequestRefusal;
 use gnc_protocol::stream::{
     COMPENSATED_SAMPLE, IMU_SAMPLE, MAX_COMPENSATED_SAMPLES, MAX_IMU_SAMPLES, MAX_LOAD_PERMILLE, STREAM_HEAD, StreamId,
 };
@@ -113,41 +113,46 @@ pub(crate) enum Task {
     Unanswered,
 }
 
-fn bad(why: impl AsRef<str>) -> Refusal {
-    Refusal::new(NakCode::BadParameter, why.as_ref())
+fn bad(why: impl AsRef<str>) -> RequestRefusal {
+    RequestRefusal::new(NakCode::BadParameter, why.as_ref())
 }
 
-fn range<T: PartialOrd + Copy + std::fmt::Display>(name: &str, value: T, low: T, high: T) -> Result<(), Refusal> {
+fn range<T: PartialOrd + Copy + std::fmt::Display>(
+    name: &str,
+    value: T,
+    low: T,
+    high: T,
+) -> Result<(), RequestRefusal> {
     if value >= low && value <= high { Ok(()) } else { Err(bad(format!("{name} {value} is not in {low} to {high}"))) }
 }
 
-fn known<T>(name: &str, number: u8, value: Option<T>, names: &str) -> Result<T, Refusal> {
+fn known<T>(name: &str, number: u8, value: Option<T>, names: &str) -> Result<T, RequestRefusal> {
     value.ok_or_else(|| bad(format!("{name} {number} is not one of {names}")))
 }
 
-fn core(number: u8) -> Result<u32, Refusal> {
+fn core(number: u8) -> Result<u32, RequestRefusal> {
     range("core", number, 1, 2)?;
     Ok(if number == 1 { uses::CORE_1 } else { uses::CORE_2 })
 }
 
-fn flash_of(number: u8) -> Result<(Flash, u32), Refusal> {
+fn flash_of(number: u8) -> Result<(Flash, u32), RequestRefusal> {
     match known("flash", number, Flash::from_number(number), "0 (SPI), 1 (internal)")? {
         Flash::Spi => Ok((Flash::Spi, uses::SPI_FLASH)),
         Flash::Internal => Ok((Flash::Internal, uses::INTERNAL_FLASH)),
     }
 }
 
-fn sector(module: &mut Module, number: u8, sector: u16) -> Result<u32, Refusal> {
+fn sector(module: &mut Module, number: u8, sector: u16) -> Result<u32, RequestRefusal> {
     let (flash, uses) = flash_of(number)?;
     let scratch = module.flash(flash).part.scratch_sectors;
     if sector < scratch {
         return Ok(uses);
     }
     let why = format!("sector {sector} is not a scratch sector; those are 0 to {}", scratch - 1);
-    Err(Refusal::new(NakCode::Protected, &why))
+    Err(RequestRefusal::new(NakCode::Protected, &why))
 }
 
-fn seed(seed: u32) -> Result<(), Refusal> {
+fn seed(seed: u32) -> Result<(), RequestRefusal> {
     if seed == 0 { Err(bad("seed 0 is not in 1 to 4294967295")) } else { Ok(()) }
 }
 
@@ -157,7 +162,7 @@ fn ms(time_ms: f64) -> u64 {
 
 /// Checks the parameters of a request and tells which devices it needs. Draws nothing, so that a refused request
 /// leaves no trace.
-pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refusal> {
+pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, RequestRefusal> {
     match request {
         Request::MakeSafe(_) | Request::Abort(_) | Request::ErrorRecords(_) | Request::LinkCounters(_) => {
             Ok(uses::NOTHING)
@@ -243,7 +248,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Refus
         Request::StreamStart(start) => {
             check_stream(start)?;
             if start.stream == StreamId::Compensated as u8 && module.calibration.calibration().is_none() {
-                return Err(Refusal::new(NakCode::NotCalibrated, "write and commit a calibration first"));
+                return Err(RequestRefusal::new(NakCode::NotCalibrated, "write and commit a calibration first"));
             }
             stream_of(start.stream).map(uses::of_stream)
         }
@@ -396,11 +401,11 @@ pub(crate) fn samples_of(stream: u8) -> Option<(usize, usize)> {
 }
 
 /// A stream by its number.
-pub(crate) fn stream_of(number: u8) -> Result<StreamId, Refusal> {
+pub(crate) fn stream_of(number: u8) -> Result<StreamId, RequestRefusal> {
     known("stream", number, StreamId::from_number(number), "1 (IMU), 2 (GNSS), 3 (1PPS), 4 (compensated)")
 }
 
-fn check_stream(start: &StreamStart) -> Result<(), Refusal> {
+fn check_stream(start: &StreamStart) -> Result<(), RequestRefusal> {
     stream_of(start.stream)?;
     match samples_of(start.stream) {
         Some((_, most)) => {
@@ -439,7 +444,7 @@ pub(crate) fn load_permille(start: &StreamStart, rate_baud: u32) -> u32 {
 }
 
 /// Whether one more stream fits beside those that take `taken_permille`.
-pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u32) -> Result<u32, Refusal> {
+pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u32) -> Result<u32, RequestRefusal> {
     let load = load_permille(start, rate_baud);
     if load + taken_permille <= MAX_LOAD_PERMILLE {
         return Ok(load);
@@ -455,11 +460,11 @@ pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u3
     } else {
         format!("{load} permille of {rate_baud} baud and others {taken_permille}; at most {MAX_LOAD_PERMILLE}")
     };
-    Err(Refusal::new(NakCode::DoesNotFit, &why))
+    Err(RequestRefusal::new(NakCode::DoesNotFit, &why))
 }
 
 /// On CAN each sample of the IMU is on its own.
-pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), Refusal> {
+pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), RequestRefusal> {
     if is_imu(start.stream) {
         range("samples_per_frame on CAN", start.samples_per_frame, 0, 1)?;
         start.samples_per_frame = 1;
@@ -468,7 +473,7 @@ pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), Refusal>
 }
 
 /// Whether one more stream fits on the CAN bus beside those that take `taken_permille`.
-pub(crate) fn check_can_load(start: &StreamStart, taken_permille: u32) -> Result<u32, Refusal> {
+pub(crate) fn check_can_load(start: &StreamStart, taken_permille: u32) -> Result<u32, RequestRefusal> {
     let bits = match stream_of(start.stream)? {
         StreamId::Imu => can::stream::imu_bits(start.rate_hz.into()),
         StreamId::Gnss => can::stream::gnss_bits(),
@@ -486,5 +491,5 @@ pub(crate) fn check_can_load(start: &StreamStart, taken_permille: u32) -> Result
         bits.1,
         can::BIT_RATE
     );
-    Err(Refusal::new(NakCode::DoesNotFit, &why))
+    Err(RequestRefusal::new(NakCode::DoesNotFit, &why))
 }

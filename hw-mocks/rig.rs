@@ -2,41 +2,41 @@
 
 use std::time::Duration;
 
-use gnc_rig::{DriverError, Fixture, Orientation, Turntable};
+use gnc_rig::{DriverError, FixtureDriver, Orientation, TurntableDriver};
 
 use crate::turntable::ACCELERATION_DPS2;
-use crate::{Axis, Control, Sign};
+use crate::{BenchControl, ModuleAxis, Sign};
 
 /// Number of DIP switches.
 const SWITCHES: u8 = 5;
 /// From one spin over to the opposite one of the same rate takes the ramp this many times.
 const BOTH_SENSES: f64 = 2.0;
 
-impl Turntable for Control {
+impl TurntableDriver for BenchControl {
     fn orient(&self, orientation: Orientation) -> Result<(), DriverError> {
         match orientation {
             Orientation::Axis { axis, positive, along, heading_deg } => {
                 let sign = if positive { Sign::Plus } else { Sign::Minus };
-                Ok(Control::orient(self, along, Axis::ALL[usize::from(axis) % 3], sign, heading_deg)?)
+                Ok(BenchControl::orient(self, along, ModuleAxis::ALL[usize::from(axis) % 3], sign, heading_deg)?)
             }
             Orientation::Up { up, heading_deg } => Ok(self.orient_up(up, heading_deg)?),
         }
     }
 
     fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), DriverError> {
-        Ok(Control::rotate(self, angle_deg, span_s)?)
+        Ok(BenchControl::rotate(self, angle_deg, span_s)?)
     }
 
     fn spin(&self, rate_dps: f64) -> Result<(), DriverError> {
-        Ok(Control::spin(self, rate_dps)?)
+        Ok(BenchControl::spin(self, rate_dps)?)
     }
 
     fn stop(&self) -> Result<(), DriverError> {
-        Ok(Control::stop(self)?)
+        Ok(BenchControl::stop(self)?)
     }
 
     fn wait_still(&self) -> Result<(), DriverError> {
-        Ok(Control::wait_still(self)?)
+        Ok(BenchControl::wait_still(self)?)
     }
 
     fn wait_at_rate(&self, rate_dps: f64) -> Result<(), DriverError> {
@@ -49,7 +49,7 @@ impl Turntable for Control {
     }
 }
 
-impl Fixture for Control {
+impl FixtureDriver for BenchControl {
     fn name(&self) -> &str {
         "the simulated bench"
     }

@@ -3,16 +3,16 @@
 use gnc_protocol::message::{StreamStart, StreamStopReply};
 use gnc_protocol::serial::on_wire;
 use gnc_protocol::stream::{Format, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId};
-use gnc_protocol::wire::{Wire, Writer};
+use gnc_protocol::wire::{FieldWriter, Wire};
 
-use crate::devices::calibration::Compensation;
-use crate::devices::inertial::Reader;
+use crate::devices::calibration::StoredCompensation;
+use crate::devices::inertial::SensorReader;
 use crate::requests::samples_per_frame;
 use crate::sampling::SamplingFaults;
 
 /// A running stream. Times are bench time in ns.
 #[derive(Debug)]
-pub(crate) struct Stream {
+pub(crate) struct RunningStream {
     pub(crate) id: StreamId,
     pub(crate) load_permille: u32,
     rate_hz: u64,
@@ -22,21 +22,21 @@ pub(crate) struct Stream {
     /// Samples (bytes) so far; dropped ones count.
     produced: u32,
     dropped: u32,
-    pending: Writer,
+    pending: FieldWriter,
     pending_count: u16,
     first: u32,
     first_time_us: u64,
     /// Epochs of 0.2 s or seconds of UTC already dealt with.
     pub(crate) tick: u64,
     /// What makes compensated samples of raw ones, as it was at the start.
-    pub(crate) compensation: Option<Compensation>,
+    pub(crate) compensation: Option<StoredCompensation>,
     /// What is wrong with the samples' times.
     pub(crate) sampling: SamplingFaults,
     /// What it sees of the sensors, from its first sample on.
-    pub(crate) reader: Option<Reader>,
+    pub(crate) reader: Option<SensorReader>,
 }
 
-impl Stream {
+impl RunningStream {
     pub(crate) fn new(start: &StreamStart, id: StreamId, load_permille: u32, started_ns: u64, tick: u64) -> Self {
         Self {
             id,
@@ -47,7 +47,7 @@ impl Stream {
             started_ns,
             produced: 0,
             dropped: 0,
-            pending: Writer::default(),
+            pending: FieldWriter::default(),
             pending_count: 0,
             first: 0,
             first_time_us: 0,

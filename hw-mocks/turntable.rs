@@ -19,8 +19,8 @@ use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 use crate::motion::{Motion, Profile, Wobble};
-use crate::noise::{Dice, Source};
-use crate::world::{Axis, Sign, World};
+use crate::noise::{Dice, RandomStream};
+use crate::world::{ModuleAxis, Sign, World};
 
 /// Part of a rotation's span for each of its two ramps.
 pub(crate) const RAMP_SHARE: f64 = 0.1;
@@ -144,7 +144,7 @@ pub struct TableTruth {
 
 /// A table with a socket on it. Times are true seconds since the bench was started.
 #[derive(Debug, Clone)]
-pub(crate) struct Turntable {
+pub(crate) struct SimulatedTable {
     model: TableModel,
     seed: u64,
     dice: Dice,
@@ -163,17 +163,17 @@ fn arcsec(value: f64) -> f64 {
     (value / 3600.0).to_radians()
 }
 
-impl Turntable {
+impl SimulatedTable {
     /// A table under a seed, the module on it with Z up.
     #[must_use]
     pub(crate) fn new(model: TableModel, seed: u64) -> Self {
-        let dice = Dice::new(seed, Source::Table);
+        let dice = Dice::new(seed, RandomStream::Table);
         let axis = Some(Vector3::z_axis());
         Self { model, seed, dice, axis, slewing_until_s: 0.0, angle: 0.0, turning: false, rotation_deg: 0.0 }
     }
 
     /// The module was laid down by hand: the table's axis is along this one.
-    pub(crate) fn laid(&mut self, axis: Axis) {
+    pub(crate) fn laid(&mut self, axis: ModuleAxis) {
         self.axis = Some(Unit::new_unchecked(axis.unit()));
         (self.slewing_until_s, self.turning) = (0.0, false);
     }
@@ -186,7 +186,7 @@ impl Turntable {
         &mut self,
         world: &mut World,
         along: Along,
-        (axis, sign): (Axis, Sign),
+        (axis, sign): (ModuleAxis, Sign),
         heading_deg: f64,
         now_s: f64,
     ) -> Result<(), TableRefusal> {
@@ -195,7 +195,7 @@ impl Turntable {
 
     /// Begins to lay the module so that `up` (module axes, any length) points up. Of the axis nearest to `up` (the first
     /// of equals) the next one points at the heading as nearly as it can, and turns are right-handed about the nearest
-    /// one's positive end: for `up` along an axis all this is as with [`Turntable::orient`].
+    /// one's positive end: for `up` along an axis all this is as with [`SimulatedTable::orient`].
     ///
     /// # Errors
     /// [`TableRefusal`] when it moves, or there is no such direction or heading.
@@ -213,7 +213,7 @@ impl Turntable {
         }
         let unit = given / length;
         // The first of equals, so that nothing hangs on the last bit.
-        let nearest = Axis::ALL.into_iter().fold(Axis::X, |best, axis| {
+        let nearest = ModuleAxis::ALL.into_iter().fold(ModuleAxis::X, |best, axis| {
             if unit[axis.index()].abs() > unit[best.index()].abs() + 1e-9 { axis } else { best }
         });
         let sense = if unit[nearest.index()] < 0.0 { -1.0 } else { 1.0 };
@@ -305,7 +305,7 @@ impl Turntable {
         &mut self,
         world: &mut World,
         along: Along,
-        (module, nearest): (Vector3<f64>, Axis),
+        (module, nearest): (Vector3<f64>, ModuleAxis),
         about: Vector3<f64>,
         heading_deg: f64,
         now_s: f64,
@@ -344,7 +344,7 @@ impl Turntable {
         let key = ideal.matrix().iter().fold(0xcbf2_9ce4_8422_2325 ^ along as u64, |hash: u64, component| {
             (hash ^ ((component * 1e4).round() as i64).cast_unsigned()).wrapping_mul(0x0100_0000_01b3)
         });
-        let mut fixed = Dice::new(self.seed ^ key, Source::TablePosition);
+        let mut fixed = Dice::new(self.seed ^ key, RandomStream::TablePosition);
         let small = |deviation: f64, dice: &mut Dice| Vector3::from_fn(|_, _| arcsec(deviation) * dice.normal());
         let error = small(self.model.attitude_error_arcsec, &mut fixed)
             + small(self.model.repeatability_arcsec, &mut self.dice);
@@ -393,7 +393,12 @@ fn rotate_clockwise(zero: Vector3<f64>, about: Vector3<f64>, angle_deg: f64) -> 
 
 /// The attitude in which `module` points along `direction`, and the axis after `nearest` at `reference` as nearly as
 /// it can.
-fn point(module: Vector3<f64>, nearest: Axis, direction: Vector3<f64>, reference: Vector3<f64>) -> Rotation3<f64> {
+fn point(
+    module: Vector3<f64>,
+    nearest: ModuleAxis,
+    direction: Vector3<f64>,
+    reference: Vector3<f64>,
+) -> Rotation3<f64> {
     let next = nearest.next().unit();
     // Not parallel to `module`, since `nearest` is the largest component of it.
     let across = (next - module * next.dot(&module)).normalize();

@@ -219,13 +219,13 @@ fn content(frame: &[u8]) -> &[u8] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::Source;
+    use crate::noise::RandomStream;
 
     const SECOND: Duration = Duration::from_secs(1);
 
     /// What a hundred frames of three bytes become, all sent at once, and when the last has gone on.
     fn through(rates: WireRates) -> (Vec<u8>, Duration) {
-        let mut wire = FaultyWire::new(rates, Dice::new(7, Source::Line));
+        let mut wire = FaultyWire::new(rates, Dice::new(7, RandomStream::Line));
         for number in 1..=100 {
             // In two pieces, as a port may hand them over.
             wire.push(&[0, number], SECOND);
@@ -312,7 +312,7 @@ mod tests {
     fn the_toll_is_what_was_done() {
         const AFRESH: u8 = 53;
         let rates = WireRates { lost_frames: 3e5, ..WireRates::default() };
-        let mut wire = FaultyWire::new(rates, Dice::new(11, Source::Line));
+        let mut wire = FaultyWire::new(rates, Dice::new(11, RandomStream::Line));
         let mut arrived = Vec::new();
         for number in 1..=100 {
             if number == AFRESH {
@@ -334,7 +334,7 @@ mod tests {
     fn a_lost_delimiter_spoils_nothing() {
         let toll = |byte| {
             let rates = WireRates { lost_byte_at: byte, ..WireRates::default() };
-            let mut wire = FaultyWire::new(rates, Dice::new(7, Source::Line));
+            let mut wire = FaultyWire::new(rates, Dice::new(7, RandomStream::Line));
             wire.push(&[0, 1, 2, 3, 0], SECOND);
             wire.toll().spoilt
         };

@@ -16,7 +16,7 @@ pub(crate) const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// Where the bench stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Site {
+pub struct TrueSite {
     /// Geodetic latitude, north positive.
     pub latitude_deg: f64,
     /// Longitude, east positive.
@@ -29,7 +29,7 @@ pub struct Site {
     pub field_ned_gauss: [f64; 3],
 }
 
-impl Default for Site {
+impl Default for TrueSite {
     /// The site that `bench.toml` beside this crate describes as surveyed. The field is that of a place at 34 deg
     /// north in China: 0.535 gauss, 53 deg inclination, 3.5 deg west declination.
     fn default() -> Self {
@@ -43,7 +43,7 @@ impl Default for Site {
     }
 }
 
-impl Site {
+impl TrueSite {
     /// WGS-84 normal gravity, m/s^2: Somigliana's formula on the ellipsoid and the second-order height reduction
     /// (NIMA TR8350.2, equations 4-1 and 4-3).
     #[must_use]
@@ -77,7 +77,7 @@ impl Site {
 
 /// An axis of the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Axis {
+pub enum ModuleAxis {
     /// X.
     X,
     /// Y.
@@ -86,7 +86,7 @@ pub enum Axis {
     Z,
 }
 
-impl Axis {
+impl ModuleAxis {
     /// All three, in order.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
@@ -132,7 +132,7 @@ impl Sign {
 /// Attitude of a module lying still: `up` with its sign points up, and the next axis (X for Z up, Y for X, Z for
 /// Y) points at `heading_deg`, clockwise from north.
 #[must_use]
-pub fn attitude(up: Axis, sign: Sign, heading_deg: f64) -> Rotation3<f64> {
+pub fn attitude(up: ModuleAxis, sign: Sign, heading_deg: f64) -> Rotation3<f64> {
     let (sin, cos) = heading_deg.to_radians().sin_cos();
     let reference = Vector3::new(cos, -sin, 0.0);
     let vertical = Vector3::z() * sign.factor();
@@ -163,7 +163,7 @@ pub struct Influence {
 #[derive(Debug, Clone)]
 pub struct World {
     /// The place.
-    pub site: Site,
+    pub site: TrueSite,
     /// UTC at the start of the bench, seconds since 1970 without leap seconds.
     pub utc_start_s: f64,
     /// Field of the fixture itself, which turns with the module: in its axes, gauss.
@@ -176,7 +176,7 @@ pub struct World {
     pub rise_k: f64,
     /// Time constant of that rise, s.
     pub warm_up_s: f64,
-    up: Axis,
+    up: ModuleAxis,
     sign: Sign,
     heading_deg: f64,
     pub(crate) motion: Motion,
@@ -188,7 +188,7 @@ pub struct World {
 impl World {
     /// A module lying still, Z up, X to the north, cold.
     #[must_use]
-    pub fn new(site: Site, utc_start: Duration, ambient_c: f64) -> Self {
+    pub fn new(site: TrueSite, utc_start: Duration, ambient_c: f64) -> Self {
         Self {
             site,
             utc_start_s: utc_start.as_secs_f64(),
@@ -197,10 +197,10 @@ impl World {
             ambient_c,
             rise_k: 5.0,
             warm_up_s: 180.0,
-            up: Axis::Z,
+            up: ModuleAxis::Z,
             sign: Sign::Plus,
             heading_deg: 0.0,
-            motion: Motion::still(attitude(Axis::Z, Sign::Plus, 0.0)),
+            motion: Motion::still(attitude(ModuleAxis::Z, Sign::Plus, 0.0)),
             powered_s: None,
             temperature_c: ambient_c,
             temperature_at_s: 0.0,
@@ -209,12 +209,12 @@ impl World {
 
     /// The axis that points up or down, as it was laid down by hand.
     #[must_use]
-    pub(crate) fn up(&self) -> Axis {
+    pub(crate) fn up(&self) -> ModuleAxis {
         self.up
     }
 
     /// Lays the module down so that `up` points up, keeps the heading, and ends any turning.
-    pub(crate) fn set_axis_up(&mut self, up: Axis, sign: Sign) {
+    pub(crate) fn set_axis_up(&mut self, up: ModuleAxis, sign: Sign) {
         (self.up, self.sign) = (up, sign);
         self.lay();
     }
@@ -226,7 +226,7 @@ impl World {
     }
 
     /// Turns the module steadily about one of its own axes, from its attitude now on.
-    pub fn set_turn(&mut self, axis: Axis, rate_dps: f64, now_s: f64) {
+    pub fn set_turn(&mut self, axis: ModuleAxis, rate_dps: f64, now_s: f64) {
         let none = Wobble { amplitude: 0.0, from: 0.0 };
         let profile = Profile::steady(now_s, rate_dps.to_radians());
         let axis = Unit::new_unchecked(axis.unit());

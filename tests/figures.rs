@@ -1,8 +1,8 @@
 //! The sixty figures of stability and repeatability: five modules of the published table, six axes, against what the true
 //! noise of the simulated module gives, by a parametric bootstrap. Samples come from the sensors alone, without frames.
 
-use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
-use gnc_analysis::figures::{Findings, Question, analyse};
+use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
+use gnc_analysis::figures::{AnalysisInput, Findings, analyse};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
@@ -93,13 +93,13 @@ impl Module {
             .collect();
         let pose = Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 };
         Capture {
-            about: About { label: label.to_owned(), series, pose, rate_hz: RATE_HZ },
+            about: CaptureHead { label: label.to_owned(), series, pose, rate_hz: RATE_HZ },
             first_us: 0,
             compensated: Vec::new(),
             losses: Losses { received: samples.len() as u32, ..Losses::default() },
             timing: Timing::even(RATE_HZ, 0, samples.len()),
             samples,
-            receiver: Receiver::default(),
+            receiver: ReceiverCapture::default(),
         }
     }
 }
@@ -243,7 +243,7 @@ fn sixty_figures_are_those_of_the_true_noise() {
         for (id, captures, what) in
             [(ItemId::BiasStability, &hour[..], "stability"), (ItemId::BiasRepeatability, &runs[..], "repeatability")]
         {
-            let question = Question { params: params(id), site: None, captures, earlier: &earlier };
+            let question = AnalysisInput { params: params(id), site: None, captures, earlier: &earlier };
             let found = analyse(id, &question).unwrap();
             for (sensor, unit, axes) in bounds {
                 for (axis, (stability, repeatability)) in ["x", "y", "z"].into_iter().zip(axes) {

@@ -5,7 +5,7 @@
 #[path = "shared/mistakes.rs"]
 mod mistakes;
 
-use gnc_executive::bench::{BenchFile, Socket};
+use gnc_executive::bench::{BenchFile, TestSocket};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -24,12 +24,12 @@ fn fit(file: &BenchFile) {
         assert!(site.gravity_mps2.is_none_or(|gravity| (9.7..=9.9).contains(&gravity)), "{site:?}");
         assert!(site.field_gauss.is_none_or(|field| (0.0..=6.0).contains(&field)), "{site:?}");
     }
-    if let Some(Socket::Rs422 { rate_bps, .. }) = file.socket {
+    if let Some(TestSocket::Rs422 { rate_bps, .. }) = file.socket {
         assert!((1200..=4_000_000).contains(&rate_bps));
     }
-    assert!(file.socket != Some(Socket::Can) || file.can.is_some());
+    assert!(file.socket != Some(TestSocket::Can) || file.can.is_some());
     let port = match &file.socket {
-        Some(Socket::Rs422 { port, .. }) => Some(port),
+        Some(TestSocket::Rs422 { port, .. }) => Some(port),
         _ => None,
     };
     let texts = [Some(&file.station_id), file.records.as_ref(), file.key.as_ref(), port];

@@ -5,9 +5,9 @@
 
 use std::sync::LazyLock;
 
-use gnc_analysis::capture::{About, Capture, Pose, Receiver, Said, Timing};
-use gnc_analysis::figures::{Question, analyse};
-use gnc_executive::bench::{Site, SitePlace};
+use gnc_analysis::capture::{CaptureHead, Capture, Pose, ReceiverCapture, Said, Timing};
+use gnc_analysis::figures::{AnalysisInput, analyse};
+use gnc_executive::bench::{BenchSite, SitePlace};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
@@ -75,7 +75,7 @@ static PARAMS: LazyLock<Params> = LazyLock::new(|| {
 
 /// What they measure is a number, or said not to be there.
 fn figures(bytes: &[u8]) {
-    let about = About {
+    let about = CaptureHead {
         label: "receiver".to_owned(),
         series: 1,
         pose: Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 },
@@ -90,12 +90,12 @@ fn figures(bytes: &[u8]) {
         samples: Vec::new(),
         compensated: Vec::new(),
         losses: Losses::default(),
-        receiver: Receiver { said, pulses_ns },
+        receiver: ReceiverCapture { said, pulses_ns },
         timing: Timing::new(200),
     };
     let place = SitePlace { latitude_deg: 34.2321, longitude_deg: 108.9154, height_m: 412.0 };
-    let site = Site { place: Some(place), ..Site::default() };
-    let question = Question { params: &PARAMS, site: Some(&site), captures: &[capture], earlier: &[] };
+    let site = BenchSite { place: Some(place), ..BenchSite::default() };
+    let question = AnalysisInput { params: &PARAMS, site: Some(&site), captures: &[capture], earlier: &[] };
     match analyse(ItemId::GnssAccuracy, &question) {
         Ok(findings) => {
             for (name, value) in &findings.measured {

@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use gnc_protocol::can::endpoint::{Endpoint, Role};
-use gnc_protocol::can::isotp::{MAX_PDU, Received, Receiver, Sender};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
+use gnc_protocol::can::isotp::{MAX_PDU, IsoTpReceived, IsoTpReceiver, IsoTpSender};
 use gnc_protocol::can::{CanFrame, CanId};
 use libfuzzer_sys::fuzz_target;
 
@@ -24,12 +24,12 @@ fuzz_target!(|script: (Vec<(u16, u8, Vec<u8>)>, &[u8])| {
 /// Whatever comes, no end stalls or says more than it was given.
 fn hostile(frames: &[(u16, u8, Vec<u8>)]) {
     let mut now = Duration::ZERO;
-    let mut ends = [Endpoint::new(Role::Host), Endpoint::new(Role::Board)];
-    let mut receiver = Receiver::<MAX_PDU>::default();
+    let mut ends = [Endpoint::new(EndpointRole::Host), Endpoint::new(EndpointRole::Board)];
+    let mut receiver = IsoTpReceiver::<MAX_PDU>::default();
     for (id, wait, data) in frames {
         now += STEP * u32::from(*wait);
         let data = &data[..data.len().min(8)];
-        if receiver.receive(data, now) == Received::Complete {
+        if receiver.receive(data, now) == IsoTpReceived::Complete {
             assert!((1..=MAX_PDU).contains(&receiver.pdu().len()));
         }
         let _ = receiver.expire(now);
@@ -45,11 +45,11 @@ fn hostile(frames: &[(u16, u8, Vec<u8>)]) {
 
 /// A PDU arrives as it was, or not at all, whatever else is said meanwhile.
 fn whole(pdu: &[u8], frames: &[(u16, u8, Vec<u8>)]) {
-    let mut sender = Sender::<MAX_PDU>::default();
+    let mut sender = IsoTpSender::<MAX_PDU>::default();
     if sender.start(pdu).is_err() {
         return;
     }
-    let mut receiver = Receiver::<MAX_PDU>::default();
+    let mut receiver = IsoTpReceiver::<MAX_PDU>::default();
     let mut now = Duration::ZERO;
     let mut flows = frames.iter();
     for _ in 0..TURNS {
@@ -66,7 +66,7 @@ fn whole(pdu: &[u8], frames: &[(u16, u8, Vec<u8>)]) {
             let _ = sender.expire(now);
             continue;
         };
-        if receiver.receive(&data, now) == Received::Complete {
+        if receiver.receive(&data, now) == IsoTpReceived::Complete {
             assert_eq!(receiver.pdu(), pdu);
             return;
         }

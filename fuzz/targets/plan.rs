@@ -8,7 +8,7 @@ mod mistakes;
 
 use chrono::DateTime;
 use gnc_analysis::motion;
-use gnc_executive::event::{Bench, Event, EventKind, PlanInfo, Program, RunHeader};
+use gnc_executive::event::{BenchInfo, Event, EventKind, PlanInfo, ProgramVersion, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job, Next};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{MAX_PLAN_FILES, Plan};
@@ -95,8 +95,8 @@ fn header(job: &Job) -> RunHeader {
         serial_number: "F-1".to_owned(),
         operator: None,
         station: "fuzz".to_owned(),
-        program: Program { name: "fuzz".to_owned(), version: String::new() },
-        bench: Bench::real(),
+        program: ProgramVersion { name: "fuzz".to_owned(), version: String::new() },
+        bench: BenchInfo::real(),
         site: None,
         plan: PlanInfo { name: plan.name.clone(), version: plan.version.clone(), sha256: String::new() },
         recomputed: None,

@@ -5,13 +5,13 @@
 
 use gnc_protocol::Frame;
 use gnc_protocol::message::{BoardHello, Heartbeat, HostHello, ResultHead};
-use gnc_protocol::serial::{Decoder, LineCounters, encode};
+use gnc_protocol::serial::{FrameDecoder, LineCounters, encode};
 use gnc_protocol::stream::StreamFrame;
-use gnc_protocol::wire::{Reader, Wire as _};
+use gnc_protocol::wire::{FieldReader, Wire as _};
 use libfuzzer_sys::fuzz_target;
 
 fn decoded(pieces: &[&[u8]]) -> (Vec<Frame>, LineCounters) {
-    let (mut decoder, mut frames) = (Decoder::default(), Vec::new());
+    let (mut decoder, mut frames) = (FrameDecoder::default(), Vec::new());
     for piece in pieces {
         let mut rest = *piece;
         while let Some(outcome) = decoder.next(&mut rest) {
@@ -34,6 +34,6 @@ fuzz_target!(|input: (u16, &[u8])| {
         let _ = HostHello::from_payload(&frame.payload);
         let _ = BoardHello::from_payload(&frame.payload);
         let _ = Heartbeat::from_payload(&frame.payload);
-        let _ = ResultHead::get(&mut Reader::new(&frame.payload));
+        let _ = ResultHead::get(&mut FieldReader::new(&frame.payload));
     }
 });

@@ -2,11 +2,11 @@
 
 #![no_main]
 
-use gnc_protocol::can::slcan::{Decoder, Item, encode};
+use gnc_protocol::can::slcan::{SlcanDecoder, SlcanEvent, encode};
 use libfuzzer_sys::fuzz_target;
 
-fn decoded(pieces: &[&[u8]]) -> Vec<Item> {
-    let (mut decoder, mut items) = (Decoder::default(), Vec::new());
+fn decoded(pieces: &[&[u8]]) -> Vec<SlcanEvent> {
+    let (mut decoder, mut items) = (SlcanDecoder::default(), Vec::new());
     for piece in pieces {
         let mut rest = *piece;
         while let Some(item) = decoder.next(&mut rest) {
@@ -22,8 +22,8 @@ fuzz_target!(|input: (u16, &[u8])| {
     let items = decoded(&[bytes]);
     assert_eq!(items, decoded(&[head, tail]));
     for item in items {
-        if let Item::Frame(frame) = item {
-            assert_eq!(decoded(&[&encode(&frame)]), [Item::Frame(frame)]);
+        if let SlcanEvent::Frame(frame) = item {
+            assert_eq!(decoded(&[&encode(&frame)]), [SlcanEvent::Frame(frame)]);
         }
     }
 });

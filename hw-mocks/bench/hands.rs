@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use gnc_rig::Along;
 
-use super::Bench;
+use super::SimulatedBench;
 use crate::turntable::TableRefusal;
-use crate::world::{Axis, Sign};
+use crate::world::{ModuleAxis, Sign};
 
 /// Somebody who waits for bench time to pass.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ pub(super) enum Sleeper {
     Still(Sender<Result<(), TableRefusal>>),
 }
 
-impl Bench {
+impl SimulatedBench {
     /// Flips a DIP switch, 1 to 5.
     pub fn set_switch(&mut self, number: u8, on: bool) {
         self.board.module.ad.set_switch(number, on);
@@ -31,14 +31,14 @@ impl Bench {
     }
 
     /// Lays the module down with an axis up.
-    pub fn set_axis_up(&mut self, axis: Axis, sign: Sign) {
+    pub fn set_axis_up(&mut self, axis: ModuleAxis, sign: Sign) {
         self.board.take_samples();
         self.board.world.set_axis_up(axis, sign);
         self.table.laid(axis);
     }
 
     /// Turns the module steadily about one of its axes.
-    pub fn set_turn(&mut self, axis: Axis, rate_dps: f64) {
+    pub fn set_turn(&mut self, axis: ModuleAxis, rate_dps: f64) {
         let now_s = self.moment();
         self.board.world.set_turn(axis, rate_dps, now_s);
         self.table.laid(axis);
@@ -49,7 +49,7 @@ impl Bench {
     ///
     /// # Errors
     /// [`TableRefusal`] when the table moves, or the heading is no number.
-    pub fn orient(&mut self, along: Along, axis: Axis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
+    pub fn orient(&mut self, along: Along, axis: ModuleAxis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient(&mut self.board.world, along, (axis, sign), heading_deg, now_s)
     }

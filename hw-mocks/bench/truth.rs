@@ -1,19 +1,19 @@
 //! What really is on the bench, for tests.
 
-use gnc_protocol::slave::Board as _;
+use gnc_protocol::slave::SlaveBoard as _;
 use nalgebra::Matrix3;
 
-use super::Bench;
+use super::SimulatedBench;
 use crate::devices::inertial::{SensorModels, TrueSensors};
 use crate::fault_queue::Toll;
 use crate::turntable::TableTruth;
-use crate::world::{Influence, Site};
+use crate::world::{Influence, TrueSite};
 
 /// What really is, for tests: nothing of it may reach the station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// Where the bench stands.
-    pub site: Site,
+    pub site: TrueSite,
     /// Gravity there, m/s^2.
     pub gravity: f64,
     /// Rotation from north, west, up into the module's axes.
@@ -61,7 +61,7 @@ pub struct LineTruth {
     pub can_to_board: Toll,
 }
 
-impl Bench {
+impl SimulatedBench {
     /// What really is.
     #[must_use]
     pub fn truth(&self) -> Truth {

@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use gnc_protocol::frame::{Flags, Frame, Header, Kind};
 use gnc_protocol::message::{HostHello, MAGIC, ModulePower, StreamStart};
-use gnc_protocol::serial::{Decoder, encode};
+use gnc_protocol::serial::{FrameDecoder, encode};
 use gnc_protocol::wire::Wire;
 use gnc_protocol::{Call, Payload};
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors};
 use hw_mocks::world::World;
-use hw_mocks::{Axis, Bench, Options, RunningBench, Speed};
+use hw_mocks::{BenchOptions, ModuleAxis, RunningBench, SimulatedBench, Speed};
 use nix::time::{ClockId, clock_gettime};
 
 const SAMPLES: u32 = 1_000_000;
@@ -38,8 +38,8 @@ fn start(rate_hz: u16) -> StreamStart {
     StreamStart { stream: 1, rate_hz, count: SAMPLES, samples_per_frame: 12 }
 }
 
-fn options() -> Options {
-    Options { speed: Speed::Max, ..Options::default() }
+fn options() -> BenchOptions {
+    BenchOptions { speed: Speed::Max, ..BenchOptions::default() }
 }
 
 /// Wall time, and time of all processors for this program: on a busy machine only the second says what it costs.
@@ -73,7 +73,7 @@ fn conversation(rate_hz: u16) -> [(Vec<u8>, Kind); 3] {
     ]
 }
 
-fn hears(decoder: &mut Decoder, mut bytes: &[u8], wanted: Kind) -> bool {
+fn hears(decoder: &mut FrameDecoder, mut bytes: &[u8], wanted: Kind) -> bool {
     let mut came = false;
     while let Some(outcome) = decoder.next(&mut bytes) {
         came |= outcome.is_ok_and(|frame| frame.header.kind == wanted);
@@ -83,9 +83,9 @@ fn hears(decoder: &mut Decoder, mut bytes: &[u8], wanted: Kind) -> bool {
 
 /// The sensors alone.
 fn sensors(rate_hz: u16, turning: bool) {
-    let mut world = World::new(Options::default().site, Duration::ZERO, 23.0);
+    let mut world = World::new(BenchOptions::default().site, Duration::ZERO, 23.0);
     if turning {
-        world.set_turn(Axis::Z, 200.0, 0.0);
+        world.set_turn(ModuleAxis::Z, 200.0, 0.0);
     }
     let mut sensors = Sensors::new(SensorModels::default(), SensorFaults::default(), 1);
     sensors.power_on(0.0);
@@ -101,12 +101,12 @@ fn sensors(rate_hz: u16, turning: bool) {
 
 /// The whole board with its line, and nobody who reads what it says.
 fn board(rate_hz: u16, turning: bool) {
-    let mut bench = Bench::new(&options());
+    let mut bench = SimulatedBench::new(&options());
     let clock = Instant::now();
-    let mut decoder = Decoder::default();
+    let mut decoder = FrameDecoder::default();
     for (bytes, answer) in conversation(rate_hz) {
         if answer == Kind::Accept && turning {
-            bench.set_turn(Axis::Z, 200.0);
+            bench.set_turn(ModuleAxis::Z, 200.0);
         }
         bench.receive(&bytes, clock.elapsed());
         let mut came = false;
@@ -144,7 +144,7 @@ fn pty(rate_hz: u16) -> std::io::Result<()> {
     let bench = RunningBench::start(&options())?;
     let mut port = std::fs::OpenOptions::new().read(true).write(true).open(bench.port())?;
     let mut writer = port.try_clone()?;
-    let mut decoder = Decoder::default();
+    let mut decoder = FrameDecoder::default();
     for (bytes, answer) in conversation(rate_hz) {
         std::io::Write::write_all(&mut writer, &bytes)?;
         let mut came = false;

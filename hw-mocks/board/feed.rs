@@ -3,7 +3,7 @@
 use gnc_protocol::Payload;
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::{StreamStart, StreamStartReply, StreamStopReply};
-use gnc_protocol::slave::{Fault, Output, Refusal};
+use gnc_protocol::slave::{BoardOutput, RequestFault, RequestRefusal};
 use gnc_protocol::stream::{PpsCapture, StreamFrame, StreamId};
 
 use super::finish::body;
@@ -11,12 +11,12 @@ use super::{CAPTURE_NS, SimulatedBoard};
 use crate::devices::gnss::{EPOCHS_HZ, LATENCY_S};
 use crate::devices::inertial::noise::STEP_S;
 use crate::requests::{self, samples_per_frame};
-use crate::streams::{Stream, format_of, stream_bytes};
+use crate::streams::{RunningStream, format_of, stream_bytes};
 use crate::world::{Influence, World};
 
 impl SimulatedBoard {
-    pub(super) fn start_stream(&mut self, start: &StreamStart) -> Result<Payload, Fault> {
-        let refused = |refusal: Refusal| Fault { code: FaultCode::DeviceFault, text: refusal.text };
+    pub(super) fn start_stream(&mut self, start: &StreamStart) -> Result<Payload, RequestFault> {
+        let refused = |refusal: RequestRefusal| RequestFault { code: FaultCode::DeviceFault, text: refusal.text };
         let load_permille = self.check_stream(start).map_err(refused)?;
         let id = requests::stream_of(start.stream).map_err(refused)?;
         let utc_s = self.world.utc_s(self.true_s(self.now_ns));
@@ -26,7 +26,7 @@ impl SimulatedBoard {
             StreamId::Pps => utc_s.floor().max(0.0) as u64 + 1,
         };
         self.ended.retain(|(ended, _)| *ended != id);
-        let mut stream = Stream::new(start, id, load_permille, self.now_ns, tick);
+        let mut stream = RunningStream::new(start, id, load_permille, self.now_ns, tick);
         stream.sampling = self.sampling;
         if id == StreamId::Compensated {
             stream.compensation = self.module.calibration.compensation();
@@ -43,7 +43,7 @@ impl SimulatedBoard {
         })
     }
 
-    pub(super) fn stop_stream(&mut self, number: u8) -> Result<Payload, Fault> {
+    pub(super) fn stop_stream(&mut self, number: u8) -> Result<Payload, RequestFault> {
         if let Some(index) = self.streams.iter().position(|stream| stream.id as u8 == number) {
             self.close_stream(index);
         }
@@ -77,7 +77,7 @@ impl SimulatedBoard {
             self.ended.push((stream.id, stream.stopped()));
         }
         for output in std::mem::take(&mut self.samples) {
-            if let Output::Stream(stream, frame) = output
+            if let BoardOutput::Stream(stream, frame) = output
                 && let Some((_, reply)) = self.ended.iter_mut().find(|(id, _)| *id == stream)
             {
                 reply.dropped = reply.dropped.wrapping_add(u32::from(frame.head.count));
@@ -87,22 +87,22 @@ impl SimulatedBoard {
 
     /// Bytes of samples that wait for the line.
     pub(crate) fn samples_waiting(&self) -> usize {
-        let bytes = |output: &Output| match output {
-            Output::Stream(_, frame) => stream_bytes(frame),
-            Output::Done(_) => 0,
+        let bytes = |output: &BoardOutput| match output {
+            BoardOutput::Stream(_, frame) => stream_bytes(frame),
+            BoardOutput::Done(_) => 0,
         };
         self.samples.iter().map(bytes).sum()
     }
 
     fn end_complete_streams(&mut self) {
-        while let Some(index) = self.streams.iter().position(Stream::is_complete) {
+        while let Some(index) = self.streams.iter().position(RunningStream::is_complete) {
             let stream = self.streams.swap_remove(index);
             self.ended.push((stream.id, stream.stopped()));
         }
     }
 
     /// When a stream has something to do.
-    pub(super) fn stream_due_ns(&self, stream: &Stream) -> u64 {
+    pub(super) fn stream_due_ns(&self, stream: &RunningStream) -> u64 {
         match stream.id {
             StreamId::Imu | StreamId::Compensated => stream.frame_full_ns(),
             StreamId::Gnss => {
@@ -140,7 +140,7 @@ impl SimulatedBoard {
         self.streams.swap(index, last);
     }
 
-    fn run_imu(&mut self, stream: &mut Stream) {
+    fn run_imu(&mut self, stream: &mut RunningStream) {
         let rate_hz = stream.rate_hz() as f64;
         while !stream.is_complete() && stream.next_imu_ns() <= self.now_ns {
             let time_ns = stream.next_imu_ns();
@@ -163,7 +163,7 @@ impl SimulatedBoard {
         }
     }
 
-    fn run_gnss(&mut self, stream: &mut Stream) {
+    fn run_gnss(&mut self, stream: &mut RunningStream) {
         while !stream.is_complete() && self.stream_due_ns(stream) <= self.now_ns {
             let epoch_s = stream.tick as f64 / EPOCHS_HZ - self.world.utc_start_s;
             let time_us = self.board_us(self.stream_due_ns(stream));
@@ -175,7 +175,7 @@ impl SimulatedBoard {
         }
     }
 
-    fn run_pps(&mut self, stream: &mut Stream) {
+    fn run_pps(&mut self, stream: &mut RunningStream) {
         while !stream.is_complete() && self.stream_due_ns(stream) <= self.now_ns {
             let second_s = stream.tick as f64 - self.world.utc_start_s;
             stream.tick += 1;
@@ -189,11 +189,11 @@ impl SimulatedBoard {
         }
     }
 
-    fn send(&mut self, stream: &mut Stream, frame: StreamFrame) {
+    fn send(&mut self, stream: &mut RunningStream, frame: StreamFrame) {
         if self.line_full {
             stream.drop_frame(&frame);
         } else {
-            self.samples.push_back(Output::Stream(stream.id, frame));
+            self.samples.push_back(BoardOutput::Stream(stream.id, frame));
         }
     }
 }

@@ -7,14 +7,14 @@ use gnc_protocol::message::{
     GnssStart, IoTestReply, MismatchReply, ModulePower, Request, SpiDirection, SpiTransferReply, StreamStart,
     StreamStop,
 };
-use gnc_protocol::slave::{Done, Fault, Output};
+use gnc_protocol::slave::{BoardOutput, RequestDone, RequestFault};
 use gnc_protocol::wire::{Wire, text};
 use gnc_protocol::{Call, Payload};
 
 use super::{Job, SUPPLY_UV, SimulatedBoard};
 use crate::devices::calibration::DamagedSlot;
 use crate::devices::flash::FlashMemory;
-use crate::records::{Finder, Finding};
+use crate::records::{ErrorFinding, Finder};
 use crate::requests::Task;
 
 impl SimulatedBoard {
@@ -28,7 +28,7 @@ impl SimulatedBoard {
                 if reply.interrupts != request.count {
                     let (expected, got) = (u32::from(request.count), u32::from(reply.interrupts));
                     let place = u32::from(request.timer);
-                    self.log.note(finder, [Finding { kind: ErrorKind::TimerInterrupts, place, expected, got }]);
+                    self.log.note(finder, [ErrorFinding { kind: ErrorKind::TimerInterrupts, place, expected, got }]);
                 }
                 body(&reply)
             }
@@ -40,7 +40,7 @@ impl SimulatedBoard {
         };
         let Some(request) = request else { return };
         let elapsed_us = u32::try_from((self.now_ns - started_ns) / 1000).unwrap_or(u32::MAX);
-        let done = Output::Done(Done { request, elapsed_us, outcome });
+        let done = BoardOutput::Done(RequestDone { request, elapsed_us, outcome });
         // What begins or ends streams keeps its place among their samples.
         match message {
             StreamStart::ID | StreamStop::ID | ModulePower::ID => self.samples.push_back(done),
@@ -48,7 +48,7 @@ impl SimulatedBoard {
         }
     }
 
-    fn carry_out(&mut self, what: Request, finder: Finder) -> Result<Payload, Fault> {
+    fn carry_out(&mut self, what: Request, finder: Finder) -> Result<Payload, RequestFault> {
         match what {
             // The conversation answers these two itself.
             Request::MakeSafe(_) | Request::Abort(_) => body(&()),
@@ -62,7 +62,7 @@ impl SimulatedBoard {
                 let reply = self.module.supply(self.powered);
                 if self.powered && !SUPPLY_UV.contains(&reply.supply_uv) {
                     let got = reply.supply_uv;
-                    let finding = Finding { kind: ErrorKind::Supply, place: 0, expected: 5_000_000, got };
+                    let finding = ErrorFinding { kind: ErrorKind::Supply, place: 0, expected: 5_000_000, got };
                     self.log.note(finder, [finding]);
                 }
                 body(&reply)
@@ -115,7 +115,7 @@ impl SimulatedBoard {
                 if levels != expected {
                     let place = u32::from(request.driver) * 16 + u32::from(request.reader);
                     let (expected, got) = (u32::from(expected), u32::from(levels));
-                    self.log.note(finder, [Finding { kind: ErrorKind::IoMismatch, place, expected, got }]);
+                    self.log.note(finder, [ErrorFinding { kind: ErrorKind::IoMismatch, place, expected, got }]);
                 }
                 body(&IoTestReply { levels })
             }
@@ -143,7 +143,7 @@ impl SimulatedBoard {
                 body(&())
             }
             Request::CalibrationRead(_) => {
-                let finding = |slot: DamagedSlot| Finding {
+                let finding = |slot: DamagedSlot| ErrorFinding {
                     kind: ErrorKind::CalibrationDamaged,
                     place: slot.slot,
                     expected: slot.expected,
@@ -163,17 +163,17 @@ impl SimulatedBoard {
         }
     }
 
-    fn core_answers(&self, core: u8) -> Result<(), Fault> {
+    fn core_answers(&self, core: u8) -> Result<(), RequestFault> {
         let dead = || fault(FaultCode::DeviceTimeout, &format!("core {core} did not answer"));
         self.module.cpu.answers(core).then_some(()).ok_or_else(dead)
     }
 
-    fn flash(&mut self, number: u8) -> Result<&mut FlashMemory, Fault> {
+    fn flash(&mut self, number: u8) -> Result<&mut FlashMemory, RequestFault> {
         let flash = Flash::from_number(number).ok_or_else(|| fault(FaultCode::DeviceFault, "no such flash"))?;
         Ok(self.module.flash(flash))
     }
 
-    fn finish_flash(&mut self, what: &Request, duration_us: u32, finder: Finder) -> Result<Payload, Fault> {
+    fn finish_flash(&mut self, what: &Request, duration_us: u32, finder: Finder) -> Result<Payload, RequestFault> {
         let limit_ms = match what {
             Request::CalibrationCommit(_) => {
                 let counter = self.module.calibration.commit();
@@ -193,31 +193,31 @@ impl SimulatedBoard {
         };
         if f64::from(duration_us) > limit_ms * 1000.0 {
             let expected = (limit_ms * 1000.0) as u32;
-            let finding = Finding { kind: ErrorKind::FlashSlow, place: 0, expected, got: duration_us };
+            let finding = ErrorFinding { kind: ErrorKind::FlashSlow, place: 0, expected, got: duration_us };
             self.log.note(finder, [finding]);
         }
         body(&DurationReply { duration_us })
     }
 
     fn note_mismatch(&mut self, kind: ErrorKind, reply: &MismatchReply, finder: Finder) {
-        let finding = Finding { kind, place: reply.first_place, expected: reply.expected, got: reply.got };
+        let finding = ErrorFinding { kind, place: reply.first_place, expected: reply.expected, got: reply.got };
         self.log.note(finder, (reply.mismatches > 0).then_some(finding));
     }
 
     fn note_bytes(&mut self, kind: ErrorKind, sent: &[u8], got: &[u8], finder: Finder) {
         let compare = |(place, &expected): (usize, &u8)| {
             let got = got.get(place).map_or(0x100, |byte| u32::from(*byte));
-            let finding = Finding { kind, place: place as u32, expected: u32::from(expected), got };
+            let finding = ErrorFinding { kind, place: place as u32, expected: u32::from(expected), got };
             (got != u32::from(expected)).then_some(finding)
         };
         self.log.note(finder, sent.iter().enumerate().filter_map(compare));
     }
 }
 
-pub(super) fn body(reply: &impl Wire) -> Result<Payload, Fault> {
+pub(super) fn body(reply: &impl Wire) -> Result<Payload, RequestFault> {
     reply.to_payload().map_err(|overflow| fault(FaultCode::DeviceFault, &overflow.to_string()))
 }
 
-pub(super) fn fault(code: FaultCode, why: &str) -> Fault {
-    Fault { code, text: text(why) }
+pub(super) fn fault(code: FaultCode, why: &str) -> RequestFault {
+    RequestFault { code, text: text(why) }
 }

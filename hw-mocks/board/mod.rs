@@ -12,12 +12,12 @@ use gnc_protocol::error::NakCode;
 use gnc_protocol::message::{
     Flash, IdentityReply, LinkCountersReply, Progress, Request, StreamStart, StreamStopReply, capability,
 };
-use gnc_protocol::slave::{Board, BoardIdentity, Output, Refusal};
+use gnc_protocol::slave::{BoardIdentity, BoardOutput, RequestRefusal, SlaveBoard};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::text;
 
 use crate::module::Module;
-use crate::noise::{Dice, Source};
+use crate::noise::{Dice, RandomStream};
 use crate::oscillator::Oscillator;
 use crate::personality::{Personality, RebootTrigger};
 use crate::records::ErrorLog;
@@ -26,7 +26,7 @@ use crate::requests::{
     unanswered, uses,
 };
 use crate::sampling::SamplingFaults;
-use crate::streams::{Stream, stream_bytes};
+use crate::streams::{RunningStream, stream_bytes};
 use crate::world::{Influence, World};
 
 /// Resolution of the board's capture timer.
@@ -52,7 +52,7 @@ struct Job {
 
 /// The ways by which a host reaches the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Port {
+pub(crate) enum BoardPort {
     Serial,
     Can,
 }
@@ -80,18 +80,18 @@ pub(crate) struct SimulatedBoard {
     sampling: SamplingFaults,
     rate_baud: u32,
     /// The link of the session, which carries the streams.
-    carrier: Port,
+    carrier: BoardPort,
     powered: bool,
     /// Whether it answers for the module what that said before.
     caches_identity: bool,
     identity_cache: Option<IdentityReply>,
     jobs: Vec<Job>,
-    streams: Vec<Stream>,
+    streams: Vec<RunningStream>,
     ended: Vec<(StreamId, StreamStopReply)>,
     log: ErrorLog,
-    outputs: VecDeque<Output>,
+    outputs: VecDeque<BoardOutput>,
     /// Samples, and the results that must keep their place among them; everything else goes ahead of these.
-    samples: VecDeque<Output>,
+    samples: VecDeque<BoardOutput>,
     reboot: Option<RebootTrigger>,
     triggers_seen: u32,
     reboot_at_ns: Option<u64>,
@@ -105,7 +105,7 @@ impl SimulatedBoard {
     /// A board just started.
     #[must_use]
     pub(crate) fn new(personality: &Personality, serial_number: &str, world: World, rate_baud: u32, seed: u64) -> Self {
-        let mut boot_dice = Dice::new(seed, Source::Boot);
+        let mut boot_dice = Dice::new(seed, RandomStream::Boot);
         let model = &personality.model;
         let at_time = |trigger: &RebootTrigger| trigger.at_board_time_s.map(|time_s| (time_s * 1e9) as u64);
         Self {
@@ -122,7 +122,7 @@ impl SimulatedBoard {
             oscillator: model.oscillator,
             sampling: model.sampling,
             rate_baud,
-            carrier: Port::Serial,
+            carrier: BoardPort::Serial,
             powered: false,
             caches_identity: model.caches_identity,
             identity_cache: None,
@@ -143,7 +143,7 @@ impl SimulatedBoard {
     }
 
     /// A session begins on a link.
-    pub(crate) fn set_carrier(&mut self, carrier: Port) {
+    pub(crate) fn set_carrier(&mut self, carrier: BoardPort) {
         self.carrier = carrier;
     }
 
@@ -179,7 +179,7 @@ impl SimulatedBoard {
     /// Whether samples of the IMU are streamed and nothing else is under way.
     #[must_use]
     pub(crate) fn only_streams(&self) -> bool {
-        let samples = |stream: &Stream| matches!(stream.id, StreamId::Imu | StreamId::Compensated);
+        let samples = |stream: &RunningStream| matches!(stream.id, StreamId::Imu | StreamId::Compensated);
         self.streams.iter().any(samples) && self.jobs.is_empty() && !self.is_booting() && self.outputs.is_empty()
     }
 
@@ -284,8 +284,8 @@ impl SimulatedBoard {
 
     /// A request that is done but for the samples that leave before its result.
     fn waiting_behind_samples(&self, request: u16) -> Progress {
-        let elapsed_us = |output: &Output| match output {
-            Output::Done(done) if done.request == request => Some(done.elapsed_us),
+        let elapsed_us = |output: &BoardOutput| match output {
+            BoardOutput::Done(done) if done.request == request => Some(done.elapsed_us),
             _ => None,
         };
         let elapsed_ms = self.samples.iter().find_map(elapsed_us).map(|elapsed_us| elapsed_us / 1000);
@@ -307,17 +307,17 @@ impl SimulatedBoard {
         }
     }
 
-    fn begin(&mut self, request: u16, mut what: Request) -> Result<u32, Refusal> {
+    fn begin(&mut self, request: u16, mut what: Request) -> Result<u32, RequestRefusal> {
         let asks_module =
             needs_power(&what) && !(self.identity_cache.is_some() && matches!(what, Request::Identity(_)));
         if !self.powered && asks_module {
-            return Err(Refusal::new(NakCode::NotPowered, "switch the module's supply on first"));
+            return Err(RequestRefusal::new(NakCode::NotPowered, "switch the module's supply on first"));
         }
         let message = what.id();
         let trigger = what.clone();
         // The stream is checked before anything is drawn or reserved.
         if let Request::StreamStart(start) = &mut what {
-            if self.carrier == Port::Can {
+            if self.carrier == BoardPort::Can {
                 one_sample_a_frame(start)?;
             }
             self.check_stream(start)?;
@@ -326,7 +326,7 @@ impl SimulatedBoard {
         let wanted = check(&what, &mut self.module)?;
         if held & wanted != 0 {
             let why = format!("in use by another request: {}", uses::names(held & wanted));
-            return Err(Refusal::new(NakCode::Busy, &why));
+            return Err(RequestRefusal::new(NakCode::Busy, &why));
         }
         let is_up = self.module.start.is_up(self.true_s(self.now_ns));
         let Work { expected_ns, takes_ns, task } =
@@ -337,15 +337,15 @@ impl SimulatedBoard {
         Ok(u32::try_from(expected_ns.div_ceil(MS)).unwrap_or(u32::MAX))
     }
 
-    fn check_stream(&self, start: &StreamStart) -> Result<u32, Refusal> {
+    fn check_stream(&self, start: &StreamStart) -> Result<u32, RequestRefusal> {
         let id = requests::stream_of(start.stream)?;
         if self.streams.iter().any(|stream| stream.id == id) {
-            return Err(Refusal::new(NakCode::Busy, "this stream is running"));
+            return Err(RequestRefusal::new(NakCode::Busy, "this stream is running"));
         }
         let taken = self.streams.iter().map(|stream| stream.load_permille).sum();
         match self.carrier {
-            Port::Serial => check_load(start, taken, self.rate_baud),
-            Port::Can => check_can_load(start, taken),
+            BoardPort::Serial => check_load(start, taken, self.rate_baud),
+            BoardPort::Can => check_can_load(start, taken),
         }
     }
 
@@ -368,7 +368,7 @@ impl SimulatedBoard {
     }
 }
 
-impl Board for SimulatedBoard {
+impl SlaveBoard for SimulatedBoard {
     fn identity(&self) -> BoardIdentity {
         BoardIdentity {
             boot_id: self.boot_id,
@@ -378,11 +378,11 @@ impl Board for SimulatedBoard {
         }
     }
 
-    fn start(&mut self, request: u16, what: Request) -> Result<u32, Refusal> {
+    fn start(&mut self, request: u16, what: Request) -> Result<u32, RequestRefusal> {
         self.begin(request, what)
     }
 
-    fn poll(&mut self) -> Option<Output> {
+    fn poll(&mut self) -> Option<BoardOutput> {
         if let Some(output) = self.outputs.pop_front() {
             return Some(output);
         }
@@ -390,7 +390,7 @@ impl Board for SimulatedBoard {
             return None;
         }
         let output = self.samples.pop_front()?;
-        if let Output::Stream(_, frame) = &output {
+        if let BoardOutput::Stream(_, frame) = &output {
             self.line_room = self.line_room.saturating_sub(stream_bytes(frame));
         }
         Some(output)

@@ -21,7 +21,7 @@ use gnc_protocol::message::AdChannel;
 use gnc_protocol::wire::List;
 use nalgebra::Vector3;
 
-use crate::noise::{Dice, Source};
+use crate::noise::{Dice, RandomStream};
 
 /// Samples a second of each channel.
 pub(crate) const RATE_HZ: u32 = 10_000;
@@ -67,7 +67,7 @@ impl Ad {
     /// A converter under a seed; `unwired` switches do nothing.
     #[must_use]
     pub(crate) fn new(rails: Rails, unwired: [bool; 5], seed: u64) -> Self {
-        Self { rails, unwired, switches: [false; 5], dice: Dice::new(seed, Source::Ad) }
+        Self { rails, unwired, switches: [false; 5], dice: Dice::new(seed, RandomStream::Ad) }
     }
 
     /// Flips DIP switch 1 to 5; other numbers do nothing.

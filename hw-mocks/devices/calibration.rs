@@ -176,14 +176,14 @@ impl CalibrationMemory {
 
     /// What the firmware makes of a sample with the calibration in force; `None` without one.
     #[must_use]
-    pub fn compensation(&self) -> Option<Compensation> {
-        Some(Compensation::new(&self.calibration()?, self.faults.transposed))
+    pub fn compensation(&self) -> Option<StoredCompensation> {
+        Some(StoredCompensation::new(&self.calibration()?, self.faults.transposed))
     }
 }
 
 /// A calibration ready for use. Fixed when a stream starts.
 #[derive(Debug, Clone, Copy)]
-pub struct Compensation {
+pub struct StoredCompensation {
     accel: Matrix3<f64>,
     accel_offset: Vector3<f64>,
     gyro: Matrix3<f64>,
@@ -195,7 +195,7 @@ pub struct Compensation {
     cos_alpha: f64,
 }
 
-impl Compensation {
+impl StoredCompensation {
     fn new(calibration: &Calibration, transposed: bool) -> Self {
         let matrix = |rows: &[[f64; 3]; 3]| {
             let matrix = Matrix3::from_fn(|row, column| rows[row][column]);

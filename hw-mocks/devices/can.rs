@@ -19,7 +19,7 @@ pub(crate) struct CanFaults {
 
 /// The controller. Its counters follow ISO 11898-1: a failed sending adds 8, a good one takes 1 off.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Can {
+pub(crate) struct CanController {
     faults: CanFaults,
     received: u32,
     with_data: u32,
@@ -29,7 +29,7 @@ pub(crate) struct Can {
     held: Option<CanFrame>,
 }
 
-impl Can {
+impl CanController {
     /// A controller with its faults.
     #[must_use]
     pub(crate) fn new(faults: CanFaults) -> Self {

@@ -15,10 +15,10 @@ use std::sync::Arc;
 
 use gnc_protocol::message::GnssStart;
 
-use super::nmea::{Epoch, Solution};
+use super::nmea::{ReceiverEpoch, ReceiverSolution};
 use super::playback::Recording;
 use super::sky;
-use crate::noise::{Dice, GaussMarkov, Source};
+use crate::noise::{Dice, GaussMarkov, RandomStream};
 use crate::world::World;
 
 /// Epochs a second.
@@ -52,7 +52,7 @@ pub(crate) struct Playback {
 
 /// The receiver. Times are seconds since the bench was started.
 #[derive(Debug, Clone)]
-pub(crate) struct Receiver {
+pub(crate) struct SimulatedReceiver {
     faults: GnssFaults,
     playback: Option<Playback>,
     started_at_s: f64,
@@ -68,11 +68,11 @@ pub(crate) struct Receiver {
     pps_dice: Dice,
 }
 
-impl Receiver {
+impl SimulatedReceiver {
     /// A receiver without power, under a seed.
     #[must_use]
     pub(crate) fn new(faults: GnssFaults, playback: Option<Playback>, seed: u64) -> Self {
-        let mut dice = Dice::new(seed, Source::Gnss);
+        let mut dice = Dice::new(seed, RandomStream::Gnss);
         let mut slow = |deviation, correlation_s| GaussMarkov::new(deviation, correlation_s, &mut dice);
         let (north, east, up) = (slow(2.2, 60.0), slow(2.2, 60.0), slow(3.8, 60.0));
         let velocity = [slow(0.03, 1.0), slow(0.03, 1.0)];
@@ -87,9 +87,9 @@ impl Receiver {
             east,
             up,
             velocity,
-            acquisition_dice: Dice::new(seed, Source::Acquisition),
+            acquisition_dice: Dice::new(seed, RandomStream::Acquisition),
             dice,
-            pps_dice: Dice::new(seed, Source::Pps),
+            pps_dice: Dice::new(seed, RandomStream::Pps),
         }
     }
 
@@ -143,7 +143,7 @@ impl Receiver {
         let used = if self.has_fix(now_s) { sky::usable(&view) } else { Vec::new() };
         let solution = sky::dilution(&used).map(|dilution| self.solution(world, dilution));
         let time_known = now_s >= self.time_known_s && (!view.is_empty() || self.time_known_s <= self.started_at_s);
-        Epoch {
+        ReceiverEpoch {
             utc_s: time_known.then(|| world.utc_s(now_s)),
             solution,
             used: solution.map_or_else(Vec::new, |_| used.iter().map(|satellite| satellite.prn).collect()),
@@ -159,13 +159,13 @@ impl Receiver {
         (runs && !self.faults.pps_open).then_some(scatter_s)
     }
 
-    fn solution(&self, world: &World, dilution: sky::Dilution) -> Solution {
+    fn solution(&self, world: &World, dilution: sky::Dilution) -> ReceiverSolution {
         let site = &world.site;
         let (offset_north_m, offset_east_m) = self.faults.antenna_offset_m;
         let (meridian_m, parallel_m) = radii_m(site.latitude_deg, site.height_m);
         let north_m = self.north.value() + offset_north_m;
         let east_m = self.east.value() + offset_east_m;
-        Solution {
+        ReceiverSolution {
             latitude_deg: site.latitude_deg + (north_m / meridian_m).to_degrees(),
             longitude_deg: site.longitude_deg + (east_m / parallel_m).to_degrees(),
             altitude_m: site.height_m - site.geoid_m + self.up.value(),

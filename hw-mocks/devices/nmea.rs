@@ -9,7 +9,7 @@ use super::sky::{Dilution, Satellite};
 
 /// What a receiver knows at an epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Solution {
+pub(crate) struct ReceiverSolution {
     /// Latitude, north positive.
     pub latitude_deg: f64,
     /// Longitude, east positive.
@@ -28,18 +28,18 @@ pub(crate) struct Solution {
 
 /// One epoch of a receiver.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Epoch {
+pub(crate) struct ReceiverEpoch {
     /// UTC of the epoch in seconds since 1970, if the receiver knows the time.
     pub utc_s: Option<f64>,
     /// Where it is, if it has a fix.
-    pub solution: Option<Solution>,
+    pub solution: Option<ReceiverSolution>,
     /// Satellites in view, each with whether it is tracked.
     pub view: Vec<(Satellite, bool)>,
     /// PRN of those used.
     pub used: Vec<u8>,
 }
 
-impl Epoch {
+impl ReceiverEpoch {
     /// All sentences of the epoch.
     #[must_use]
     pub(crate) fn sentences(&self) -> String {
@@ -144,7 +144,7 @@ impl Epoch {
     }
 }
 
-impl Solution {
+impl ReceiverSolution {
     fn knots(&self) -> f64 {
         self.north_mps.hypot(self.east_mps) * 3600.0 / 1852.0
     }

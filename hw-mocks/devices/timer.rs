@@ -2,7 +2,7 @@
 
 use gnc_protocol::message::{TimerMeasure, TimerMeasureReply};
 
-use crate::noise::{Dice, Source};
+use crate::noise::{Dice, RandomStream};
 
 /// Resolution of the slave's reference clock, ns.
 pub(crate) const REFERENCE_NS: f64 = 10.0;
@@ -37,7 +37,7 @@ impl Timers {
     /// Timers under a seed.
     #[must_use]
     pub(crate) fn new(model: TimerModel, seed: u64) -> Self {
-        Self { model, dice: Dice::new(seed, Source::Timers), fired: [0; 3] }
+        Self { model, dice: Dice::new(seed, RandomStream::Timers), fired: [0; 3] }
     }
 
     /// Runs a timer for `count` intervals. Each interrupt marks the end of one interval and the start of the next;

@@ -1,18 +1,18 @@
 //! Checks that several tables of a personality need.
 
-use gnc_config::{Entry, Table, did_you_mean};
+use gnc_config::{TomlEntry, TomlTable, did_you_mean};
 use gnc_text::quoted;
 
-use crate::world::Axis;
+use crate::world::ModuleAxis;
 
 /// A whole number within bounds.
-pub(super) fn whole<T: TryFrom<i64>>(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<T> {
+pub(super) fn whole<T: TryFrom<i64>>(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<T> {
     T::try_from(entry.integer(bounds)?).ok()
 }
 
 /// A whole number within bounds that must be there.
 pub(super) fn required_whole<T: TryFrom<i64>>(
-    table: &Table<'_, '_>,
+    table: &TomlTable<'_, '_>,
     key: &'static str,
     (low, high): (i64, i64),
 ) -> Option<T> {
@@ -20,22 +20,22 @@ pub(super) fn required_whole<T: TryFrom<i64>>(
 }
 
 /// A number within bounds that must be there.
-pub(super) fn required_number(table: &Table<'_, '_>, key: &'static str, (low, high): (f64, f64)) -> Option<f64> {
+pub(super) fn required_number(table: &TomlTable<'_, '_>, key: &'static str, (low, high): (f64, f64)) -> Option<f64> {
     table.required(key, &format!("it may be {low} to {high}"))?.number((low, high))
 }
 
 /// How many of something lie between two faults; 0, or nothing written: no fault.
-pub(super) fn count(table: &Table<'_, '_>, key: &'static str) -> u32 {
+pub(super) fn count(table: &TomlTable<'_, '_>, key: &'static str) -> u32 {
     table.entry(key).and_then(|entry| whole(&entry, (0, u32::MAX.into()))).unwrap_or(0)
 }
 
 /// Whether a line or a bit is high.
-pub(super) fn level(table: &Table<'_, '_>) -> Option<bool> {
+pub(super) fn level(table: &TomlTable<'_, '_>) -> Option<bool> {
     Some(required_whole::<u8>(table, "level", (0, 1))? == 1)
 }
 
 /// Two different whole numbers.
-pub(super) fn pair(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<(u8, u8)> {
+pub(super) fn pair(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<(u8, u8)> {
     let [one, other] = entry.array("two different whole numbers")?;
     let (a, b) = (whole(&one, bounds), whole(&other, bounds));
     let (a, b): (u8, u8) = (a?, b?);
@@ -47,20 +47,20 @@ pub(super) fn pair(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<(u8, u8)
 }
 
 /// So many numbers, each within the same bounds.
-pub(super) fn numbers<const N: usize>(entry: &Entry<'_, '_>, wanted: &str, bounds: (f64, f64)) -> Option<[f64; N]> {
+pub(super) fn numbers<const N: usize>(entry: &TomlEntry<'_, '_>, wanted: &str, bounds: (f64, f64)) -> Option<[f64; N]> {
     let read = entry.array::<N>(wanted)?.map(|element| element.number(bounds));
     read.iter().all(Option::is_some).then(|| read.map(Option::unwrap_or_default))
 }
 
 /// X, Y or Z.
-pub(super) fn axis(entry: &Entry<'_, '_>) -> Option<Axis> {
+pub(super) fn axis(entry: &TomlEntry<'_, '_>) -> Option<ModuleAxis> {
     const NAMES: [&str; 3] = ["x", "y", "z"];
     let name = choice(entry, &NAMES)?;
-    NAMES.iter().position(|known| *known == name).map(|index| Axis::ALL[index])
+    NAMES.iter().position(|known| *known == name).map(|index| ModuleAxis::ALL[index])
 }
 
 /// Some of the three axes.
-pub(super) fn axes(table: &Table<'_, '_>, key: &'static str) -> [bool; 3] {
+pub(super) fn axes(table: &TomlTable<'_, '_>, key: &'static str) -> [bool; 3] {
     let mut set = [false; 3];
     for axis in table.list(key, "a list of \"x\", \"y\" and \"z\"").iter().filter_map(axis) {
         set[axis.index()] = true;
@@ -69,7 +69,7 @@ pub(super) fn axes(table: &Table<'_, '_>, key: &'static str) -> [bool; 3] {
 }
 
 /// One text of some.
-pub(super) fn choice<'t>(entry: &Entry<'_, 't>, known: &[&str]) -> Option<&'t str> {
+pub(super) fn choice<'t>(entry: &TomlEntry<'_, 't>, known: &[&str]) -> Option<&'t str> {
     let text = entry.text()?;
     if known.contains(&text) {
         return Some(text);
@@ -80,7 +80,7 @@ pub(super) fn choice<'t>(entry: &Entry<'_, 't>, known: &[&str]) -> Option<&'t st
 }
 
 /// A text that may have so many bytes.
-pub(super) fn short_text(table: &Table<'_, '_>, key: &'static str, most: usize) -> Option<String> {
+pub(super) fn short_text(table: &TomlTable<'_, '_>, key: &'static str, most: usize) -> Option<String> {
     let (text, span) = table.text(key)?;
     if text.len() > most {
         table.mistake_at(span, format!("{key} has {} bytes", text.len()), format!("it may have at most {most}"));
@@ -97,7 +97,7 @@ pub(super) fn set<T>(place: &mut T, read: Option<T>) {
 }
 
 /// Refuses a key that changes nothing without another one.
-pub(super) fn needs(table: &Table<'_, '_>, key: &'static str, other: &'static str) {
+pub(super) fn needs(table: &TomlTable<'_, '_>, key: &'static str, other: &'static str) {
     if let Some(entry) = table.entry(key)
         && !table.has(other)
     {

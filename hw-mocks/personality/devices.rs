@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use gnc_config::Table;
+use gnc_config::TomlTable;
 use gnc_text::{printable, quoted};
 
 use super::checks::{choice, count, level, needs, pair, required_whole, whole};
@@ -44,7 +44,7 @@ const DEVICES: [&str; 16] = [
     "can",
 ];
 
-pub(super) fn supply(table: &Table<'_, '_>) -> SupplyModel {
+pub(super) fn supply(table: &TomlTable<'_, '_>) -> SupplyModel {
     let d = SupplyModel::default();
     SupplyModel {
         voltage_v: table.number("voltage_v", (0.0, 12.0)).unwrap_or(d.voltage_v),
@@ -56,7 +56,7 @@ pub(super) fn supply(table: &Table<'_, '_>) -> SupplyModel {
 }
 
 /// How a module starts; that another one takes its place stands with the module.
-pub(super) fn start(table: &Table<'_, '_>) -> StartFaults {
+pub(super) fn start(table: &TomlTable<'_, '_>) -> StartFaults {
     needs(table, "late_ms", "late_every");
     needs(table, "late_every", "late_ms");
     StartFaults {
@@ -67,13 +67,13 @@ pub(super) fn start(table: &Table<'_, '_>) -> StartFaults {
     }
 }
 
-pub(super) fn rails(table: &Table<'_, '_>) -> Rails {
+pub(super) fn rails(table: &TomlTable<'_, '_>) -> Rails {
     let d = Rails::default();
     let rail = |key: &'static str, default| table.number(key, (0.0, 6.0)).unwrap_or(default);
     Rails { v5_v: rail("v5_v", d.v5_v), v3v3_v: rail("v3v3_v", d.v3v3_v), v1v2_v: rail("v1v2_v", d.v1v2_v) }
 }
 
-pub(super) fn cpu(table: &Table<'_, '_>) -> CpuFaults {
+pub(super) fn cpu(table: &TomlTable<'_, '_>) -> CpuFaults {
     let mut faults = CpuFaults::default();
     for core in table.list("dead_cores", "a list of cores, 1 and 2") {
         if let Some(core) = whole::<usize>(&core, (1, 2)) {
@@ -84,7 +84,7 @@ pub(super) fn cpu(table: &Table<'_, '_>) -> CpuFaults {
     faults
 }
 
-pub(super) fn timers(table: &Table<'_, '_>) -> TimerModel {
+pub(super) fn timers(table: &TomlTable<'_, '_>) -> TimerModel {
     let d = TimerModel::default();
     TimerModel {
         rate_error_ppm: table.number("rate_error_ppm", (-5e5, 5e5)).unwrap_or(d.rate_error_ppm),
@@ -94,17 +94,17 @@ pub(super) fn timers(table: &Table<'_, '_>) -> TimerModel {
 }
 
 /// A memory of so many words of so many bits.
-pub(super) fn memory(table: &Table<'_, '_>, words: u32, width: u8) -> MemoryFaults {
+pub(super) fn memory(table: &TomlTable<'_, '_>, words: u32, width: u8) -> MemoryFaults {
     let (last_word, last_bit) = (i64::from(words) - 1, i64::from(width) - 1);
     let last_line = i64::from(words.ilog2()) - 1;
     let stuck = |key: &'static str, last: i64| table.within(key, |table| stuck_line(table, last)).flatten();
-    let cell = |table: &Table<'_, '_>| {
+    let cell = |table: &TomlTable<'_, '_>| {
         let (index, bit) =
             (required_whole(table, "index", (0, last_word)), required_whole(table, "bit", (0, last_bit)));
         let level = level(table);
         Some((index?, bit?, level?))
     };
-    let coupled = |table: &Table<'_, '_>| {
+    let coupled = |table: &TomlTable<'_, '_>| {
         let aggressor = required_whole(table, "aggressor", (0, last_word));
         let victim = required_whole(table, "victim", (0, last_word));
         let bit = required_whole(table, "bit", (0, last_bit));
@@ -125,17 +125,17 @@ pub(super) fn memory(table: &Table<'_, '_>, words: u32, width: u8) -> MemoryFaul
 }
 
 /// All tables of a list that can be read.
-fn all<T>(table: &Table<'_, '_>, key: &'static str, read: impl Fn(&Table<'_, '_>) -> Option<T>) -> Vec<T> {
+fn all<T>(table: &TomlTable<'_, '_>, key: &'static str, read: impl Fn(&TomlTable<'_, '_>) -> Option<T>) -> Vec<T> {
     table.tables(key).into_iter().filter_map(|table| table.read(&read)).collect()
 }
 
-fn stuck_line(table: &Table<'_, '_>, last: i64) -> Option<(u8, bool)> {
+fn stuck_line(table: &TomlTable<'_, '_>, last: i64) -> Option<(u8, bool)> {
     let (line, level) = (required_whole(table, "line", (0, last)), level(table));
     Some((line?, level?))
 }
 
-pub(super) fn flash(table: &Table<'_, '_>, part: &FlashPart) -> FlashFaults {
-    let bad_bit = |table: &Table<'_, '_>| {
+pub(super) fn flash(table: &TomlTable<'_, '_>, part: &FlashPart) -> FlashFaults {
+    let bad_bit = |table: &TomlTable<'_, '_>| {
         let sector = required_whole(table, "sector", (0, i64::from(part.scratch_sectors) - 1));
         let word = required_whole(table, "word", (0, i64::from(part.sector_bytes / 4) - 1));
         let (bit, level) = (required_whole(table, "bit", (0, 31)), level(table));
@@ -147,8 +147,8 @@ pub(super) fn flash(table: &Table<'_, '_>, part: &FlashPart) -> FlashFaults {
     }
 }
 
-pub(super) fn calibration(table: &Table<'_, '_>) -> CalibrationFaults {
-    let lost_bit = |table: &Table<'_, '_>| {
+pub(super) fn calibration(table: &TomlTable<'_, '_>) -> CalibrationFaults {
+    let lost_bit = |table: &TomlTable<'_, '_>| {
         let byte = required_whole(table, "byte", (0, COEFFICIENT_BYTES - 1));
         let bit = required_whole(table, "bit", (0, 7));
         let after_power_cycle = table.flag("after_power_cycle");
@@ -157,7 +157,7 @@ pub(super) fn calibration(table: &Table<'_, '_>) -> CalibrationFaults {
     CalibrationFaults { lost_bit: table.within("lost_bit", lost_bit).flatten(), transposed: table.flag("transposed") }
 }
 
-pub(super) fn gnss(table: &Table<'_, '_>, load: Load<'_>) -> (GnssFaults, Option<Playback>) {
+pub(super) fn gnss(table: &TomlTable<'_, '_>, load: Load<'_>) -> (GnssFaults, Option<Playback>) {
     let metres = |key: &'static str| table.number(key, (-1e6, 1e6)).unwrap_or(0.0);
     let faults = GnssFaults {
         no_sky: table.flag("no_sky"),
@@ -169,7 +169,7 @@ pub(super) fn gnss(table: &Table<'_, '_>, load: Load<'_>) -> (GnssFaults, Option
     (faults, playback(table, load))
 }
 
-fn playback(table: &Table<'_, '_>, load: Load<'_>) -> Option<Playback> {
+fn playback(table: &TomlTable<'_, '_>, load: Load<'_>) -> Option<Playback> {
     needs(table, "playback_hz", "playback");
     // A receiver that plays a log back does not look at the sky.
     for key in ["no_sky", "repeater_north_m", "repeater_east_m", "covered_after_fix_s"] {
@@ -198,7 +198,7 @@ fn playback(table: &Table<'_, '_>, load: Load<'_>) -> Option<Playback> {
     }
 }
 
-pub(super) fn ad(table: &Table<'_, '_>) -> [bool; 5] {
+pub(super) fn ad(table: &TomlTable<'_, '_>) -> [bool; 5] {
     let mut unwired = [false; 5];
     for switch in table.list("unwired_switches", "a list of switches, 1 to 5") {
         if let Some(switch) = whole::<usize>(&switch, (1, 5)) {
@@ -209,7 +209,7 @@ pub(super) fn ad(table: &Table<'_, '_>) -> [bool; 5] {
 }
 
 /// The lines of [io]; they are those of the SPI too.
-pub(super) fn io(table: &Table<'_, '_>) -> LineFaults {
+pub(super) fn io(table: &TomlTable<'_, '_>) -> LineFaults {
     let open = table.list("open", "a list of lines, 0 to 3");
     let shorted = table.list("shorted", "a list of pairs of lines, such as [[2, 3]]");
     LineFaults {
@@ -220,11 +220,11 @@ pub(super) fn io(table: &Table<'_, '_>) -> LineFaults {
     }
 }
 
-pub(super) fn sci(table: &Table<'_, '_>) -> SciFaults {
+pub(super) fn sci(table: &TomlTable<'_, '_>) -> SciFaults {
     SciFaults { lose_every: count(table, "lose_every"), flip_every: count(table, "flip_every") }
 }
 
-pub(super) fn can(table: &Table<'_, '_>) -> CanFaults {
+pub(super) fn can(table: &TomlTable<'_, '_>) -> CanFaults {
     CanFaults {
         flip_every: count(table, "flip_every"),
         swap_every: count(table, "swap_every"),
@@ -233,7 +233,7 @@ pub(super) fn can(table: &Table<'_, '_>) -> CanFaults {
     }
 }
 
-pub(super) fn reboot(table: &Table<'_, '_>) -> RebootTrigger {
+pub(super) fn reboot(table: &TomlTable<'_, '_>) -> RebootTrigger {
     needs(table, "nth", "on");
     needs(table, "after_ms", "on");
     if !table.has("on") && !table.has("at_board_time_s") {

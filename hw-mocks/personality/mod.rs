@@ -216,10 +216,10 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-use gnc_config::{Mistakes, Source, Table};
+use gnc_config::{Mistakes, SourceText, TomlTable};
 
 use checks::{count, set, short_text, whole};
-use sensors::{ACCEL, GYRO, MAG, Triad};
+use sensors::{ACCEL, GYRO, MAG, TriadAsRead};
 
 use crate::boards::BOARDS;
 use crate::can_faults::CanWireFaults;
@@ -251,7 +251,7 @@ pub struct Personality {
     pub description: String,
     /// How plans should end with it, by the plan's name.
     pub expect: BTreeMap<String, Expectation>,
-    pub(crate) model: Model,
+    pub(crate) model: PersonalityModel,
 }
 
 /// How a plan should end with a personality.
@@ -278,7 +278,7 @@ pub(crate) struct RebootTrigger {
 
 /// Everything about board and module that a personality may set.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Model {
+pub(crate) struct PersonalityModel {
     pub(crate) serial_number: Option<String>,
     pub(crate) part: String,
     pub(crate) hardware: String,
@@ -323,7 +323,7 @@ impl Personality {
             name: name.to_owned(),
             description: String::new(),
             expect: BTreeMap::new(),
-            model: Model::default(),
+            model: PersonalityModel::default(),
         })
     }
 
@@ -347,18 +347,18 @@ impl Personality {
     /// # Errors
     /// As [`Personality::from_toml`]; or a file cannot be read.
     pub fn with_files(name: &str, text: &str, load: Load<'_>) -> Result<Self, Mistakes> {
-        let source = Source { name: name.to_owned(), text: text.to_owned() };
+        let source = SourceText { name: name.to_owned(), text: text.to_owned() };
         gnc_config::read(&source, |root| Self {
             name: name.to_owned(),
             description: root.text("description").map(|(text, _)| text.to_owned()).unwrap_or_default(),
             expect: root.within("expect", expectations).unwrap_or_default(),
-            model: Model::read(root, load),
+            model: PersonalityModel::read(root, load),
         })
     }
 }
 
-fn expectations(table: &Table<'_, '_>) -> BTreeMap<String, Expectation> {
-    let expectation = |table: &Table<'_, '_>| {
+fn expectations(table: &TomlTable<'_, '_>) -> BTreeMap<String, Expectation> {
+    let expectation = |table: &TomlTable<'_, '_>| {
         let names = |key| table.texts(key).into_iter().map(|(name, _)| name.to_owned()).collect();
         let outcome = table.required_text("outcome", "it may be passed, failed or errored");
         Expectation {
@@ -373,8 +373,8 @@ fn expectations(table: &Table<'_, '_>) -> BTreeMap<String, Expectation> {
     plans.filter_map(|plan| Some((plan.clone(), table.within(plan, expectation)?))).collect()
 }
 
-impl Model {
-    fn read(root: &Table<'_, '_>, load: Load<'_>) -> Self {
+impl PersonalityModel {
+    fn read(root: &TomlTable<'_, '_>, load: Load<'_>) -> Self {
         let mut model = Self::default();
         root.within("module", |table| {
             model.serial_number = short_text(table, "serial_number", 64);
@@ -390,7 +390,7 @@ impl Model {
             model.caches_identity = table.flag("caches_identity");
             model.oscillator = clocks::oscillator(table, model.oscillator);
         });
-        let triad = |units, default| Triad::read(root, units, default);
+        let triad = |units, default| TriadAsRead::read(root, units, default);
         let gyro = triad(&GYRO, model.sensors.gyro);
         let accel = triad(&ACCEL, model.sensors.accel);
         let mag = triad(&MAG, model.sensors.mag);
@@ -459,7 +459,7 @@ pub fn boards() -> &'static [(&'static str, &'static str)] {
     BOARDS
 }
 
-impl Default for Model {
+impl Default for PersonalityModel {
     fn default() -> Self {
         Self {
             serial_number: None,

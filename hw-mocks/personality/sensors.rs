@@ -2,12 +2,12 @@
 //!
 //! Keys have their unit in the name, and each kind of sensors takes its own: a figure under another unit is refused.
 
-use gnc_config::{Entry, Table};
+use gnc_config::{TomlEntry, TomlTable};
 use gnc_text::quoted;
 use nalgebra::{Matrix3, Vector3};
 
 use super::checks::{axes, axis, numbers, required_number, whole};
-use crate::devices::inertial::bandwidth::{Bandwidth, Order};
+use crate::devices::inertial::bandwidth::{Bandwidth, FilterOrder};
 use crate::devices::inertial::faults::{FailedReads, MOST_VIBRATIONS, Spikes, Vibration};
 use crate::devices::inertial::model::Published;
 use crate::devices::inertial::{TriadFaults, TriadModel};
@@ -72,17 +72,17 @@ impl Units {
     }
 
     /// The entry of this meaning in the unit that belongs to it.
-    fn entry<'w, 't>(&self, table: &Table<'w, 't>, stem: &str, of: Of) -> Option<Entry<'w, 't>> {
+    fn entry<'w, 't>(&self, table: &TomlTable<'w, 't>, stem: &str, of: Of) -> Option<TomlEntry<'w, 't>> {
         table.entry(self.key(stem, of)?.0)
     }
 
     /// The three axes.
-    fn triple(&self, table: &Table<'_, '_>, stem: &str, of: Of, low: f64) -> Option<[f64; 3]> {
+    fn triple(&self, table: &TomlTable<'_, '_>, stem: &str, of: Of, low: f64) -> Option<[f64; 3]> {
         per_axis(&self.entry(table, stem, of)?, (low, MOST))
     }
 
     /// Refuses what has a unit that does not belong to these sensors, or none; tells whether there is such a key.
-    fn refuse_others(&self, table: &Table<'_, '_>, known: &[(&str, Of)]) -> bool {
+    fn refuse_others(&self, table: &TomlTable<'_, '_>, known: &[(&str, Of)]) -> bool {
         let mut refused = false;
         for entry in table.unknown() {
             let key = entry.key();
@@ -108,7 +108,7 @@ impl Units {
 }
 
 /// A number for all three axes, or one for each.
-fn per_axis(entry: &Entry<'_, '_>, bounds: (f64, f64)) -> Option<[f64; 3]> {
+fn per_axis(entry: &TomlEntry<'_, '_>, bounds: (f64, f64)) -> Option<[f64; 3]> {
     const WANTED: &str = "a number, or three for X, Y and Z";
     if entry.value().as_array().is_some() {
         return numbers(entry, WANTED, bounds);
@@ -121,21 +121,21 @@ fn per_axis(entry: &Entry<'_, '_>, bounds: (f64, f64)) -> Option<[f64; 3]> {
 }
 
 /// A table [gyro], [accel] or [mag]; `skew_us` is that of the magnetometer.
-pub(super) struct Triad {
+pub(super) struct TriadAsRead {
     pub(super) model: TriadModel,
     pub(super) faults: TriadFaults,
     pub(super) y_skew_us: f64,
 }
 
-impl Triad {
+impl TriadAsRead {
     /// What a file without the table has.
     fn good(model: TriadModel) -> Self {
         Self { model, faults: TriadFaults::default(), y_skew_us: 0.0 }
     }
 
     /// Reads a table.
-    pub(super) fn read(root: &Table<'_, '_>, units: &Units, default: TriadModel) -> Self {
-        let read = |table: &Table<'_, '_>| {
+    pub(super) fn read(root: &TomlTable<'_, '_>, units: &Units, default: TriadModel) -> Self {
+        let read = |table: &TomlTable<'_, '_>| {
             let y_skew_us = table.entry("y_skew_us").and_then(|entry| {
                 if units.kind == MAG.kind {
                     return entry.number((-1e6, 1e6));
@@ -151,7 +151,7 @@ impl Triad {
     }
 }
 
-fn model(table: &Table<'_, '_>, units: &Units, default: TriadModel) -> TriadModel {
+fn model(table: &TomlTable<'_, '_>, units: &Units, default: TriadModel) -> TriadModel {
     let figures = |stem| units.entry(table, stem, Of::Bias).map(|entry| (entry, per_axis(&entry, (0.0, MOST))));
     let mut model = match (figures("bias_stability"), figures("bias_repeatability")) {
         (None, None) => default,
@@ -182,13 +182,13 @@ fn model(table: &Table<'_, '_>, units: &Units, default: TriadModel) -> TriadMode
     model
 }
 
-fn response(entry: &Entry<'_, '_>) -> Option<Matrix3<f64>> {
+fn response(entry: &TomlEntry<'_, '_>) -> Option<Matrix3<f64>> {
     let rows = entry.array::<3>("three rows of three numbers")?;
     let [x, y, z] = rows.map(|row| numbers::<3>(&row, "a row of three numbers", (-100.0, 100.0)));
     Some(Matrix3::from_rows(&[x?, y?, z?].map(|row| Vector3::from(row).transpose())))
 }
 
-fn bandwidth(table: &Table<'_, '_>, default: Option<Bandwidth>) -> Option<Bandwidth> {
+fn bandwidth(table: &TomlTable<'_, '_>, default: Option<Bandwidth>) -> Option<Bandwidth> {
     let default_hz = default.map(|bandwidth| bandwidth.cutoff_hz);
     let cutoff_hz = match table.entry("bandwidth_hz") {
         None => default_hz,
@@ -209,13 +209,13 @@ fn bandwidth(table: &Table<'_, '_>, default: Option<Bandwidth>) -> Option<Bandwi
                 "write bandwidth_hz = 80.0 beside it",
             );
         }
-        Some(if whole::<u8>(&entry, (1, 2))? == 1 { Order::First } else { Order::Second })
+        Some(if whole::<u8>(&entry, (1, 2))? == 1 { FilterOrder::First } else { FilterOrder::Second })
     });
-    let order = order.or(default.map(|bandwidth| bandwidth.order)).unwrap_or(Order::Second);
+    let order = order.or(default.map(|bandwidth| bandwidth.order)).unwrap_or(FilterOrder::Second);
     cutoff_hz.map(|cutoff_hz| Bandwidth { cutoff_hz, order })
 }
 
-fn faults(table: &Table<'_, '_>, units: &Units) -> TriadFaults {
+fn faults(table: &TomlTable<'_, '_>, units: &Units) -> TriadFaults {
     let none = TriadFaults::default();
     let vector = |stem, of, low| Vector3::from(units.triple(table, stem, of, low).unwrap_or_default());
     let clip = |stem| {
@@ -268,7 +268,7 @@ fn faults(table: &Table<'_, '_>, units: &Units) -> TriadFaults {
     }
 }
 
-fn spikes(table: &Table<'_, '_>, units: &Units) -> Option<Spikes> {
+fn spikes(table: &TomlTable<'_, '_>, units: &Units) -> Option<Spikes> {
     let share = required_number(table, "share", (0.0, 1.0));
     let size = units.entry(table, "size", Of::Signal).map(|entry| entry.number((0.0, MOST)));
     let axis = table.entry("axis").and_then(|entry| axis(&entry));
@@ -280,8 +280,8 @@ fn spikes(table: &Table<'_, '_>, units: &Units) -> Option<Spikes> {
 }
 
 /// Reads of a chip, or of all on the bus, that fail.
-pub(super) fn failed_reads(table: &Table<'_, '_>) -> Option<FailedReads> {
-    let read = |table: &Table<'_, '_>| {
+pub(super) fn failed_reads(table: &TomlTable<'_, '_>) -> Option<FailedReads> {
+    let read = |table: &TomlTable<'_, '_>| {
         let share = required_number(table, "share", (0.0, 1.0));
         let codes = FailedReads::CODES.map(|code| code.to_string()).join(", ");
         let entry = table.required("code", &format!("it may be {codes}"));
@@ -298,7 +298,7 @@ pub(super) fn failed_reads(table: &Table<'_, '_>) -> Option<FailedReads> {
 }
 
 /// What the module is shaken with.
-pub(super) fn vibrations(root: &Table<'_, '_>) -> [Vibration; MOST_VIBRATIONS] {
+pub(super) fn vibrations(root: &TomlTable<'_, '_>) -> [Vibration; MOST_VIBRATIONS] {
     let mut vibrations = [Vibration::default(); MOST_VIBRATIONS];
     for (place, table) in root.tables("vibration").into_iter().enumerate() {
         if place == MOST_VIBRATIONS {

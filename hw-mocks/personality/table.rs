@@ -1,6 +1,6 @@
 //! The turntable of a personality.
 
-use gnc_config::Table;
+use gnc_config::TomlTable;
 
 use super::checks::numbers;
 use crate::turntable::TableModel;
@@ -8,7 +8,7 @@ use crate::turntable::TableModel;
 /// A degree, beyond which it is no error of a table but another attitude.
 const MOST_ARCSEC: f64 = 3600.0;
 
-pub(super) fn turntable(table: &Table<'_, '_>) -> TableModel {
+pub(super) fn turntable(table: &TomlTable<'_, '_>) -> TableModel {
     let d = TableModel::default();
     let both = |key: &'static str, most: f64| table.number(key, (-most, most));
     let spread = |key: &'static str| table.number(key, (0.0, MOST_ARCSEC));

@@ -1,36 +1,36 @@
 //! Faults of the lines of a personality: RS-422 and CAN, each way between station and board.
 
-use gnc_config::Table;
+use gnc_config::TomlTable;
 
 use super::checks::{count, needs};
 use crate::can_faults::{CanRates, CanWireFaults};
 use crate::fault_queue::QueueRates;
 use crate::wire_faults::{WireFaults, WireRates};
 
-pub(super) fn wire(table: &Table<'_, '_>) -> WireFaults {
+pub(super) fn wire(table: &TomlTable<'_, '_>) -> WireFaults {
     let (to_host, to_board) = ways(table, along);
     WireFaults { to_host, to_board, can_lose_every: count(table, "can_lose_every") }
 }
 
-pub(super) fn can_wire(table: &Table<'_, '_>) -> CanWireFaults {
+pub(super) fn can_wire(table: &TomlTable<'_, '_>) -> CanWireFaults {
     let (to_host, to_board) = ways(table, can_along);
     CanWireFaults { to_host, to_board }
 }
 
 /// Towards the host and towards the board: what stands for one direction stands for all of `both` there.
-fn ways<T: Clone + Default>(table: &Table<'_, '_>, read: impl Fn(&Table<'_, '_>) -> T) -> (T, T) {
+fn ways<T: Clone + Default>(table: &TomlTable<'_, '_>, read: impl Fn(&TomlTable<'_, '_>) -> T) -> (T, T) {
     let both = table.within("both", &read).unwrap_or_default();
     let (to_host, to_board) = (table.within("to_host", &read), table.within("to_board", &read));
     (to_host.unwrap_or_else(|| both.clone()), to_board.unwrap_or(both))
 }
 
 /// Parts per million.
-fn share(table: &Table<'_, '_>, key: &'static str) -> f64 {
+fn share(table: &TomlTable<'_, '_>, key: &'static str) -> f64 {
     table.number(key, (0.0, 1e6)).unwrap_or(0.0)
 }
 
 /// What the queue of either kind of line does. Half of a pair does nothing.
-fn queue(table: &Table<'_, '_>) -> QueueRates {
+fn queue(table: &TomlTable<'_, '_>) -> QueueRates {
     for (share, time) in [("delayed_frames_per_million", "delay_ms"), ("stalled_frames_per_million", "stall_ms")] {
         needs(table, share, time);
         needs(table, time, share);
@@ -46,7 +46,7 @@ fn queue(table: &Table<'_, '_>) -> QueueRates {
     }
 }
 
-fn along(table: &Table<'_, '_>) -> WireRates {
+fn along(table: &TomlTable<'_, '_>) -> WireRates {
     WireRates {
         lost_bytes: share(table, "lost_bytes_per_million"),
         lost_byte_at: count(table, "lost_byte_at"),
@@ -59,7 +59,7 @@ fn along(table: &Table<'_, '_>) -> WireRates {
     }
 }
 
-fn can_along(table: &Table<'_, '_>) -> CanRates {
+fn can_along(table: &TomlTable<'_, '_>) -> CanRates {
     CanRates {
         lost_frames: share(table, "lost_frames_per_million"),
         lost_bursts: share(table, "lost_bursts_per_million"),

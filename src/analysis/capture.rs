@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
     /// What was captured.
-    pub about: About,
+    pub about: CaptureHead,
     /// Board time of the first sample, microseconds.
     pub first_us: u64,
     /// The raw samples, `1/about.rate_hz` apart.
@@ -21,7 +21,7 @@ pub struct Capture {
     /// What is missing, by place. A capture with losses is evidence of the loss, and no figure comes from it.
     pub losses: Losses,
     /// What the satellite receiver said meanwhile, where that was captured.
-    pub receiver: Receiver,
+    pub receiver: ReceiverCapture,
     /// What is known of the clock by which the samples were taken.
     pub timing: Timing,
 }
@@ -85,7 +85,7 @@ impl Capture {
 
 /// What the satellite receiver said, and its pulses.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Receiver {
+pub struct ReceiverCapture {
     /// Its bytes as they came.
     pub said: Vec<Said>,
     /// Board time of each 1PPS edge, nanoseconds, by a timer of 10 ns resolution.
@@ -104,7 +104,7 @@ pub struct Said {
 /// What a capture is of. Written into the raw record before the first sample.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct About {
+pub struct CaptureHead {
     /// Unique within the attempt, in words of the procedure: `x+`, `run 3`, `calibration 2 z- rotation`.
     pub label: String,
     /// Which of several like series it belongs to, from 1: the power cycle, the calibration of a repeatability.
@@ -115,7 +115,7 @@ pub struct About {
     pub rate_hz: u16,
 }
 
-impl About {
+impl CaptureHead {
     /// What `compute` calls `position` (the axis that is up, as `x+`) and `run` (axis and sense of a turn). Each is empty
     /// where the capture is none of that.
     #[must_use]

@@ -15,12 +15,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// A part of details: its key, and `T` as its form.
-pub struct Part<T> {
+pub struct DetailsPart<T> {
     key: &'static str,
     form: PhantomData<fn() -> T>,
 }
 
-impl<T> Part<T> {
+impl<T> DetailsPart<T> {
     pub(crate) const fn new(key: &'static str) -> Self {
         Self { key, form: PhantomData }
     }
@@ -32,7 +32,7 @@ impl<T> Part<T> {
     }
 }
 
-impl<T: DeserializeOwned> Part<T> {
+impl<T: DeserializeOwned> DetailsPart<T> {
     /// The part of these details; `None` where it is missing or has another form, as those of another version may.
     #[must_use]
     pub fn of(&self, details: &Value) -> Option<T> {
@@ -41,18 +41,18 @@ impl<T: DeserializeOwned> Part<T> {
 }
 
 /// Budgets of the figures, by the names of the measurements.
-pub const BUDGET: Part<BTreeMap<String, Budget>> = Part::new("budget");
+pub const BUDGET: DetailsPart<BTreeMap<String, BudgetDetails>> = DetailsPart::new("budget");
 
 /// How the axes of a calibration lie.
-pub const FRAMES: Part<Frames> = Part::new("frames");
+pub const FRAMES: DetailsPart<AxesDetails> = DetailsPart::new("frames");
 
 /// Uncertainty budget of one figure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Budget {
+pub struct BudgetDetails {
     /// Unit of `u` and `U`.
     pub unit: String,
     /// What it is combined from.
-    pub contributions: Vec<Contribution>,
+    pub contributions: Vec<ContributionDetails>,
     /// Combined standard uncertainty.
     pub u: f64,
     /// Effective degrees of freedom; null stands for infinite.
@@ -72,7 +72,7 @@ pub struct Budget {
 /// A contribution to a budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Contribution {
+pub struct ContributionDetails {
     /// Where it comes from.
     pub name: String,
     /// A: from the record itself; B: from elsewhere.
@@ -94,7 +94,7 @@ pub struct Contribution {
 
 /// A triad's axes relative to the table, to the module's seat and to each other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Frames {
+pub struct AxesDetails {
     /// Rows are sensors, columns axes of the table.
     pub coupling_to_table: [[f64; 3]; 3],
     /// Rows are sensors, columns axes of the seat.

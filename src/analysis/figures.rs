@@ -36,27 +36,27 @@ mod stability;
 mod still_fit;
 mod thin;
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::BenchSite;
 use gnc_executive::catalogue::{ItemId, SAMPLE_RATE};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 
 use crate::capture::Capture;
-use crate::details::{BUDGET, Part};
+use crate::details::{BUDGET, DetailsPart};
 pub use allan::fit_json;
 use budget::Budget;
-pub use calibration::Calibration;
+pub use calibration::ModuleCalibration;
 pub use error::FigureError;
 pub use integrity::{KEY as GATE, NAMES as INTEGRITY, integrity, sound_at_rest};
 
 /// What an analysis works with.
 #[derive(Debug)]
-pub struct Question<'a> {
+pub struct AnalysisInput<'a> {
     /// The item's parameters.
     pub params: &'a Params,
     /// Where the bench stands.
-    pub site: Option<&'a Site>,
+    pub site: Option<&'a BenchSite>,
     /// The captures of this attempt, or of the item that its parameters name.
     pub captures: &'a [Capture],
     /// What the items before it found, oldest first, each with its name in the plan.
@@ -77,14 +77,14 @@ pub struct Findings {
 /// # Errors
 /// [`FigureError`]: samples are missing or spoilt, a calibration or the place of the bench is missing, or the method
 /// refuses the record.
-pub fn analyse(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+pub fn analyse(item: ItemId, question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     clock::check(question.captures)?;
     // Losses come before all else: what is not there cannot be screened.
     let integrity = integrity::Integrity::of(item, question);
     if let Some(refused) = integrity.refused.clone().filter(|_| !lossy(question.captures)) {
         return Err(refused);
     }
-    let question = Question { captures: &integrity.captures, ..*question };
+    let question = AnalysisInput { captures: &integrity.captures, ..*question };
     let mut findings = of_sound_samples(item, &question)?;
     if item.spec().measurement(SAMPLE_RATE.name).is_some() {
         // Items without a probability of their own state a standard one.
@@ -100,7 +100,7 @@ fn lossy(captures: &[Capture]) -> bool {
     captures.iter().any(|capture| capture.losses.any())
 }
 
-fn of_sound_samples(item: ItemId, question: &Question<'_>) -> Result<Findings, FigureError> {
+fn of_sound_samples(item: ItemId, question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     match item {
         ItemId::SixPosition => six_position::analyse(question),
         ItemId::GyroStill => gyro_still::analyse(question),
@@ -123,7 +123,7 @@ fn of_sound_samples(item: ItemId, question: &Question<'_>) -> Result<Findings, F
     }
 }
 
-impl Question<'_> {
+impl AnalysisInput<'_> {
     /// Probability of the expanded uncertainties.
     fn probability(&self) -> Result<f64, FigureError> {
         Ok(self.params.quantity("coverage", Unit::Percent)? / 100.0)
@@ -156,7 +156,7 @@ impl Findings {
     }
 
     /// A part of the details that others read.
-    fn part<T: serde::Serialize>(&mut self, part: &Part<T>, value: T) {
+    fn part<T: serde::Serialize>(&mut self, part: &DetailsPart<T>, value: T) {
         self.detail(part.key(), serde_json::json!(value));
     }
 

@@ -12,16 +12,16 @@ use std::fmt;
 
 use gnc_rig::Orientation;
 
-use crate::capture::{About, Pose};
+use crate::capture::{CaptureHead, Pose};
 
 pub use check::mistakes;
 pub use programs::OFF_S;
 pub use programs::program;
-pub use resume::Action;
+pub use resume::ResumeAction;
 
 /// A step of a program.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Step {
+pub enum MotionStep {
     /// The module is laid down.
     Lay(Orientation),
     /// Nothing moves for so long: mounting, temperature and filters settle.
@@ -32,7 +32,7 @@ pub enum Step {
     /// Samples while the module lies still or spins as it did before.
     Capture {
         /// What they are of.
-        about: About,
+        about: CaptureHead,
         /// Board time.
         span_s: f64,
         /// The sensors that count.
@@ -41,7 +41,7 @@ pub enum Step {
     /// Samples while it lies still, is turned and lies still again.
     Turn {
         /// What they are of; its pose says how it is turned.
-        about: About,
+        about: CaptureHead,
         /// Stillness after the turn.
         rest_s: f64,
         /// The sensors that count.
@@ -62,7 +62,7 @@ pub enum Step {
     /// The satellite receiver is listened to.
     Receiver {
         /// What it is of.
-        about: About,
+        about: CaptureHead,
         /// Longest wait for a fix.
         timeout_s: f64,
         /// Time after it.
@@ -88,41 +88,41 @@ pub const REST_BEFORE_S: f64 = 1.0;
 
 /// What an item does.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Program {
+pub struct MotionProgram {
     /// In this order.
-    pub steps: Vec<Step>,
+    pub steps: Vec<MotionStep>,
 }
 
-impl Program {
+impl MotionProgram {
     /// Bench time of all captures and pauses; laying the module down comes on top of it.
     #[must_use]
     pub fn span_s(&self) -> f64 {
-        self.steps.iter().map(Step::span_s).sum()
+        self.steps.iter().map(MotionStep::span_s).sum()
     }
 
     /// Times that somebody lays the module down.
     #[must_use]
     pub fn lays(&self) -> usize {
-        self.steps.iter().filter(|step| matches!(step, Step::Lay(_))).count()
+        self.steps.iter().filter(|step| matches!(step, MotionStep::Lay(_))).count()
     }
 
     /// Samples of the IMU that it captures at least.
     #[must_use]
     pub(crate) fn samples(&self) -> u64 {
-        let of = |about: &About, span_s: f64| (span_s * f64::from(about.rate_hz)).round() as u64;
+        let of = |about: &CaptureHead, span_s: f64| (span_s * f64::from(about.rate_hz)).round() as u64;
         let samples = self.steps.iter().map(|step| match step {
-            Step::Capture { about, span_s, .. } => of(about, *span_s),
-            Step::Turn { about, .. } => of(about, step.span_s()),
+            MotionStep::Capture { about, span_s, .. } => of(about, *span_s),
+            MotionStep::Turn { about, .. } => of(about, step.span_s()),
             _ => 0,
         });
         samples.sum()
     }
 }
 
-impl Step {
+impl MotionStep {
     /// What it captures, if it does.
     #[must_use]
-    pub fn about(&self) -> Option<&About> {
+    pub fn about(&self) -> Option<&CaptureHead> {
         match self {
             Self::Capture { about, .. } | Self::Turn { about, .. } | Self::Receiver { about, .. } => Some(about),
             _ => None,
@@ -144,14 +144,15 @@ impl Step {
     }
 }
 
-impl fmt::Display for Program {
+impl fmt::Display for MotionProgram {
     /// "takes 31 min 12 s of bench time: 6 captures with 360000 samples, the module is laid down 6 times"
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let is_capture =
-            |step: &&Step| matches!(step, Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. });
+        let is_capture = |step: &&MotionStep| {
+            matches!(step, MotionStep::Capture { .. } | MotionStep::Turn { .. } | MotionStep::Receiver { .. })
+        };
         let captures = self.steps.iter().filter(is_capture).count();
         let captures = Count(captures, "capture");
-        write!(f, "takes {} of bench time: {captures}", Span(self.span_s()))?;
+        write!(f, "takes {} of bench time: {captures}", DisplayDuration(self.span_s()))?;
         if self.samples() > 0 {
             write!(f, " with {} samples", self.samples())?;
         }
@@ -160,7 +161,7 @@ impl fmt::Display for Program {
             1 => write!(f, ", the module is laid down once")?,
             times => write!(f, ", the module is laid down {times} times")?,
         }
-        let cycles = self.steps.iter().filter(|step| matches!(step, Step::PowerCycle { .. })).count();
+        let cycles = self.steps.iter().filter(|step| matches!(step, MotionStep::PowerCycle { .. })).count();
         if cycles > 0 { write!(f, ", {}", Count(cycles, "power cycle")) } else { Ok(()) }
     }
 }
@@ -178,9 +179,9 @@ impl fmt::Display for Count {
 
 /// A time for people: "1 h 02 min", "5 min 30 s", "12.5 s".
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Span(pub f64);
+pub struct DisplayDuration(pub f64);
 
-impl fmt::Display for Span {
+impl fmt::Display for DisplayDuration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let whole = self.0.max(0.0).round() as u64;
         match whole {

@@ -1,6 +1,6 @@
 //! What people and signals ask of a run while it goes on: to stop, to pause, to give up one item.
 //!
-//! A [`Control`] is a handle that may be copied: whoever holds one asks, and the runner listens.
+//! A [`RunControl`] is a handle that may be copied: whoever holds one asks, and the runner listens.
 
 use gnc_board::latest::Latest;
 use tokio::signal::unix::{SignalKind, signal};
@@ -16,7 +16,7 @@ pub struct Asked {
 
 /// Asks things of a run, and lets the runner hear of them.
 #[derive(Debug, Clone)]
-pub struct Control {
+pub struct RunControl {
     wanted: Latest<Wanted>,
 }
 
@@ -28,14 +28,14 @@ struct Wanted {
     given_up: Vec<String>,
 }
 
-impl Default for Control {
+impl Default for RunControl {
     /// Nothing is asked.
     fn default() -> Self {
         Self { wanted: Latest::new(Wanted::default()) }
     }
 }
 
-impl Control {
+impl RunControl {
     /// Takes over ctrl-C, SIGTERM and SIGHUP for the rest of the program: each asks for a stop.
     ///
     /// # Errors
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn a_stop_ends_a_pause() {
-        let control = Control::default();
+        let control = RunControl::default();
         control.pause(true);
         assert!(control.is_paused());
         control.stop("SIGTERM");
@@ -127,7 +127,7 @@ mod tests {
 
     #[tokio::test]
     async fn what_was_asked_before_is_not_meant_for_the_next_attempt() {
-        let control = Control::default();
+        let control = RunControl::default();
         control.give_up("imu");
         control.given_up("imu").await;
         control.begin("imu");

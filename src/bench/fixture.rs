@@ -129,7 +129,7 @@ impl fmt::Display for Ask {
 
 /// A question to somebody at a screen.
 #[derive(Debug)]
-pub struct Question {
+pub struct OperatorQuestion {
     /// The item that needs it.
     pub item: String,
     /// What to do.
@@ -146,7 +146,7 @@ pub enum Fixture {
     /// A person who presses Enter.
     Operator(Operator),
     /// A person at the operator's screen.
-    Screen(mpsc::Sender<Question>),
+    Screen(mpsc::Sender<OperatorQuestion>),
     /// A turntable with a fixture on it does it by itself.
     Driven(Arc<dyn Rig>),
 }
@@ -212,10 +212,10 @@ impl Fixture {
     }
 }
 
-async fn at_the_screen(screen: &mpsc::Sender<Question>, item: &str, ask: &Ask) -> Result<String, FixtureError> {
+async fn at_the_screen(screen: &mpsc::Sender<OperatorQuestion>, item: &str, ask: &Ask) -> Result<String, FixtureError> {
     let (answer, answered) = oneshot::channel();
     let closed = || FixtureError::TerminalClosed { what: ask.to_string() };
-    screen.send(Question { item: item.to_owned(), ask: ask.clone(), answer }).await.map_err(|_| closed())?;
+    screen.send(OperatorQuestion { item: item.to_owned(), ask: ask.clone(), answer }).await.map_err(|_| closed())?;
     match answered.await {
         Ok(true) => Ok(String::new()),
         Ok(false) => Err(FixtureError::Refused { what: ask.to_string() }),

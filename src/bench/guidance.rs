@@ -10,14 +10,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use gnc_analysis::capture::Pose;
-use gnc_analysis::motion::{Program, Step, Uses};
-use gnc_board::Desk;
+use gnc_analysis::motion::{MotionProgram, MotionStep, Uses};
+use gnc_board::BoardLease;
 use gnc_protocol::stream::ImuSample;
 use gnc_rig::Orientation;
 use tokio::sync::watch;
 
-use allan::{Allan, AllanSoFar};
-use field::{Field, FieldSoFar};
+use allan::{AllanSoFar, AllanView};
+use field::{FieldSoFar, FieldView};
 
 /// How often it is handed on while samples come: a screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(50);
@@ -51,9 +51,9 @@ pub struct Guidance {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Picture {
     /// The field across the axis of a spin.
-    Field(Arc<Field>),
+    Field(Arc<FieldView>),
     /// Allan deviations of a long rest.
-    Allan(Arc<Allan>),
+    Allan(Arc<AllanView>),
 }
 
 /// A capture as it was planned.
@@ -98,8 +98,8 @@ pub enum Stage {
 impl Guidance {
     /// Nothing of the program is done yet.
     #[must_use]
-    pub fn new(program: &Program) -> Self {
-        let planned = |step: &Step| {
+    pub fn new(program: &MotionProgram) -> Self {
+        let planned = |step: &MotionStep| {
             let about = step.about()?;
             Some(Planned { label: about.label.clone(), pose: about.pose.clone(), span_s: step.span_s() })
         };
@@ -116,22 +116,22 @@ impl Guidance {
     }
 
     /// A step is carried out from now on.
-    pub fn begin(&mut self, step: &Step) {
+    pub fn begin(&mut self, step: &MotionStep) {
         self.stage = match step {
-            Step::Lay(orientation) => {
+            MotionStep::Lay(orientation) => {
                 self.orientation = Some(*orientation);
                 Stage::Laying
             }
-            Step::Settle { span_s } => Stage::Settling { span_s: *span_s },
-            Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. } => Stage::Capturing,
-            Step::Spin { rate_dps } => Stage::SpinningUp { rate_dps: *rate_dps },
-            Step::Stop => Stage::Stopping,
-            Step::PowerCycle { off_s } => Stage::PoweredOff { span_s: *off_s },
+            MotionStep::Settle { span_s } => Stage::Settling { span_s: *span_s },
+            MotionStep::Capture { .. } | MotionStep::Turn { .. } | MotionStep::Receiver { .. } => Stage::Capturing,
+            MotionStep::Spin { rate_dps } => Stage::SpinningUp { rate_dps: *rate_dps },
+            MotionStep::Stop => Stage::Stopping,
+            MotionStep::PowerCycle { off_s } => Stage::PoweredOff { span_s: *off_s },
         };
     }
 
     /// A step is over, or what it captures is there already.
-    pub fn end(&mut self, step: &Step) {
+    pub fn end(&mut self, step: &MotionStep) {
         self.finished += usize::from(step.about().is_some());
         self.captured_s = 0.0;
         self.done_s += step.span_s();
@@ -178,9 +178,9 @@ enum Collected {
 
 impl Collected {
     /// What the samples of a step are collected in; `None` where they show nothing that grows.
-    fn of(step: &Step) -> Option<Self> {
+    fn of(step: &MotionStep) -> Option<Self> {
         match step {
-            Step::Capture { about, span_s, uses } => match (&about.pose, uses) {
+            MotionStep::Capture { about, span_s, uses } => match (&about.pose, uses) {
                 (Pose::Spinning { axis, .. }, Uses::Magnetometer) => Some(Self::Field(FieldSoFar::new(*axis))),
                 (Pose::Still { .. }, Uses::Inertial) if *span_s >= ALLAN_FROM_S => {
                     Some(Self::Allan(AllanSoFar::new(about.rate_hz)))
@@ -225,7 +225,7 @@ impl Guide {
 /// The way through a program, told step by step by whoever carries it out.
 #[derive(Debug)]
 pub(crate) struct Course<'a> {
-    desk: &'a Desk<'a>,
+    lease: &'a BoardLease<'a>,
     guide: &'a Guide,
     now: Guidance,
     collected: Option<Collected>,
@@ -235,12 +235,12 @@ pub(crate) struct Course<'a> {
 
 impl<'a> Course<'a> {
     /// Nothing of the program is done yet.
-    pub(crate) fn new(program: &Program, desk: &'a Desk<'a>, guide: &'a Guide) -> Self {
-        Self { desk, guide, now: Guidance::new(program), collected: None, handed_on: None, drawn: None }
+    pub(crate) fn new(program: &MotionProgram, lease: &'a BoardLease<'a>, guide: &'a Guide) -> Self {
+        Self { lease, guide, now: Guidance::new(program), collected: None, handed_on: None, drawn: None }
     }
 
     /// A step is carried out from now on.
-    pub(crate) fn begins(&mut self, step: &Step) {
+    pub(crate) fn begins(&mut self, step: &MotionStep) {
         self.now.begin(step);
         self.collected = Collected::of(step).filter(|_| self.guide.watched);
         if self.collected.is_some() {
@@ -268,7 +268,7 @@ impl<'a> Course<'a> {
     }
 
     /// A step is over, or what it captures is there already.
-    pub(crate) fn ended(&mut self, step: &Step) {
+    pub(crate) fn ended(&mut self, step: &MotionStep) {
         if let Some(collected) = self.collected.take() {
             self.now.picture = Some(collected.look());
         }
@@ -284,7 +284,7 @@ impl<'a> Course<'a> {
 
     fn hand_on(&mut self, at_once: bool) {
         let Guidance { done_s, captured_s, whole_s, .. } = self.now;
-        self.desk.advanced(done_s + captured_s, whole_s);
+        self.lease.advanced(done_s + captured_s, whole_s);
         let now = Instant::now();
         if at_once || self.handed_on.is_none_or(|before| now - before >= EVERY) {
             self.handed_on = Some(now);
@@ -296,25 +296,25 @@ impl<'a> Course<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gnc_analysis::capture::About;
+    use gnc_analysis::capture::CaptureHead;
     use gnc_analysis::motion::Uses;
     use gnc_rig::Along;
 
-    fn about(label: &str, pose: Pose) -> About {
-        About { label: label.into(), series: 1, pose, rate_hz: 100 }
+    fn about(label: &str, pose: Pose) -> CaptureHead {
+        CaptureHead { label: label.into(), series: 1, pose, rate_hz: 100 }
     }
 
-    fn program() -> Program {
+    fn program() -> MotionProgram {
         let up = [0.0, 0.0, 1.0];
         let orientation = Orientation::Axis { axis: 2, positive: true, along: Along::Up, heading_deg: 0.0 };
         let still = about("z+", Pose::Still { up, heading_deg: 0.0 });
         let turn = Pose::Rotating { axis: 2, angle_deg: -90.0, span_s: 3.0, along: Along::Up };
-        Program {
+        MotionProgram {
             steps: vec![
-                Step::Lay(orientation),
-                Step::Settle { span_s: 10.0 },
-                Step::Capture { about: still, span_s: 60.0, uses: Uses::Inertial },
-                Step::Turn { about: about("z-", turn), rest_s: 1.0, uses: Uses::Gyro },
+                MotionStep::Lay(orientation),
+                MotionStep::Settle { span_s: 10.0 },
+                MotionStep::Capture { about: still, span_s: 60.0, uses: Uses::Inertial },
+                MotionStep::Turn { about: about("z-", turn), rest_s: 1.0, uses: Uses::Gyro },
             ],
         }
     }

@@ -6,32 +6,32 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use chrono::{DateTime, FixedOffset, Local, TimeDelta};
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
-use gnc_records::store::{RawFile, Scribe, StoreError};
+use gnc_records::store::{RawFile, RecordWriter, StoreError};
 use tokio::time::Instant;
 
 /// Emits the events of one run.
 #[derive(Debug)]
-pub struct Journal {
-    scribe: Scribe,
+pub struct RunJournal {
+    writer: RecordWriter,
     state: Arc<Mutex<RunState>>,
     began: Instant,
     /// The date of the beginning, where dates go by the run's own clock and not by the computer's.
     dated: Option<DateTime<FixedOffset>>,
 }
 
-impl Journal {
+impl RunJournal {
     /// A journal whose first event is due.
     #[must_use]
-    pub fn new(scribe: Scribe) -> Self {
-        let state = scribe.state();
-        Self { scribe, state, began: Instant::now(), dated: None }
+    pub fn new(writer: RecordWriter) -> Self {
+        let state = writer.state();
+        Self { writer, state, began: Instant::now(), dated: None }
     }
 
     /// A journal that begins at this date and counts on from there by the run's clock, whatever the computer's calendar
     /// says: for runs that must repeat.
     #[must_use]
-    pub fn dated(scribe: Scribe, began: DateTime<FixedOffset>) -> Self {
-        Self { dated: Some(began), ..Self::new(scribe) }
+    pub fn dated(writer: RecordWriter, began: DateTime<FixedOffset>) -> Self {
+        Self { dated: Some(began), ..Self::new(writer) }
     }
 
     /// The date after so long.
@@ -51,7 +51,7 @@ impl Journal {
         let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
         // First a place, then the number: whoever is dropped while waiting takes no number with him, and events
         // reach the record in the order of their numbers.
-        let place = self.scribe.place().await?;
+        let place = self.writer.place().await?;
         let written = {
             let mut state = self.lock();
             let elapsed_us = u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX);
@@ -67,18 +67,18 @@ impl Journal {
     /// # Errors
     /// [`StoreError`].
     pub(crate) async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
-        self.scribe.raw(item, attempt, repeat).await
+        self.writer.raw(item, attempt, repeat).await
     }
 
     /// Waits until every raw file is whole.
     pub(crate) async fn raw_files_ended(&self) {
-        self.scribe.raw_files_ended().await;
+        self.writer.raw_files_ended().await;
     }
 
     /// Where the run's record is.
     #[must_use]
     pub(crate) fn folder(&self) -> &std::path::Path {
-        self.scribe.folder()
+        self.writer.folder()
     }
 
     /// Looks at the run as it stands.
@@ -92,6 +92,6 @@ impl Journal {
 
     /// Ends the record.
     pub async fn close(self) -> Result<(), StoreError> {
-        self.scribe.close().await
+        self.writer.close().await
     }
 }

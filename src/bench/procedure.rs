@@ -21,8 +21,8 @@ mod timers;
 
 use gnc_analysis::figures::Findings;
 use gnc_analysis::host_clock::HostClock;
-use gnc_board::Desk;
-use gnc_executive::bench::Site;
+use gnc_board::BoardLease;
+use gnc_executive::bench::BenchSite;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
 use gnc_link::can::CanTarget;
@@ -36,13 +36,13 @@ pub(crate) use error::ProcedureError;
 
 /// What a procedure works with.
 #[derive(Debug)]
-pub(crate) struct Bench<'a> {
+pub(crate) struct ProcedureContext<'a> {
     /// The slave board.
-    pub board: &'a Desk<'a>,
+    pub board: &'a BoardLease<'a>,
     /// Whoever turns the module and flips switches.
     pub fixture: &'a Fixture,
     /// Where the bench stands, if its file says so.
-    pub site: Option<&'a Site>,
+    pub site: Option<&'a BenchSite>,
     /// The bench's CAN bus, where the conversation does not go over it anyway.
     pub can: Option<&'a CanTarget>,
     /// What the items that ended before this attempt found, in the order of the plan, each with its name.
@@ -61,7 +61,7 @@ pub(crate) struct Bench<'a> {
 /// [`ProcedureError`] when it came to no end; what was measured up to then is filed.
 pub(crate) async fn run(
     item: ItemId,
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     params: &Params,
     recorder: &Recorder<'_>,
 ) -> Result<(), ProcedureError> {

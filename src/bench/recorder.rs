@@ -5,14 +5,14 @@ use std::cell::RefCell;
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
 use gnc_executive::catalogue::MeasurementSpec;
-use gnc_executive::event::{EventKind, Level, Power};
+use gnc_executive::event::{EventKind, NoteLevel, Power};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::plan::PlanItem;
 use gnc_executive::quantity::Unit;
 use gnc_records::store::captures::CapturesError;
 use gnc_records::store::{RawFile, StoreError, captures};
 
-use crate::journal::Journal;
+use crate::journal::RunJournal;
 
 /// Why the captures of another item cannot be read back.
 #[derive(Debug, thiserror::Error)]
@@ -39,7 +39,7 @@ impl ReadBackError {
 /// The recorder of one attempt.
 #[derive(Debug)]
 pub(crate) struct Recorder<'a> {
-    journal: &'a Journal,
+    journal: &'a RunJournal,
     item: &'a PlanItem,
     attempt: u32,
     repeat: RefCell<u32>,
@@ -49,7 +49,7 @@ pub(crate) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    pub(crate) fn new(journal: &'a Journal, item: &'a PlanItem, attempt: u32, serial_number: &'a str) -> Self {
+    pub(crate) fn new(journal: &'a RunJournal, item: &'a PlanItem, attempt: u32, serial_number: &'a str) -> Self {
         let (measured, findings) = (RefCell::new(Vec::new()), RefCell::new(None));
         Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured, findings }
     }
@@ -115,7 +115,7 @@ impl<'a> Recorder<'a> {
     /// The record could not be written.
     pub(crate) async fn note(&self, text: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
-        self.journal.emit(EventKind::Note { level: Level::Info, text: text.to_owned(), item }).await
+        self.journal.emit(EventKind::Note { level: NoteLevel::Info, text: text.to_owned(), item }).await
     }
 
     /// Opens the file for the raw samples of this round.

@@ -18,9 +18,9 @@ use std::time::Duration;
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
 use gnc_analysis::figures::Findings;
-use gnc_board::{Advance, Board, Desk, Readings};
-use gnc_executive::bench::Site;
-use gnc_executive::event::{AttemptError, EventKind, Level, RunHeader, StopHow};
+use gnc_board::{Advance, BoardClient, BoardLease, Readings};
+use gnc_executive::bench::BenchSite;
+use gnc_executive::event::{AttemptError, EventKind, NoteLevel, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::{Cause, Outcome};
@@ -34,10 +34,10 @@ use gnc_text::with_causes;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-use crate::control::{Asked, Control};
+use crate::control::{Asked, RunControl};
 use crate::fixture::Fixture;
 use crate::guidance::Guidance;
-use crate::journal::Journal;
+use crate::journal::RunJournal;
 use crate::procedure::ProcedureError;
 use crate::turntable;
 use connection::connect;
@@ -50,7 +50,7 @@ const AT_ONCE: usize = 3;
 
 /// A run that was ordered.
 #[derive(Debug)]
-pub(crate) struct Order {
+pub(crate) struct RunOrder {
     /// The plan on this bench.
     pub job: Job,
     /// Who tests what, where, with what.
@@ -62,7 +62,7 @@ pub(crate) struct Order {
     /// Whoever turns the module.
     pub fixture: Fixture,
     /// Where the bench stands.
-    pub site: Option<Site>,
+    pub site: Option<BenchSite>,
     /// The run that is taken up again.
     pub resumed: Option<Resumed>,
     /// One item after the other, also where they could run at once.
@@ -110,7 +110,7 @@ pub struct Ending {
 }
 
 /// Carries out an order.
-pub(crate) async fn run(order: &Order, journal: Journal, control: &Control, live: &Live) -> Ending {
+pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunControl, live: &Live) -> Ending {
     let run = Run {
         order,
         journal: &journal,
@@ -138,9 +138,9 @@ pub(crate) async fn run(order: &Order, journal: Journal, control: &Control, live
 }
 
 struct Run<'a> {
-    order: &'a Order,
-    journal: &'a Journal,
-    control: &'a Control,
+    order: &'a RunOrder,
+    journal: &'a RunJournal,
+    control: &'a RunControl,
     live: &'a Live,
     /// Begun with the board so far.
     sessions: Cell<u32>,
@@ -186,7 +186,7 @@ impl Run<'_> {
         let header = Box::new(self.order.header.clone());
         self.journal.emit(EventKind::RunStarted { header, items: self.order.job.planned() }).await?;
         for found in &self.order.found {
-            self.note(Level::Warning, found.clone(), None).await?;
+            self.note(NoteLevel::Warning, found.clone(), None).await?;
         }
         let body = tokio::select! {
             biased;
@@ -202,7 +202,7 @@ impl Run<'_> {
             // Something in this module or this bench restarts the board now and then: nobody can call that a pass.
             let text = "the board restarted and no item was found to be the cause, so nothing can be said of the module; \
                         run the plan again with --one-by-one";
-            self.note(Level::Error, text.into(), None).await?;
+            self.note(NoteLevel::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
         }
         // The digests vouch for whole files.
@@ -224,7 +224,7 @@ impl Run<'_> {
     }
 
     /// `None`: there is none, or nobody wants it any more.
-    async fn find_board(&self) -> Result<Option<Board>, StoreError> {
+    async fn find_board(&self) -> Result<Option<BoardClient>, StoreError> {
         let connected = tokio::select! {
             biased;
             asked = self.control.asked_times(1) => Err(asked),
@@ -233,7 +233,7 @@ impl Run<'_> {
         match connected {
             Ok(Ok(board)) => return Ok(Some(board)),
             Ok(Err(error)) => {
-                self.note(Level::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await?;
+                self.note(NoteLevel::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await?;
             }
             Err(asked) => self.stop_in_order(asked).await?,
         }
@@ -241,13 +241,13 @@ impl Run<'_> {
     }
 
     /// Says who the board is and switches the module on. `false`: it could not, or nobody wants it any more.
-    async fn begin(&self, board: &Board) -> Result<bool, StoreError> {
+    async fn begin(&self, board: &BoardClient) -> Result<bool, StoreError> {
         self.found(board).await?;
         self.power_on(board, None).await
     }
 
     /// Starts what may start, files what came to its end, until nothing is left.
-    async fn items(&self, board: &Board) -> Result<(), StoreError> {
+    async fn items(&self, board: &BoardClient) -> Result<(), StoreError> {
         let mut flight = Flight::new();
         loop {
             let held = self.launch(board, &mut flight).await?;
@@ -265,14 +265,14 @@ impl Run<'_> {
             if self.link_lost.get() {
                 self.end_open_items().await?;
                 let text = "the link is lost, so the rest of the plan is not run";
-                return self.note(Level::Error, text.into(), None).await;
+                return self.note(NoteLevel::Error, text.into(), None).await;
             }
         }
         self.critical_path().await
     }
 
     /// Starts what may start. `true`: a pause holds the next item back.
-    async fn launch<'b>(&'b self, board: &'b Board, flight: &mut Flight<'b>) -> Result<bool, StoreError> {
+    async fn launch<'b>(&'b self, board: &'b BoardClient, flight: &mut Flight<'b>) -> Result<bool, StoreError> {
         loop {
             let asked = self.control.asked();
             if asked.times > 0 {
@@ -310,13 +310,14 @@ impl Run<'_> {
             return Ok(());
         }
         self.paused_since.set(Some(Instant::now()));
-        self.note(Level::Info, "paused: nothing new begins until somebody lets the run go on".into(), None).await
+        self.note(NoteLevel::Info, "paused: nothing new begins until somebody lets the run go on".into(), None).await
     }
 
     /// Says how long a pause was.
     async fn go_on(&self) -> Result<(), StoreError> {
         let Some(since) = self.paused_since.take() else { return Ok(()) };
-        self.note(Level::Info, format!("went on after a pause of {:.1} s", since.elapsed().as_secs_f64()), None).await
+        self.note(NoteLevel::Info, format!("went on after a pause of {:.1} s", since.elapsed().as_secs_f64()), None)
+            .await
     }
 
     async fn end_item(&self, position: usize, outcome: Outcome, cause: Option<Cause>) -> Result<(), StoreError> {
@@ -325,7 +326,12 @@ impl Run<'_> {
     }
 
     /// Files an attempt that came to its end, and deals with its trouble.
-    async fn land<'b>(&'b self, board: &'b Board, landed: Landed, flight: &mut Flight<'b>) -> Result<(), StoreError> {
+    async fn land<'b>(
+        &'b self,
+        board: &'b BoardClient,
+        landed: Landed,
+        flight: &mut Flight<'b>,
+    ) -> Result<(), StoreError> {
         match landed.end {
             End::Done(Err(ProcedureError::Store(error))) => Err(error),
             End::Stopped(asked) => {
@@ -345,7 +351,7 @@ impl Run<'_> {
                 self.one_by_one.set(true);
                 let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
                 let text = "it did not fit on the line beside what else ran: from here on one item after the other";
-                self.note(Level::Info, text.into(), name).await?;
+                self.note(NoteLevel::Info, text.into(), name).await?;
                 let error = spoilt(Some(&error.to_string()));
                 self.end_attempt(&landed, Outcome::Errored, Some(error)).await
             }
@@ -392,12 +398,12 @@ impl Run<'_> {
             path.span_s,
             items.collect::<Vec<_>>().join(" > "),
         );
-        self.note(Level::Info, text, None).await
+        self.note(NoteLevel::Info, text, None).await
     }
 
     /// For what the runner itself asks of the board.
-    fn own_desk<'b>(&self, board: &'b Board) -> Desk<'b> {
-        Desk::new(board, watch::channel(Advance::default()).0)
+    fn own_desk<'b>(&self, board: &'b BoardClient) -> BoardLease<'b> {
+        BoardLease::new(board, watch::channel(Advance::default()).0)
     }
 
     async fn stop_in_order(&self, asked: Asked) -> Result<(), StoreError> {
@@ -439,7 +445,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    async fn note(&self, level: Level, text: String, item: Option<&str>) -> Result<(), StoreError> {
+    async fn note(&self, level: NoteLevel, text: String, item: Option<&str>) -> Result<(), StoreError> {
         self.journal.emit(EventKind::Note { level, text, item: item.map(str::to_owned) }).await
     }
 }

@@ -12,21 +12,21 @@ use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset, Local};
 use gnc_config::Mistakes;
-use gnc_executive::bench::Site;
-use gnc_executive::event::{Bench, EVENTS_SCHEMA, Loop, Program, RunHeader};
+use gnc_executive::bench::BenchSite;
+use gnc_executive::event::{BenchInfo, EVENTS_SCHEMA, Loop, ProgramVersion, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
-use gnc_records::store::{RunFolder, Scribe, StationKey, StoreError, Watcher, seal_interrupted};
+use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
-use crate::control::Control;
+use crate::control::RunControl;
 use crate::fixture::Fixture;
-use crate::journal::Journal;
-use crate::runner::{self, Ending, Live, Order};
+use crate::journal::RunJournal;
+use crate::runner::{self, Ending, Live, RunOrder};
 
 pub use plan::CheckedPlan;
 
@@ -40,7 +40,7 @@ pub struct Equipment {
     /// Signs the runs that are closed.
     pub key: Option<StationKey>,
     /// The bench as records name it.
-    pub bench: Bench,
+    pub bench: BenchInfo,
     /// The way to the slave board.
     pub target: Target,
     /// The bench's CAN bus, if it has one.
@@ -50,12 +50,12 @@ pub struct Equipment {
     /// What turns the module and flips its switches.
     pub fixture: Fixture,
     /// Where the bench stands.
-    pub site: Option<Site>,
+    pub site: Option<BenchSite>,
 }
 
 /// A run that is asked for, or several rounds of it.
 #[derive(Debug, Clone)]
-pub struct Request {
+pub struct RunRequest {
     /// The plan, as it was checked.
     pub plan: CheckedPlan,
     /// The module's serial number.
@@ -65,7 +65,7 @@ pub struct Request {
     /// Names of the chosen items; `None` for the whole plan.
     pub selection: Option<Vec<String>>,
     /// The program that asks.
-    pub program: Program,
+    pub program: ProgramVersion,
     /// What a bad item means, whatever the plan says. [`OnFail::Stop`] also ends the rounds.
     pub on_fail: Option<OnFail>,
     /// How often the plan is run.
@@ -155,14 +155,14 @@ impl ServiceError {
 
 /// How the rounds ended.
 #[derive(Debug)]
-pub struct Done {
+pub struct RunsDone {
     /// The outcome of each round, at least of one. A round that could not be begun is errored.
     pub outcomes: Vec<Outcome>,
     /// Why the last round was not begun.
     pub refused: Option<ServiceError>,
 }
 
-impl Done {
+impl RunsDone {
     /// The worst outcome.
     #[must_use]
     pub fn outcome(&self) -> Outcome {
@@ -178,12 +178,12 @@ impl Done {
 /// # Errors
 /// [`ServiceError`]: nothing was run, and the module had no power.
 pub async fn run(
-    request: &Request,
+    request: &RunRequest,
     equipment: Equipment,
-    control: &Control,
+    control: &RunControl,
     live: &Live,
     observer: &mut impl Observer,
-) -> Result<Done, ServiceError> {
+) -> Result<RunsDone, ServiceError> {
     let rounds = if request.resume.is_some() { Rounds::Once } else { request.rounds };
     let mut ready = Ready::open(request, equipment)?;
     let began = Instant::now();
@@ -195,7 +195,7 @@ pub async fn run(
             Err(refused) if outcomes.is_empty() => return Err(refused),
             Err(refused) => {
                 outcomes.push(Outcome::Errored);
-                return Ok(Done { outcomes, refused: Some(refused) });
+                return Ok(RunsDone { outcomes, refused: Some(refused) });
             }
         };
         outcomes.push(ending.outcome);
@@ -206,18 +206,18 @@ pub async fn run(
             break;
         }
     }
-    Ok(Done { outcomes, refused: None })
+    Ok(RunsDone { outcomes, refused: None })
 }
 
 /// What stays the same from round to round.
 struct Ready {
-    order: Order,
+    order: RunOrder,
     records: PathBuf,
     key: Option<StationKey>,
 }
 
 impl Ready {
-    fn open(request: &Request, equipment: Equipment) -> Result<Self, ServiceError> {
+    fn open(request: &RunRequest, equipment: Equipment) -> Result<Self, ServiceError> {
         let Equipment { station, records, key, bench, target, can, abilities, fixture, site } = equipment;
         let mut plan = request.plan.plan().clone();
         if let Some(on_fail) = request.on_fail {
@@ -242,14 +242,14 @@ impl Ready {
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let found = seal_interrupted(&records, key.as_ref());
-        let order = Order { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
+        let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key })
     }
 
     async fn round(
         &mut self,
         dated: Option<DateTime<FixedOffset>>,
-        control: &Control,
+        control: &RunControl,
         live: &Live,
         observer: &mut impl Observer,
     ) -> Result<Ending, ServiceError> {
@@ -261,8 +261,8 @@ impl Ready {
         let path = folder.path().to_owned();
         let watchers = vec![observer.begin(&path).map_err(ServiceError::Observer)?];
         let journal = match dated {
-            Some(began) => Journal::dated(Scribe::without_thread(folder, plan, watchers)?, began),
-            None => Journal::new(Scribe::start(folder, plan, watchers)?),
+            Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
+            None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
         };
         let ending = runner::run(order, journal, control, live).await;
         // What was found before the first round is said in its log alone.

@@ -18,19 +18,19 @@ use driven::Driven;
 /// A turntable.
 pub(crate) trait Turntable {
     /// Lays the module down.
-    fn lay(&self, orientation: Orientation) -> Motion<'_>;
+    fn lay(&self, orientation: Orientation) -> TurntableMotion<'_>;
     /// Turns it about the table's axis by an angle in a time, right-handed about the module's axis that was laid along it.
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_>;
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_>;
     /// Begins to spin about the table's axis and returns when the rate is reached.
-    fn spin(&self, rate_dps: f64) -> Motion<'_>;
+    fn spin(&self, rate_dps: f64) -> TurntableMotion<'_>;
     /// Brings whatever moves to rest.
-    fn stop(&self) -> Motion<'_>;
+    fn stop(&self) -> TurntableMotion<'_>;
     /// Lets time pass at the bench.
-    fn pause(&self, span: Duration) -> Motion<'_>;
+    fn pause(&self, span: Duration) -> TurntableMotion<'_>;
 }
 
 /// A motion under way. Dropping it does not end it: that takes a stop.
-pub(crate) type Motion<'a> = LocalBoxFuture<'a, Result<(), FixtureError>>;
+pub(crate) type TurntableMotion<'a> = LocalBoxFuture<'a, Result<(), FixtureError>>;
 
 /// The turntable of a bench; what it does for people to see is filed in the recorder.
 #[must_use]
@@ -58,30 +58,30 @@ struct ByHand<'a> {
 }
 
 impl ByHand<'_> {
-    fn ask(&self, ask: Ask) -> Motion<'_> {
+    fn ask(&self, ask: Ask) -> TurntableMotion<'_> {
         Box::pin(async move { self.fixture.request(&ask, self.recorder).await })
     }
 }
 
 impl Turntable for ByHand<'_> {
-    fn lay(&self, orientation: Orientation) -> Motion<'_> {
+    fn lay(&self, orientation: Orientation) -> TurntableMotion<'_> {
         self.orientation.set(Some(orientation));
         self.ask(Ask::Lay(orientation))
     }
 
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_> {
         self.ask(Ask::Turn { orientation: self.orientation.get(), angle_deg, span_s })
     }
 
-    fn spin(&self, rate_dps: f64) -> Motion<'_> {
+    fn spin(&self, rate_dps: f64) -> TurntableMotion<'_> {
         self.ask(Ask::Spin { orientation: self.orientation.get(), rate_dps })
     }
 
-    fn stop(&self) -> Motion<'_> {
+    fn stop(&self) -> TurntableMotion<'_> {
         self.ask(Ask::StopTable)
     }
 
-    fn pause(&self, span: Duration) -> Motion<'_> {
+    fn pause(&self, span: Duration) -> TurntableMotion<'_> {
         Box::pin(async move {
             // A real bench's clock is the wall's.
             tokio::time::sleep(span).await;

@@ -8,11 +8,11 @@ use gnc_protocol::message::BoardHello;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
-use crate::conversation::{Command, Conversation, LinkReport};
 use crate::error::{BoardError, gone};
 use crate::latest::{Follower, Latest};
 use crate::readings::Readings;
-use crate::status::{Absent, Pulse};
+use crate::session::{LinkReport, Session, SessionCommand};
+use crate::status::{BoardTime, LinkAbsence};
 
 /// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;
@@ -22,35 +22,35 @@ const ABSENCES: usize = 16;
 
 /// A handle on the board. Dropping it ends the conversation.
 #[derive(Debug)]
-pub struct Board {
-    commands: mpsc::Sender<Command>,
-    pulse: Follower<Pulse>,
+pub struct BoardClient {
+    commands: mpsc::Sender<SessionCommand>,
+    board_time: Follower<BoardTime>,
     hello: RefCell<BoardHello>,
     next_request: Cell<u16>,
     task: JoinHandle<LinkReport>,
     pub(crate) tap: Option<Tap>,
-    absences: tokio::sync::Mutex<mpsc::Receiver<Absent>>,
+    absences: tokio::sync::Mutex<mpsc::Receiver<LinkAbsence>>,
 }
 
-impl Board {
+impl BoardClient {
     /// Says HELLO over a link and keeps the conversation going. What comes by is shown in `readings`.
     ///
     /// # Errors
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
     pub async fn connect(mut link: Link, nonce: u32, readings: watch::Sender<Readings>) -> Result<Self, BoardError> {
         let (commands, receiver) = mpsc::channel(COMMANDS);
-        let beat = Latest::new(Pulse::default());
-        let pulse = beat.follower();
+        let beat = Latest::new(BoardTime::default());
+        let board_time = beat.follower();
         let tap = match &mut link {
             Link::Serial(_) => None,
             Link::Can(link) => link.tap(),
         };
         let (absent, absences) = mpsc::channel(ABSENCES);
-        let conversation = Conversation::new(link, receiver, beat, readings, absent);
+        let conversation = Session::new(link, receiver, beat, readings, absent);
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
         let absences = tokio::sync::Mutex::new(absences);
-        let board = Self { commands, pulse, hello, next_request: Cell::new(1), task, tap, absences };
+        let board = Self { commands, board_time, hello, next_request: Cell::new(1), task, tap, absences };
         board.reopen(nonce).await?;
         Ok(board)
     }
@@ -58,10 +58,10 @@ impl Board {
     /// Opens a new session on the same link, after a restart of the board. Returns the board's boot id.
     ///
     /// # Errors
-    /// As [`Board::connect`].
+    /// As [`BoardClient::connect`].
     pub async fn reopen(&self, nonce: u32) -> Result<u32, BoardError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Command::Hello { nonce, answer }).await?;
+        self.send(SessionCommand::Hello { nonce, answer }).await?;
         let hello = answered.await.map_err(|_| gone())??;
         let boot_id = hello.boot_id;
         self.hello.replace(hello);
@@ -76,12 +76,12 @@ impl Board {
 
     /// The board's clock, from the next heartbeat on.
     #[must_use]
-    pub fn pulse(&self) -> Follower<Pulse> {
-        self.pulse.another()
+    pub fn board_time(&self) -> Follower<BoardTime> {
+        self.board_time.another()
     }
 
     /// The next absence of the port or interface, once it is over; `None` after the end of the conversation.
-    pub async fn absence(&self) -> Option<Absent> {
+    pub async fn absence(&self) -> Option<LinkAbsence> {
         self.absences.lock().await.recv().await
     }
 
@@ -99,7 +99,7 @@ impl Board {
         number
     }
 
-    pub(crate) async fn send(&self, command: Command) -> Result<(), BoardError> {
+    pub(crate) async fn send(&self, command: SessionCommand) -> Result<(), BoardError> {
         self.commands.send(command).await.map_err(|_| gone())
     }
 }

@@ -7,7 +7,7 @@ use gnc_nmea::{Epoch, Sentences};
 use gnc_protocol::calibration::{CalibrationRead, CalibrationReadReply, CalibrationState, CompensatedSample};
 use gnc_protocol::message::{AdRead, AdReadReply, Call as _};
 use gnc_protocol::stream::{COMPENSATED_SAMPLE, IMU_SAMPLE, ImuSample, PpsCapture, StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Wire};
+use gnc_protocol::wire::{FieldReader, Wire};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
@@ -190,7 +190,7 @@ impl Gauges {
 /// The last sample of a frame.
 fn last_of<S: Wire>(frame: &StreamFrame, sample_bytes: usize) -> Option<S> {
     let last = frame.samples.len().checked_sub(sample_bytes).and_then(|at| frame.samples.get(at..))?;
-    S::get(&mut Reader::new(last)).ok()
+    S::get(&mut FieldReader::new(last)).ok()
 }
 
 #[cfg(test)]

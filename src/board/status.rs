@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// An absence of the port or interface that is over.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Absent {
+pub struct LinkAbsence {
     /// The port or interface.
     pub name: String,
     /// How long it was away.
@@ -13,7 +13,7 @@ pub struct Absent {
 
 /// What the board said last of its own time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Pulse {
+pub struct BoardTime {
     /// Board time in microseconds.
     pub board_time_us: u64,
     /// Heartbeats since the session's start.

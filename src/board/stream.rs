@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 use crate::error::{BoardError, gone};
 use crate::latest::Follower;
-use crate::status::Pulse;
+use crate::status::BoardTime;
 
 /// The board's clock may be this far ahead of the last sample before a stream counts as stopped: twice the time
 /// between two heartbeats.
@@ -29,7 +29,7 @@ pub(super) const AHEAD: usize = 16_384;
 pub struct Stream {
     id: StreamId,
     frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
-    pulse: Follower<Pulse>,
+    board_time: Follower<BoardTime>,
     seen_us: u64,
     /// The last heartbeat's board time, and since when it is that.
     beat_us: Option<(u64, Instant)>,
@@ -76,9 +76,9 @@ impl Stream {
     pub(super) fn new(
         id: StreamId,
         frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
-        pulse: Follower<Pulse>,
+        board_time: Follower<BoardTime>,
     ) -> Self {
-        Self { id, frames, pulse, seen_us: 0, beat_us: None, losses: Losses::default() }
+        Self { id, frames, board_time, seen_us: 0, beat_us: None, losses: Losses::default() }
     }
 
     /// Which stream.
@@ -96,7 +96,7 @@ impl Stream {
     /// The board's clock, as far as it is known.
     #[must_use]
     pub fn board_time_us(&self) -> u64 {
-        self.pulse.now().board_time_us.max(self.seen_us)
+        self.board_time.now().board_time_us.max(self.seen_us)
     }
 
     /// The next frame. `None`: the board's clock went on for two seconds without one, or stands. Frames and heartbeats
@@ -106,7 +106,7 @@ impl Stream {
     /// The reason for which the conversation ended, if it did.
     pub async fn next(&mut self) -> Result<Option<Box<StreamFrame>>, BoardError> {
         if self.seen_us == 0 {
-            self.seen_us = self.pulse.now().board_time_us;
+            self.seen_us = self.board_time.now().board_time_us;
         }
         loop {
             tokio::select! {
@@ -116,7 +116,7 @@ impl Stream {
                     self.account(&frame);
                     return Ok(Some(frame));
                 }
-                beat = self.pulse.changed() => {
+                beat = self.board_time.changed() => {
                     let now_us = beat.ok_or_else(gone)?.board_time_us;
                     let stands = self.stands(now_us);
                     if (stands || now_us > self.seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn losses_are_told_apart_by_place() {
         let (_sender, frames) = mpsc::channel(1);
-        let beat = Latest::new(Pulse::default());
+        let beat = Latest::new(BoardTime::default());
         let mut stream = Stream::new(StreamId::Imu, frames, beat.follower());
         for part in [frame(0, 10, 0), frame(15, 10, 5), frame(35, 10, 5)] {
             stream.account(&part);
@@ -233,7 +233,7 @@ mod tests {
     #[tokio::test]
     async fn the_last_frame_is_missed_too() {
         let (sender, frames) = mpsc::channel(1);
-        let beat = Latest::new(Pulse::default());
+        let beat = Latest::new(BoardTime::default());
         let stream = Stream::new(StreamId::Imu, frames, beat.follower());
         sender.try_send(Ok(Box::new(frame(0, 10, 0)))).ok();
         let closed = stream.close(async { Ok(StreamStopReply { produced: 20, dropped: 0 }) }).await;

@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use gnc_link::Link;
 use gnc_link::can::{CanLink, MemoryEnd};
-use gnc_protocol::can::endpoint::{Endpoint, Role};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
 use gnc_protocol::can::id::KEEP_ALIVE;
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::message::{
     Accept, BoardHello, HostHello, LinkCounters, LinkCountersReply, MAGIC, ResultHead, StreamStop,
 };
 use gnc_protocol::stream::{Format, StreamFrame, StreamHead, StreamId, stream_header};
-use gnc_protocol::wire::{List, Wire as _, Writer};
+use gnc_protocol::wire::{FieldWriter, List, Wire as _};
 use gnc_protocol::{Call as _, FaultCode, Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
 use tokio::sync::watch;
 use tokio::time::Instant;
@@ -22,7 +22,7 @@ use super::*;
 
 /// A board that has this many pieces of the receiver's bytes to say before it answers a request.
 async fn talkative_board(mut end: MemoryEnd, pieces: u32) {
-    let mut endpoint = Endpoint::new(Role::Board);
+    let mut endpoint = Endpoint::new(EndpointRole::Board);
     let mut waiting: VecDeque<CanFrame> = VecDeque::new();
     let mut said = 0;
     let began = Instant::now();
@@ -72,7 +72,7 @@ fn answers(heard: &Frame, said: &mut u32, pieces: u32) -> Vec<Frame> {
                 Frame { header: stream_header(StreamId::Gnss), payload }
             });
             let mut frames: Vec<Frame> = samples.collect();
-            let mut result = Writer::default();
+            let mut result = FieldWriter::default();
             ResultHead { status: FaultCode::None, elapsed_us: 0 }.put(&mut result).unwrap();
             if message == StreamStop::ID {
                 gnc_protocol::message::StreamStopReply { produced: *said, dropped: 0 }.put(&mut result).unwrap();
@@ -93,13 +93,13 @@ fn answers(heard: &Frame, said: &mut u32, pieces: u32) -> Vec<Frame> {
 async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     let (link, end) = CanLink::in_memory();
     let played = tokio::spawn(talkative_board(end, 3000));
-    let board = Board::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
-    let desk = Desk::new(&board, watch::channel(Advance::default()).0);
-    let stream = desk.listen(StreamId::Gnss).await.unwrap();
+    let board = BoardClient::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
+    let lease = BoardLease::new(&board, watch::channel(Advance::default()).0);
+    let stream = lease.listen(StreamId::Gnss).await.unwrap();
     for _ in 0..2 {
-        desk.call(&LinkCounters {}).await.unwrap();
+        lease.call(&LinkCounters {}).await.unwrap();
     }
-    let closed = desk.stop_stream(stream).await.unwrap();
+    let closed = lease.stop_stream(stream).await.unwrap();
     assert_eq!((closed.produced, closed.losses.received, closed.losses.any()), (54_000, 54_000, false));
     assert_eq!(board.close().await.resent, 0);
     played.abort();
@@ -108,7 +108,7 @@ async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
 /// A board that never stops talking, of a computer whose clock goes on while the runtime has no time for its timers; how
 /// many keep-alives it hears in three seconds.
 async fn keep_alives_of_three_seconds(mut end: MemoryEnd) -> u32 {
-    let mut endpoint = Endpoint::new(Role::Board);
+    let mut endpoint = Endpoint::new(EndpointRole::Board);
     let (began, mut heard) = (Instant::now(), 0);
     let (mut said, mut answered) = (0, false);
     while began.elapsed() < Duration::from_secs(3) {
@@ -161,7 +161,7 @@ fn signs_of_life_do_not_wait_for_the_runtimes_timers() {
     let heard = runtime.block_on(async {
         let (link, end) = CanLink::in_memory();
         let board = tokio::spawn(keep_alives_of_three_seconds(end));
-        let conversation = Board::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
+        let conversation = BoardClient::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
         let heard = board.await.unwrap();
         drop(conversation);
         heard

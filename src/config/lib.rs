@@ -19,7 +19,7 @@ mod suggest;
 mod tests;
 mod walk;
 
-pub use mistake::{MAX_MISTAKES, Mistake, Mistakes, Place, Source};
+pub use mistake::{MAX_MISTAKES, Mistake, Mistakes, SourcePosition, SourceText};
 pub use suggest::{did_you_mean, nearest};
 pub use toml::de::DeValue as Value;
-pub use walk::{Entry, Span, Table, Walk, parse, read};
+pub use walk::{Span, TomlEntry, TomlTable, Walk, parse, read};

@@ -15,7 +15,7 @@ const SHOWN_CHARACTERS: usize = 100;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
     /// Where it is; `None` if it belongs to no place of a file.
-    pub place: Option<Place>,
+    pub place: Option<SourcePosition>,
     /// What is wrong: lower case, with its data.
     pub what: String,
     /// What the writer can try; may be empty.
@@ -24,7 +24,7 @@ pub struct Mistake {
 
 /// A place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct SourcePosition {
     /// Name of the file.
     pub file: String,
     /// Line, from 1.
@@ -136,14 +136,14 @@ impl std::error::Error for Mistakes {}
 
 /// A text file that was read, for the places of its mistakes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Source {
+pub struct SourceText {
     /// The name that the user gave, or that an include made of it.
     pub name: String,
     /// The text as read.
     pub text: String,
 }
 
-impl Source {
+impl SourceText {
     /// Takes bytes as a text of at most `max_bytes`.
     ///
     /// # Errors
@@ -172,7 +172,7 @@ impl Source {
     }
 
     /// The place of a range of bytes; a range over several lines is marked to the end of its first.
-    pub fn place(&self, span: Range<usize>) -> Place {
+    pub fn place(&self, span: Range<usize>) -> SourcePosition {
         let start = floor(&self.text, span.start);
         let before = &self.text[..start];
         let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
@@ -194,7 +194,7 @@ impl Source {
         let shown = text.chars().count();
         let mark = (column - skipped).min(shown);
         let marked = marked.min(shown - mark).max(1);
-        Place { file: self.name.clone(), line, column: column + 1, text, mark, marked }
+        SourcePosition { file: self.name.clone(), line, column: column + 1, text, mark, marked }
     }
 }
 
@@ -216,7 +216,7 @@ mod tests {
     /// Found by fuzzing: behind carriage returns the mark stood as far beyond the line as there were of them.
     #[test]
     fn a_mark_stays_at_its_line() {
-        let source = Source::new("plan.toml", b"a = 1\r\r\r".to_vec(), 100).unwrap();
+        let source = SourceText::new("plan.toml", b"a = 1\r\r\r".to_vec(), 100).unwrap();
         let place = source.place(8..8);
         assert_eq!((place.text.as_str(), place.column, place.mark, place.marked), ("a = 1", 9, 5, 1));
     }

@@ -1,10 +1,10 @@
 //! Each kind of value, right and wrong, with the place of what is wrong.
 
-use crate::{Entry, Source, Table, read};
+use crate::{SourceText, TomlEntry, TomlTable, read};
 
 /// What a reader makes of a text, or all mistakes as line, column, what is wrong and what can be tried.
-fn told<T>(text: &str, reader: impl FnOnce(&Table<'_, '_>) -> T) -> Result<T, Vec<String>> {
-    let source = Source { name: "a.toml".to_owned(), text: text.to_owned() };
+fn told<T>(text: &str, reader: impl FnOnce(&TomlTable<'_, '_>) -> T) -> Result<T, Vec<String>> {
+    let source = SourceText { name: "a.toml".to_owned(), text: text.to_owned() };
     read(&source, reader).map_err(|mistakes| {
         let line = |mistake: &crate::Mistake| {
             let (line, column) = mistake.place.as_ref().map_or((0, 0), |place| (place.line, place.column));
@@ -44,7 +44,7 @@ fn whole_numbers_are_whole() {
 
 #[test]
 fn a_mistake_in_a_list_is_at_its_element() {
-    let pair = |entry: Entry<'_, '_>| entry.array::<2>("two numbers").map(|pair| pair.map(|n| n.integer((0, 3))));
+    let pair = |entry: TomlEntry<'_, '_>| entry.array::<2>("two numbers").map(|pair| pair.map(|n| n.integer((0, 3))));
     let read = |text: &str| told(text, |table| table.entry("pair").and_then(pair));
     assert_eq!(read("pair = [1, 2]\n"), Ok(Some([Some(1), Some(2)])));
     refused(
@@ -65,7 +65,7 @@ fn tables_refuse_what_nobody_took_in_the_order_of_the_file() {
     let text = "zeal = 1\n[oven]\ncelsius = 20\nzone = 2\n[[item]]\nid = \"a\"\n[[item]]\nkey = 3\n";
     let found = told(text, |root| {
         let celsius = root.within("oven", |oven| oven.integer("celsius", (0, 10), 0));
-        let ids = |table: Table<'_, '_>| table.read(|table| table.required_text("id", "name it").is_some());
+        let ids = |table: TomlTable<'_, '_>| table.read(|table| table.required_text("id", "name it").is_some());
         (celsius, root.tables("item").into_iter().map(ids).collect::<Vec<bool>>())
     });
     refused(

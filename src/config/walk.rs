@@ -11,7 +11,7 @@ use gnc_text::quoted;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::mistake::{Mistakes, Source, syntax_message};
+use crate::mistake::{Mistakes, SourceText, syntax_message};
 use crate::suggest::did_you_mean;
 
 /// Bytes of a file that are marked at a mistake.
@@ -19,13 +19,13 @@ pub type Span = Range<usize>;
 
 /// One file during its walk: where mistakes are noted.
 pub struct Walk<'s> {
-    source: &'s Source,
+    source: &'s SourceText,
     mistakes: RefCell<Mistakes>,
 }
 
 impl<'s> Walk<'s> {
     /// Goes on with the mistakes of files that were read before.
-    pub fn new(source: &'s Source, mistakes: Mistakes) -> Self {
+    pub fn new(source: &'s SourceText, mistakes: Mistakes) -> Self {
         Self { source, mistakes: RefCell::new(mistakes) }
     }
 
@@ -44,10 +44,10 @@ impl<'s> Walk<'s> {
 ///
 /// # Errors
 /// All mistakes of meaning, or the first syntax error alone.
-pub fn read<T>(source: &Source, read: impl FnOnce(&Table<'_, '_>) -> T) -> Result<T, Mistakes> {
+pub fn read<T>(source: &SourceText, read: impl FnOnce(&TomlTable<'_, '_>) -> T) -> Result<T, Mistakes> {
     let tree = parse(source)?;
     let walk = Walk::new(source, Mistakes::default());
-    let value = Table::new(&walk, &tree, 0..0).read(read);
+    let value = TomlTable::new(&walk, &tree, 0..0).read(read);
     walk.into_mistakes().or(value)
 }
 
@@ -55,7 +55,7 @@ pub fn read<T>(source: &Source, read: impl FnOnce(&Table<'_, '_>) -> T) -> Resul
 ///
 /// # Errors
 /// The first syntax error alone: what follows it is guesswork.
-pub fn parse(source: &Source) -> Result<DeTable<'_>, Mistakes> {
+pub fn parse(source: &SourceText) -> Result<DeTable<'_>, Mistakes> {
     DeTable::parse(&source.text).map(Spanned::into_inner).map_err(|error| {
         let (what, hint) = syntax(error.message());
         Mistakes::one(source.mistake(error.span().unwrap_or(0..0), what, hint))
@@ -79,8 +79,8 @@ fn syntax(message: &str) -> (String, &'static str) {
     }
 }
 
-/// A table whose keys are taken one by one; [`Table::finish`] refuses those that nobody took.
-pub struct Table<'w, 't> {
+/// A table whose keys are taken one by one; [`TomlTable::finish`] refuses those that nobody took.
+pub struct TomlTable<'w, 't> {
     walk: &'w Walk<'w>,
     table: &'t DeTable<'t>,
     known: RefCell<BTreeSet<Cow<'static, str>>>,
@@ -88,7 +88,7 @@ pub struct Table<'w, 't> {
     span: Span,
 }
 
-impl<'w, 't> Table<'w, 't> {
+impl<'w, 't> TomlTable<'w, 't> {
     /// The top level of a file, which [`parse`] gave.
     pub fn new(walk: &'w Walk<'w>, table: &'t DeTable<'t>, span: Span) -> Self {
         Self { walk, table, known: RefCell::default(), span }
@@ -115,7 +115,7 @@ impl<'w, 't> Table<'w, 't> {
     }
 
     /// The entry under a key; the key counts as known from now on.
-    pub fn entry(&self, key: impl Into<Cow<'static, str>>) -> Option<Entry<'w, 't>> {
+    pub fn entry(&self, key: impl Into<Cow<'static, str>>) -> Option<TomlEntry<'w, 't>> {
         let key = key.into();
         let entry = self.table.get_key_value(&*key).map(|(name, value)| self.at(name, value));
         self.known.borrow_mut().insert(key);
@@ -123,7 +123,7 @@ impl<'w, 't> Table<'w, 't> {
     }
 
     /// The entry under a key that must be there.
-    pub fn required(&self, key: &'static str, hint: &str) -> Option<Entry<'w, 't>> {
+    pub fn required(&self, key: &'static str, hint: &str) -> Option<TomlEntry<'w, 't>> {
         let entry = self.entry(key);
         if entry.is_none() {
             self.mistake(format!("{} is missing", quoted(key)), hint);
@@ -132,15 +132,15 @@ impl<'w, 't> Table<'w, 't> {
     }
 
     /// Every entry, in the order of the file; the parser keeps them sorted by name.
-    pub fn entries(&self) -> Vec<Entry<'w, 't>> {
-        let mut entries: Vec<Entry<'w, 't>> = self.table.iter().map(|(key, value)| self.at(key, value)).collect();
+    pub fn entries(&self) -> Vec<TomlEntry<'w, 't>> {
+        let mut entries: Vec<TomlEntry<'w, 't>> = self.table.iter().map(|(key, value)| self.at(key, value)).collect();
         entries.sort_by_key(|entry| entry.key_span);
         entries
     }
 
-    fn at(&self, key: &'t Spanned<Cow<'t, str>>, value: &'t Spanned<DeValue<'t>>) -> Entry<'w, 't> {
+    fn at(&self, key: &'t Spanned<Cow<'t, str>>, value: &'t Spanned<DeValue<'t>>) -> TomlEntry<'w, 't> {
         let Range { start, end } = key.span();
-        Entry { walk: self.walk, key: key.get_ref(), key_span: (start, end), value }
+        TomlEntry { walk: self.walk, key: key.get_ref(), key_span: (start, end), value }
     }
 
     /// A text.
@@ -181,23 +181,27 @@ impl<'w, 't> Table<'w, 't> {
     }
 
     /// A table within this one.
-    pub fn table(&self, key: impl Into<Cow<'static, str>>) -> Option<Table<'w, 't>> {
+    pub fn table(&self, key: impl Into<Cow<'static, str>>) -> Option<TomlTable<'w, 't>> {
         let entry = self.entry(key)?;
-        Some(Table { span: entry.key_span(), ..entry.table()? })
+        Some(TomlTable { span: entry.key_span(), ..entry.table()? })
     }
 
     /// What `read` makes of a table within this one, where there is one; keys that it does not take are refused.
-    pub fn within<T>(&self, key: impl Into<Cow<'static, str>>, read: impl FnOnce(&Table<'w, 't>) -> T) -> Option<T> {
+    pub fn within<T>(
+        &self,
+        key: impl Into<Cow<'static, str>>,
+        read: impl FnOnce(&TomlTable<'w, 't>) -> T,
+    ) -> Option<T> {
         Some(self.table(key)?.read(read))
     }
 
     /// The elements of a list, none where there is none; `wanted` says what the value must be if it is no list.
-    pub fn list(&self, key: &'static str, wanted: &str) -> Vec<Entry<'w, 't>> {
+    pub fn list(&self, key: &'static str, wanted: &str) -> Vec<TomlEntry<'w, 't>> {
         self.entry(key).and_then(|entry| entry.list(wanted)).unwrap_or_default()
     }
 
     /// A list of tables, written as `[[key]]`.
-    pub fn tables(&self, key: &'static str) -> Vec<Table<'w, 't>> {
+    pub fn tables(&self, key: &'static str) -> Vec<TomlTable<'w, 't>> {
         let wanted = format!("a list of tables, each beginning with [[{key}]]");
         self.list(key, &wanted).into_iter().filter_map(|element| element.table()).collect()
     }
@@ -210,7 +214,7 @@ impl<'w, 't> Table<'w, 't> {
     }
 
     /// The entries that nobody asked for so far, in the order of the file.
-    pub fn unknown(&self) -> Vec<Entry<'w, 't>> {
+    pub fn unknown(&self) -> Vec<TomlEntry<'w, 't>> {
         let known = self.known.borrow();
         self.entries().into_iter().filter(|entry| !known.contains(entry.key)).collect()
     }
@@ -229,14 +233,14 @@ impl<'w, 't> Table<'w, 't> {
 
 /// A value with the key under which it stands; an element of a list has the key of the list.
 #[derive(Clone, Copy)]
-pub struct Entry<'w, 't> {
+pub struct TomlEntry<'w, 't> {
     walk: &'w Walk<'w>,
     key: &'t str,
     key_span: (usize, usize),
     value: &'t Spanned<DeValue<'t>>,
 }
 
-impl<'w, 't> Entry<'w, 't> {
+impl<'w, 't> TomlEntry<'w, 't> {
     /// The key.
     pub fn key(&self) -> &'t str {
         self.key
@@ -329,19 +333,19 @@ impl<'w, 't> Entry<'w, 't> {
     }
 
     /// The elements of a list; `wanted` says what the value must be if it is none.
-    pub fn list(&self, wanted: &str) -> Option<Vec<Entry<'w, 't>>> {
+    pub fn list(&self, wanted: &str) -> Option<Vec<TomlEntry<'w, 't>>> {
         let Some(list) = self.value().as_array() else {
             self.wrong_type(wanted);
             return None;
         };
-        Some(list.iter().map(|value| Entry { value, ..*self }).collect())
+        Some(list.iter().map(|value| TomlEntry { value, ..*self }).collect())
     }
 
     /// So many elements; `wanted` says what the value must be if it is another.
-    pub fn array<const N: usize>(&self, wanted: &str) -> Option<[Entry<'w, 't>; N]> {
+    pub fn array<const N: usize>(&self, wanted: &str) -> Option<[TomlEntry<'w, 't>; N]> {
         let list = self.list(wanted)?;
         let many = list.len();
-        let array = <[Entry<'w, 't>; N]>::try_from(list).ok();
+        let array = <[TomlEntry<'w, 't>; N]>::try_from(list).ok();
         if array.is_none() {
             self.mistake(format!("{} has {many} elements, and must be {wanted}", quoted(self.key)), "");
         }
@@ -361,12 +365,12 @@ impl<'w, 't> Entry<'w, 't> {
     }
 
     /// A table.
-    pub fn table(&self) -> Option<Table<'w, 't>> {
+    pub fn table(&self) -> Option<TomlTable<'w, 't>> {
         let Some(table) = self.value().as_table() else {
             self.wrong_type("a table");
             return None;
         };
-        Some(Table::new(self.walk, table, self.span()))
+        Some(TomlTable::new(self.walk, table, self.span()))
     }
 }
 

@@ -14,7 +14,7 @@
 //! gravity = "9.80151 m/s^2"          # local gravity, where it was measured
 //! field = "0.55 gauss"               # total magnetic field
 //!
-//! [fixture]                          # optional, see [`Fixture`]: how the module's seat is mounted, what fields the bench adds
+//! [fixture]                          # optional, see [`BenchImperfections`]: how the module's seat is mounted, what fields the bench adds
 //! mounting = ["0.012 deg", "-0.018 deg", "0 deg"]
 //! mounting_u = "0.002 deg"
 //!
@@ -27,13 +27,13 @@
 //! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
 //! ```
 
-mod fixture;
+mod imperfections;
 
-use gnc_config::{Mistakes, Source, Span, Table, read};
+use gnc_config::{Mistakes, SourceText, Span, TomlTable, read};
 use gnc_text::quoted;
 use serde::{Deserialize, Serialize};
 
-pub use fixture::Fixture;
+pub use imperfections::BenchImperfections;
 
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
 
@@ -56,16 +56,16 @@ pub struct BenchFile {
     /// File of the station's key as written; `None` signs nothing.
     pub key: Option<String>,
     /// Where the bench stands.
-    pub site: Option<Site>,
+    pub site: Option<BenchSite>,
     /// How the board is reached; `None` on a bench that only simulates.
-    pub socket: Option<Socket>,
+    pub socket: Option<TestSocket>,
     /// The CAN bus; `None` on a bench without.
-    pub can: Option<Can>,
+    pub can: Option<CanSettings>,
 }
 
 /// Where a bench stands.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Site {
+pub struct BenchSite {
     /// Name for records.
     pub name: Option<String>,
     /// Surveyed place of the antenna, if it is known.
@@ -74,14 +74,14 @@ pub struct Site {
     pub gravity_mps2: Option<f64>,
     /// Total magnetic field in gauss, if it was measured.
     pub field_gauss: Option<f64>,
-    /// Imperfections of the bench, if its file states them; otherwise [`Fixture::default`] counts.
+    /// Imperfections of the bench, if its file states them; otherwise [`BenchImperfections::default`] counts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fixture: Option<Fixture>,
+    pub fixture: Option<BenchImperfections>,
 }
 
-impl Site {
+impl BenchSite {
     /// Imperfections of the bench: as its file states them, or the defaults.
-    pub fn fixture(site: Option<&Site>) -> Fixture {
+    pub fn fixture(site: Option<&BenchSite>) -> BenchImperfections {
         site.and_then(|site| site.fixture).unwrap_or_default()
     }
 }
@@ -99,7 +99,7 @@ pub struct SitePlace {
 
 /// A test socket with its slave board.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Socket {
+pub enum TestSocket {
     /// RS-422.
     Rs422 {
         /// The serial port.
@@ -113,7 +113,7 @@ pub enum Socket {
 
 /// A CAN bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Can {
+pub struct CanSettings {
     /// An interface of the kernel, or `slcan:` and a serial port.
     pub port: String,
 }
@@ -124,7 +124,7 @@ impl BenchFile {
     /// # Errors
     /// All mistakes of meaning, or the first syntax error alone.
     pub fn read(name: &str, bytes: Vec<u8>) -> Result<BenchFile, Mistakes> {
-        read(&Source::new(name, bytes, MAX_BENCH_BYTES)?, |root| {
+        read(&SourceText::new(name, bytes, MAX_BENCH_BYTES)?, |root| {
             let station = root.within("station", station).unwrap_or_else(|| {
                 if !root.has("station") {
                     root.mistake("the table [station] is missing", "write [station] and id = \"line-2\" below it");
@@ -133,9 +133,9 @@ impl BenchFile {
             });
             let site = root.within("site", site);
             // A bench may know its fixture without knowing its place.
-            let site = match (site, root.within("fixture", fixture::fixture)) {
+            let site = match (site, root.within("fixture", imperfections::fixture)) {
                 (None, None) => None,
-                (site, fixture) => Some(Site { fixture, ..site.unwrap_or_default() }),
+                (site, fixture) => Some(BenchSite { fixture, ..site.unwrap_or_default() }),
             };
             let has_can = root.has("can");
             let socket = root.within("socket", |table| socket(table, has_can)).flatten();
@@ -154,13 +154,13 @@ struct Station {
     key: Option<String>,
 }
 
-fn station(table: &Table<'_, '_>) -> Station {
+fn station(table: &TomlTable<'_, '_>) -> Station {
     let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
     let name = |key| checked(table, table.text(key));
     Station { id: id.unwrap_or_default(), records: name("records"), key: name("key") }
 }
 
-fn site(table: &Table<'_, '_>) -> Site {
+fn site(table: &TomlTable<'_, '_>) -> BenchSite {
     let latitude_deg = bounded_at(table, "latitude", Unit::Degree, (-90.0, 90.0));
     let longitude_deg = bounded_at(table, "longitude", Unit::Degree, (-180.0, 180.0));
     // From the shore of the Dead Sea to the highest town, with some room.
@@ -175,7 +175,7 @@ fn site(table: &Table<'_, '_>) -> Site {
         }
         _ => None,
     };
-    Site {
+    BenchSite {
         name: checked(table, table.text("name")),
         place,
         // Gravity on the surface of the earth lies between 9.76 and 9.84 m/s^2.
@@ -186,12 +186,12 @@ fn site(table: &Table<'_, '_>) -> Site {
     }
 }
 
-fn can(table: &Table<'_, '_>) -> Option<Can> {
+fn can(table: &TomlTable<'_, '_>) -> Option<CanSettings> {
     let hint = "write port = \"can0\" or port = \"slcan:/dev/ttyACM0\" below [can]";
-    checked(table, table.required_text("port", hint)).map(|port| Can { port })
+    checked(table, table.required_text("port", hint)).map(|port| CanSettings { port })
 }
 
-fn socket(table: &Table<'_, '_>, has_can: bool) -> Option<Socket> {
+fn socket(table: &TomlTable<'_, '_>, has_can: bool) -> Option<TestSocket> {
     if let Some(link) = table.entry("link") {
         match link.text() {
             None | Some("rs422") => {}
@@ -199,7 +199,7 @@ fn socket(table: &Table<'_, '_>, has_can: bool) -> Option<Socket> {
                 if !has_can {
                     link.mistake("there is no CAN bus", "write [can] and port = \"can0\" below it");
                 }
-                return Some(Socket::Can);
+                return Some(TestSocket::Can);
             }
             Some(other) => link.mistake(format!("link is {}", quoted(other)), "it may be \"rs422\" or \"can\""),
         }
@@ -217,11 +217,11 @@ fn socket(table: &Table<'_, '_>, has_can: bool) -> Option<Socket> {
         }
         bps as u32
     });
-    Some(Socket::Rs422 { port: port?, rate_bps })
+    Some(TestSocket::Rs422 { port: port?, rate_bps })
 }
 
 /// A name or path; one that is not fit for that is refused.
-fn checked(table: &Table<'_, '_>, written: Option<(&str, Span)>) -> Option<String> {
+fn checked(table: &TomlTable<'_, '_>, written: Option<(&str, Span)>) -> Option<String> {
     let (text, span) = written?;
     if text.chars().any(char::is_control) || text.chars().count() > TEXT_CHARACTERS {
         table.mistake_at(

@@ -23,7 +23,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::limit::Kind;
+use crate::limit::MeasurementKind;
 use crate::quantity::{Dimension, Unit};
 pub use page::page;
 pub use shared::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
@@ -249,7 +249,7 @@ pub struct MeasurementSpec {
     /// The key in the plan's limits and in records.
     pub name: &'static str,
     /// Text, or a number of a dimension.
-    pub kind: Kind,
+    pub kind: MeasurementKind,
     /// Unit in which it is shown where no limit chooses one; [`Unit::Count`] for texts.
     pub unit: Unit,
     /// What to look at when it fails: a sentence for operator and engineer.
@@ -374,7 +374,7 @@ impl ItemId {
 
 /// A measured number that always comes.
 const fn number(name: &'static str, unit: Unit, dimension: Dimension, look_at: &'static str) -> MeasurementSpec {
-    MeasurementSpec { name, kind: Kind::Number(dimension), unit, look_at, when: None }
+    MeasurementSpec { name, kind: MeasurementKind::Number(dimension), unit, look_at, when: None }
 }
 
 /// A counted number that always comes.
@@ -384,7 +384,7 @@ const fn count(name: &'static str, look_at: &'static str) -> MeasurementSpec {
 
 /// A text that always comes.
 const fn text(name: &'static str, look_at: &'static str) -> MeasurementSpec {
-    MeasurementSpec { name, kind: Kind::Text, unit: Unit::Count, look_at, when: None }
+    MeasurementSpec { name, kind: MeasurementKind::Text, unit: Unit::Count, look_at, when: None }
 }
 
 /// Makes a measurement depend on a list of whole numbers.

@@ -6,7 +6,7 @@
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
-use crate::bench::Site;
+use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -56,7 +56,7 @@ pub enum EventKind {
         items: Vec<PlannedItem>,
     },
     /// The slave board answered.
-    BoardFound(Board),
+    BoardFound(BoardInfo),
     /// The slave board answers with another boot id: it restarted.
     BoardRebooted {
         /// The item whose request caused it, if that is known.
@@ -137,7 +137,7 @@ pub enum EventKind {
     /// Something worth knowing that is no verdict.
     Note {
         /// How much it matters.
-        level: Level,
+        level: NoteLevel,
         /// One sentence.
         text: String,
         /// Name of the item to which it belongs.
@@ -169,12 +169,12 @@ pub struct RunHeader {
     /// Which station.
     pub station: String,
     /// The program that runs the test.
-    pub program: Program,
+    pub program: ProgramVersion,
     /// The bench that it runs on.
-    pub bench: Bench,
+    pub bench: BenchInfo,
     /// Where the bench stands, as its file said: figures depend on gravity and latitude.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub site: Option<Site>,
+    pub site: Option<BenchSite>,
     /// The plan that it follows.
     pub plan: PlanInfo,
     /// The run whose raw record was judged again; absent where something was captured.
@@ -192,7 +192,7 @@ pub struct RunHeader {
 
 /// A program and its version.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Program {
+pub struct ProgramVersion {
     /// Name of the program.
     pub name: String,
     /// Its version.
@@ -201,7 +201,7 @@ pub struct Program {
 
 /// The bench of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Bench {
+pub struct BenchInfo {
     /// Simulated or real; a simulated one is never evidence.
     pub kind: BenchKind,
     /// Name or file of the simulated module.
@@ -224,7 +224,7 @@ pub struct Bench {
     pub site: Option<String>,
 }
 
-impl Bench {
+impl BenchInfo {
     /// A real bench of which nothing else is known.
     pub fn real() -> Self {
         Self {
@@ -309,7 +309,7 @@ pub struct PlannedItem {
 
 /// The slave board that answered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Board {
+pub struct BoardInfo {
     /// Serial number of the board, not of the module.
     pub board_serial: String,
     /// Version of its firmware.
@@ -370,7 +370,7 @@ pub struct AttemptError {
 /// How much a note matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Level {
+pub enum NoteLevel {
     /// Good to know.
     Info,
     /// Something to look after.

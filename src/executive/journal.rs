@@ -17,7 +17,7 @@ pub use newer::Unknown;
 
 /// What a stored journal holds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Journal {
+pub struct StoredJournal {
     /// The run after the last whole event; [`RunState::is_interrupted`] if it has no end.
     pub state: RunState,
     /// Bytes of the whole events, line ends included.
@@ -80,7 +80,7 @@ pub fn line(event: &Event) -> Result<String, serde_json::Error> {
 ///
 /// # Errors
 /// A line other than the last is damaged, events do not follow from each other, or a later version wrote them.
-pub fn fold(bytes: &[u8]) -> Result<Journal, JournalError> {
+pub fn fold(bytes: &[u8]) -> Result<StoredJournal, JournalError> {
     let whole = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut state = RunState::new();
     let mut good_bytes = 0;
@@ -107,7 +107,7 @@ pub fn fold(bytes: &[u8]) -> Result<Journal, JournalError> {
         state.apply(&event).map_err(|source| JournalError::OutOfOrder { line, source })?;
         good_bytes += piece.len();
     }
-    Ok(Journal { state, good_bytes, cut_bytes: bytes.len() - good_bytes })
+    Ok(StoredJournal { state, good_bytes, cut_bytes: bytes.len() - good_bytes })
 }
 
 #[cfg(test)]

@@ -26,4 +26,4 @@ pub mod text;
 pub mod uncertainty;
 
 #[cfg(test)]
-mod fixture;
+mod test_run;

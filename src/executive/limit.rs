@@ -19,7 +19,7 @@ pub(crate) const SERIAL_NUMBER: &str = "$serial_number";
 
 /// What a measurement is, and therefore which limits it can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MeasurementKind {
     /// A number of this dimension.
     Number(Dimension),
     /// A text.
@@ -97,12 +97,12 @@ impl Limit {
     ///
     /// # Errors
     /// Everything that a plan can get wrong: see [`LimitError`].
-    pub fn parse(text: &str, kind: Kind) -> Result<Limit, LimitError> {
+    pub fn parse(text: &str, kind: MeasurementKind) -> Result<Limit, LimitError> {
         let text = text.trim();
         if let Some(expected) = text.strip_prefix("==") {
             return equal(expected.trim(), kind);
         }
-        let Kind::Number(dimension) = kind else {
+        let MeasurementKind::Number(dimension) = kind else {
             return Err(LimitError::TextNeedsEqual { text: text.to_owned() });
         };
         let (unit, low, high) = if let Some(bound) = text.strip_prefix("<=") {
@@ -300,20 +300,20 @@ impl LimitError {
     }
 }
 
-fn equal(text: &str, kind: Kind) -> Result<Limit, LimitError> {
+fn equal(text: &str, kind: MeasurementKind) -> Result<Limit, LimitError> {
     if text.is_empty() {
         return Err(LimitError::NothingExpected);
     }
     match kind {
-        Kind::Text if text == SERIAL_NUMBER => Ok(Limit::Text(Expected::SerialNumber)),
-        Kind::Text if text.starts_with('$') => Err(LimitError::UnknownPlaceholder { text: text.to_owned() }),
-        Kind::Text => Ok(Limit::Text(Expected::Literal(text.to_owned()))),
-        Kind::Number(Dimension::Count) => {
+        MeasurementKind::Text if text == SERIAL_NUMBER => Ok(Limit::Text(Expected::SerialNumber)),
+        MeasurementKind::Text if text.starts_with('$') => Err(LimitError::UnknownPlaceholder { text: text.to_owned() }),
+        MeasurementKind::Text => Ok(Limit::Text(Expected::Literal(text.to_owned()))),
+        MeasurementKind::Number(Dimension::Count) => {
             let count = quantity(text, Dimension::Count)?;
             let bound = Some(count.number);
             Ok(Limit::Range(Range { unit: count.unit, low: bound, high: bound, marginal: None }))
         }
-        Kind::Number(dimension) => Err(LimitError::EqualOfNumber { dimension }),
+        MeasurementKind::Number(dimension) => Err(LimitError::EqualOfNumber { dimension }),
     }
 }
 

@@ -40,7 +40,7 @@ mod schema;
 
 use std::fmt;
 
-use gnc_config::{Mistake, Mistakes, Source};
+use gnc_config::{Mistake, Mistakes, SourceText};
 use serde::{Deserialize, Serialize};
 
 use crate::catalogue::{Device, ItemId, MeasurementSpec};
@@ -78,7 +78,7 @@ pub struct Plan {
     /// What happens after an item that is not good.
     pub on_fail: OnFail,
     items: Vec<PlanItem>,
-    sources: Vec<Source>,
+    sources: Vec<SourceText>,
 }
 
 /// What happens after an item that is not good.

@@ -5,11 +5,11 @@
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
-use crate::bench::Site;
+use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
 use crate::event::{
-    AttemptError, Bench, BenchKind, Board, EarlierRun, ErrorRecord, Level, Loop, PlanInfo, PlannedItem, Program,
-    StopHow,
+    AttemptError, BenchInfo, BenchKind, BoardInfo, EarlierRun, ErrorRecord, Loop, NoteLevel, PlanInfo, PlannedItem,
+    ProgramVersion, StopHow,
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -34,7 +34,7 @@ pub struct RunRecord {
     pub plan: PlanInfo,
     /// Where the bench stands, as its file said.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub site: Option<Site>,
+    pub site: Option<BenchSite>,
     /// The run whose raw record was judged again; absent where something was captured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recomputed: Option<EarlierRun>,
@@ -46,11 +46,11 @@ pub struct RunRecord {
     /// Who tested.
     pub operator: Option<String>,
     /// The program that ran the test.
-    pub program: Program,
+    pub program: ProgramVersion,
     /// The bench; a simulated one is never evidence.
-    pub bench: Bench,
+    pub bench: BenchInfo,
     /// The slave board, if one answered.
-    pub board: Option<Board>,
+    pub board: Option<BoardInfo>,
     /// Names of the chosen items; null for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop.
@@ -136,7 +136,7 @@ pub struct NoteRecord {
     /// Seconds since the start of the run.
     pub elapsed_s: f64,
     /// How much it matters.
-    pub level: Level,
+    pub level: NoteLevel,
     /// One sentence.
     pub text: String,
     /// Name of the item to which it belongs.

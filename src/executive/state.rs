@@ -2,7 +2,9 @@
 
 use chrono::{DateTime, FixedOffset};
 
-use crate::event::{AttemptError, Board, ErrorRecord, Event, EventKind, Level, PlannedItem, Power, RunHeader, StopHow};
+use crate::event::{
+    AttemptError, BoardInfo, ErrorRecord, Event, EventKind, NoteLevel, PlannedItem, Power, RunHeader, StopHow,
+};
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
 use crate::plan::Phase;
@@ -27,7 +29,7 @@ pub struct RunState {
     /// The first test that ended badly, after which a plan may stop.
     bad_test: Option<u32>,
     in_flight: usize,
-    board: Option<Board>,
+    board: Option<BoardInfo>,
     power: Option<Power>,
     notes: Vec<Note>,
     stop: Option<(StopHow, String)>,
@@ -104,7 +106,7 @@ pub struct Note {
     /// When.
     pub stamp: Stamp,
     /// How much it matters.
-    pub level: Level,
+    pub level: NoteLevel,
     /// One sentence.
     pub text: String,
     /// The item to which it belongs.
@@ -230,7 +232,7 @@ impl RunState {
     }
 
     /// The slave board that answered last.
-    pub fn board(&self) -> Option<&Board> {
+    pub fn board(&self) -> Option<&BoardInfo> {
         self.board.as_ref()
     }
 
@@ -339,7 +341,7 @@ impl RunState {
                     board.boot_id.clone_from(boot_id);
                 }
                 let text = "the slave board restarted".to_owned();
-                self.note(Note { stamp, level: Level::Error, text, item: item.clone() });
+                self.note(Note { stamp, level: NoteLevel::Error, text, item: item.clone() });
             }
             EventKind::Power(power) => self.power = Some(power.clone()),
             EventKind::ItemStarted { item, attempt } => {
@@ -411,11 +413,11 @@ impl RunState {
             }
             EventKind::Prompted { item, text } => {
                 let text = format!("asked: {text}");
-                self.note(Note { stamp, level: Level::Info, text, item: item.clone() });
+                self.note(Note { stamp, level: NoteLevel::Info, text, item: item.clone() });
             }
             EventKind::Answered { item, answer } => {
                 let text = if answer.is_empty() { "answered".to_owned() } else { format!("answered: {answer}") };
-                self.note(Note { stamp, level: Level::Info, text, item: item.clone() });
+                self.note(Note { stamp, level: NoteLevel::Info, text, item: item.clone() });
             }
             EventKind::Note { level, text, item } => {
                 self.note(Note { stamp, level: *level, text: text.clone(), item: item.clone() });
@@ -428,7 +430,7 @@ impl RunState {
                     StopHow::InOrder => format!("stop requested by {by}"),
                     StopHow::AtOnce => format!("stop at once requested by {by}"),
                 };
-                self.note(Note { stamp, level: Level::Warning, text, item: None });
+                self.note(Note { stamp, level: NoteLevel::Warning, text, item: None });
             }
             EventKind::RunEnded { outcome } => self.ended = Some(*outcome),
         }

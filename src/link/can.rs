@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use gnc_protocol::Frame;
-use gnc_protocol::can::endpoint::{Endpoint, Role};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
 use gnc_protocol::can::id::{echo_of, is_echo};
 use gnc_protocol::can::{CanFrame, bus_time, worst_bits};
 use gnc_protocol::frame::{CRC, HEADER, MAX_FRAME};
@@ -22,9 +22,9 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 
 use super::memory::MemoryPort;
-use super::serial::{OpenError, Place};
-use crate::received::{NoFrame, Received};
-use bus::{Bus, Turn};
+use super::serial::{OpenError, PortLocation};
+use crate::received::{LinkEvent, NoFrame};
+use bus::{Bus, BusEvent};
 pub use memory::MemoryEnd;
 
 /// Raw frames that may wait for a bus that does not take them.
@@ -260,8 +260,10 @@ impl CanLink {
     /// [`CanOpenError`].
     pub fn open(target: &CanTarget) -> Result<Self, CanOpenError> {
         Ok(Self::on(match target {
-            CanTarget::Slcan(port) => Bus::Slcan(slcan::SlcanBus::open(Place::Device(port.clone(), slcan::RATE_BAUD))?),
-            CanTarget::Memory(port) => Bus::Slcan(slcan::SlcanBus::open(Place::Memory(port.clone()))?),
+            CanTarget::Slcan(port) => {
+                Bus::Slcan(slcan::SlcanBus::open(PortLocation::Device(port.clone(), slcan::RATE_BAUD))?)
+            }
+            CanTarget::Memory(port) => Bus::Slcan(slcan::SlcanBus::open(PortLocation::Memory(port.clone()))?),
             CanTarget::Interface(name) => Bus::Socket(socket::SocketBus::open(name)?),
         }))
     }
@@ -289,7 +291,7 @@ impl CanLink {
         };
         Self {
             bus,
-            endpoint: Endpoint::new(Role::Host),
+            endpoint: Endpoint::new(EndpointRole::Host),
             outgoing: VecDeque::new(),
             tap: TapEnd { outgoing, incoming, errors, absences, traffic },
             handed_out: Some(tap),
@@ -315,7 +317,7 @@ impl CanLink {
     ///
     /// # Errors
     /// The bus is gone.
-    pub async fn next(&mut self, read: bool) -> io::Result<Received> {
+    pub async fn next(&mut self, read: bool) -> io::Result<LinkEvent> {
         loop {
             while let Some(frame) = self.endpoint.poll(self.started.elapsed()) {
                 self.outgoing.push_back(frame);
@@ -325,28 +327,28 @@ impl CanLink {
             tokio::select! {
                 biased;
                 turn = self.bus.turn(front.as_ref(), read) => match turn? {
-                    Turn::Sent => {
+                    BusEvent::Sent => {
                         self.outgoing.pop_front();
                     }
-                    Turn::Errors => {
+                    BusEvent::Errors => {
                         self.tap.errors.send_replace(self.bus.errors());
                     }
                     // Test frames of another station come under the ids of this one's.
-                    Turn::Received(frame) if is_echo(frame.id()) || echo_of(frame.id()).is_some() => {
+                    BusEvent::Received(frame) if is_echo(frame.id()) || echo_of(frame.id()).is_some() => {
                         // Without a listener, or with one that keeps too many in flight, it is lost like any other.
                         let _ = self.tap.incoming.try_send(frame);
                     }
-                    Turn::Received(frame) => {
+                    BusEvent::Received(frame) => {
                         self.tap.traffic.send_modify(|traffic| traffic.add(&frame));
                         if let Some(received) = self.endpoint.receive(&frame, self.started.elapsed()) {
                             return Ok(received.map_err(NoFrame::Damaged));
                         }
                     }
-                    Turn::Away => {
+                    BusEvent::Away => {
                         self.tap.absences.send_modify(|absences| *absences += 1);
                         return Ok(Err(NoFrame::Away));
                     }
-                    Turn::Back(lasted) => return Ok(Err(NoFrame::Back { lasted })),
+                    BusEvent::Back(lasted) => return Ok(Err(NoFrame::Back { lasted })),
                 },
                 Some(frame) = self.tap.outgoing.recv(), if front.is_none() => self.outgoing.push_back(frame),
                 () = sleep_until(due.unwrap_or(self.started)), if due.is_some() => {}
@@ -401,7 +403,7 @@ mod tests {
 
     /// A board that sends every request back as if it were its own.
     async fn mirror(mut end: MemoryEnd, echo: bool) {
-        let mut board = Endpoint::new(Role::Board);
+        let mut board = Endpoint::new(EndpointRole::Board);
         while let Some(frame) = end.from_host.recv().await {
             if let Some(back) = gnc_protocol::can::id::echo_of(frame.id()).filter(|_| echo) {
                 let back = CanFrame::new(back, frame.data()).expect("a frame");

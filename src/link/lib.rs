@@ -13,5 +13,5 @@ mod target;
 
 pub use absence::RETURNS_WITHIN;
 pub use link::{Link, LinkError};
-pub use received::{NoFrame, Received};
+pub use received::{LinkEvent, NoFrame};
 pub use target::Target;

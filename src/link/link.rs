@@ -7,7 +7,7 @@ use gnc_protocol::Frame;
 use gnc_protocol::serial::LineCounters;
 
 use crate::can::{CanLink, CanOpenError};
-use crate::received::Received;
+use crate::received::LinkEvent;
 use crate::serial::{self, OpenError, SerialLink};
 use crate::target::Target;
 
@@ -69,7 +69,7 @@ impl Link {
     ///
     /// # Errors
     /// The link is gone and did not come back within [`crate::RETURNS_WITHIN`].
-    pub async fn next(&mut self, read: bool) -> io::Result<Received> {
+    pub async fn next(&mut self, read: bool) -> io::Result<LinkEvent> {
         match self {
             Self::Serial(link) => link.next(read).await,
             Self::Can(link) => link.next(read).await,

@@ -6,7 +6,7 @@ use gnc_protocol::Frame;
 use gnc_protocol::frame::FrameError;
 
 /// What comes out of a link.
-pub type Received = Result<Frame, NoFrame>;
+pub type LinkEvent = Result<Frame, NoFrame>;
 
 /// What a link tells instead of a frame; none of it ends the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,15 +5,15 @@ mod port;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use gnc_protocol::serial::{Decoder, LineCounters, MAX_ON_WIRE, encode, on_wire};
+use gnc_protocol::serial::{FrameDecoder, LineCounters, MAX_ON_WIRE, encode, on_wire};
 use gnc_protocol::{Frame, timing};
 use nix::errno::Errno;
 use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::Buf as _;
 
 use super::memory::MemoryPort;
-use crate::received::{NoFrame, Received};
-pub(super) use port::{Place, Port, PortEvent};
+use crate::received::{LinkEvent, NoFrame};
+pub(super) use port::{Port, PortEvent, PortLocation};
 
 /// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.
 const OUTGOING: usize = 16 * MAX_ON_WIRE;
@@ -25,12 +25,12 @@ const OUTGOING: usize = 16 * MAX_ON_WIRE;
 #[derive(Debug)]
 pub struct SerialLink {
     port: Port,
-    decoder: Decoder,
+    decoder: FrameDecoder,
 }
 
 impl SerialLink {
     fn on(port: Port) -> Self {
-        Self { port, decoder: Decoder::default() }
+        Self { port, decoder: FrameDecoder::default() }
     }
 
     pub(super) fn send(&mut self, frame: &Frame) {
@@ -40,7 +40,7 @@ impl SerialLink {
         }
     }
 
-    pub(super) async fn next(&mut self, read: bool) -> io::Result<Received> {
+    pub(super) async fn next(&mut self, read: bool) -> io::Result<LinkEvent> {
         loop {
             if read && let Some(received) = self.decoded() {
                 return Ok(received);
@@ -54,7 +54,7 @@ impl SerialLink {
     }
 
     /// The next frame in what has come. Damaged ones come through as such.
-    fn decoded(&mut self) -> Option<Received> {
+    fn decoded(&mut self) -> Option<LinkEvent> {
         let incoming = &mut self.port.incoming;
         let mut rest: &[u8] = incoming;
         let received = self.decoder.next(&mut rest);
@@ -149,7 +149,7 @@ impl OpenError {
 /// # Errors
 /// [`OpenError`].
 pub(crate) fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError> {
-    Ok(SerialLink::on(Port::open(Place::Device(port.to_owned(), rate_baud))?))
+    Ok(SerialLink::on(Port::open(PortLocation::Device(port.to_owned(), rate_baud))?))
 }
 
 /// Opens a cable's end in this program's memory.
@@ -157,7 +157,7 @@ pub(crate) fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError>
 /// # Errors
 /// [`OpenError::Missing`]: no cable is plugged in, or it was opened already.
 pub(crate) fn open_memory(port: &MemoryPort) -> Result<SerialLink, OpenError> {
-    Ok(SerialLink::on(Port::open(Place::Memory(port.clone()))?))
+    Ok(SerialLink::on(Port::open(PortLocation::Memory(port.clone()))?))
 }
 
 /// Opens a port as a link does, and closes it again.

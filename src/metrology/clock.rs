@@ -43,7 +43,7 @@ pub struct Stated {
 
 /// What the stamps say.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rate {
+pub struct ClockRate {
     /// Rate from first to last stamp of each block, Hz.
     pub rate_hz: f64,
     /// Standard uncertainty from the scatter of the stamps, Hz.
@@ -62,7 +62,7 @@ pub struct Rate {
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::NotMonotonic`], [`Refusal::Gap`], [`Refusal::Jittery`], [`Refusal::RateChanges`],
 /// [`Refusal::RateMismatch`]: the first of them in the order of the record.
-pub fn check(stamps_s: &[f64], blocks: &[Range<usize>], stated: Option<Stated>) -> Result<Option<Rate>, Refusal> {
+pub fn check(stamps_s: &[f64], blocks: &[Range<usize>], stated: Option<Stated>) -> Result<Option<ClockRate>, Refusal> {
     let change = stated.map_or(CHANGE_TOLERANCE, |s| s.tolerance);
     let mut paces: Vec<Pace> = Vec::new();
     for block in blocks {
@@ -77,7 +77,7 @@ pub fn check(stamps_s: &[f64], blocks: &[Range<usize>], stated: Option<Stated>) 
         }
         paces.push(pace);
     }
-    let Some(rate) = Rate::of(&paces) else { return Ok(None) };
+    let Some(rate) = ClockRate::of(&paces) else { return Ok(None) };
     match stated {
         Some(Stated { rate_hz: stated_hz, tolerance })
             if (rate.rate_hz / stated_hz - 1.0).abs() > tolerance + RATE_SIGMA * rate.rate_u_hz / rate.rate_hz =>
@@ -117,7 +117,7 @@ struct Pace {
     counts: (usize, usize),
 }
 
-impl Rate {
+impl ClockRate {
     fn of(paces: &[Pace]) -> Option<Self> {
         let sum = |term: &dyn Fn(&Pace) -> f64| paces.iter().map(term).sum::<f64>();
         let (samples, span_s) = (sum(&|p| p.samples), sum(&|p| p.span_s));

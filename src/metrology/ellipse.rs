@@ -74,7 +74,7 @@ impl Correction {
 
 /// What the print would compute from the extremes of the record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Extremes {
+pub struct PrintExtremes {
     /// `(Xmax + Xmin) / 2`.
     pub dx: f64,
     /// `(Ymax + Ymin) / 2`.
@@ -85,7 +85,7 @@ pub struct Extremes {
 
 /// Standard uncertainties, in the order of the figures.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
+pub struct EllipseUncertainty {
     /// Of the centre.
     pub centre: [f64; 2],
     /// Of the semi-axes.
@@ -118,7 +118,7 @@ pub struct Ellipse {
     /// Standard deviation of the noise of a channel.
     pub sigma: f64,
     /// The print's figures.
-    pub extremes: Extremes,
+    pub extremes: PrintExtremes,
     /// Points rejected as spikes.
     pub rejected: usize,
     /// Points used.
@@ -130,7 +130,7 @@ pub struct Ellipse {
     /// Condition number of the scaled problem.
     pub condition: f64,
     /// Standard uncertainties (delta method).
-    pub sd: Spread,
+    pub sd: EllipseUncertainty,
     /// Covariance of centre (2), semi-axes (2), rotation (degrees), `dx, dy` (the centre again), `ky`, `sin_alpha`.
     pub covariance: SMatrix<f64, 9, 9>,
     /// Degrees of freedom.
@@ -217,7 +217,7 @@ pub fn fit_within(x: &[f64], y: &[f64], saturation: Option<f64>, limit: f64) -> 
         turns: coverage.turns,
         gap_deg: coverage.gap_deg,
         condition: fit.condition,
-        sd: Spread {
+        sd: EllipseUncertainty {
             centre: [sd[0], sd[1]],
             semi_axes: [sd[2], sd[3]],
             rotation_deg: sd[4],
@@ -247,9 +247,9 @@ pub fn fit_algebraic(x: &[f64], y: &[f64]) -> Result<[f64; 5], Refusal> {
     Ok([f[0], f[1], f[2], f[3], f[4]])
 }
 
-fn extremes(x: &[f64], y: &[f64]) -> Extremes {
+fn extremes(x: &[f64], y: &[f64]) -> PrintExtremes {
     let ((x0, x1), (y0, y1)) = (stats::range(x), stats::range(y));
-    Extremes { dx: f64::midpoint(x0, x1), dy: f64::midpoint(y0, y1), ky: (x1 - x0) / (y1 - y0) }
+    PrintExtremes { dx: f64::midpoint(x0, x1), dy: f64::midpoint(y0, y1), ky: (x1 - x0) / (y1 - y0) }
 }
 
 /// Peak of the relative radius error after the complete correction (spikes left out), and rms of the radius error after

@@ -8,7 +8,7 @@ use crate::{Refusal, linear, series, stats};
 
 /// One-sided power spectral density.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Psd {
+pub struct SpectralDensity {
     /// Frequencies from 0 to half the rate, Hz.
     pub frequency_hz: Vec<f64>,
     /// Density, unit squared per Hz; white noise of Allan coefficient N reads `2 N^2`.
@@ -23,7 +23,7 @@ pub struct Psd {
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::Parameter`] for a segment below 8 samples, [`Refusal::TooFew`] when the record is
 /// shorter than one segment, [`Refusal::Constant`].
-pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusal> {
+pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<SpectralDensity, Refusal> {
     series::finite("record", values)?;
     series::positive("rate (Hz)", rate_hz)?;
     if segment < 8 {
@@ -65,12 +65,12 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<Psd, Refusa
         *d *= sides / (rate_hz * power * f64::from(segments));
     }
     let frequency_hz = (0..=last).map(|k| k as f64 * rate_hz / segment as f64).collect();
-    Ok(Psd { frequency_hz, density, segments: segments as usize })
+    Ok(SpectralDensity { frequency_hz, density, segments: segments as usize })
 }
 
 /// Spectrum that single events do not raise: at each frequency the median over segments apart from each other.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Spectrum {
+pub struct RobustSpectrum {
     /// Distance of the frequencies, Hz; the first is 0.
     pub step_hz: f64,
     /// One-sided density, unit squared per Hz.
@@ -104,7 +104,7 @@ const STANDS_OUT: f64 = 3.0;
 /// ... and so many standard deviations.
 const OVER_SCATTER: f64 = 8.0;
 
-impl Spectrum {
+impl RobustSpectrum {
     /// Of a record; `None` below 16 segments of 32 samples.
     #[must_use]
     pub fn of(values: &[f64], rate_hz: f64) -> Option<Self> {
@@ -138,7 +138,7 @@ impl Spectrum {
 
     /// Of a Welch spectrum, nine of ten of whose segments count (overlap of 50 % under a Hann window).
     #[must_use]
-    pub fn of_welch(psd: &Psd) -> Self {
+    pub fn of_welch(psd: &SpectralDensity) -> Self {
         let step_hz = psd.frequency_hz.get(1).copied().unwrap_or(f64::NAN);
         Self { step_hz, density: psd.density.clone(), relative_sd: (0.9 * psd.segments as f64).powf(-0.5) }
     }
@@ -439,7 +439,7 @@ mod tests {
                     state + 0.2 * (std::f64::consts::TAU * 0.31 * i as f64).sin()
                 })
                 .collect();
-            let of = |values: &[f64]| Spectrum::of(values, rate_hz).unwrap().without_lines().plateau().unwrap();
+            let of = |values: &[f64]| RobustSpectrum::of(values, rate_hz).unwrap().without_lines().plateau().unwrap();
             let (plateau, n) = (of(&values), of(&values).n());
             values[7000] += 3000.0;
             assert!((of(&values).n().value / n.value - 1.0).abs() < 0.15, "{seed}");
@@ -459,7 +459,7 @@ mod tests {
         for (end, to_hz) in [(8, 7.0), (10, 9.0), (12, 5.0)] {
             // What follows is level nowhere.
             let density = (0..33).map(|k| if k < end { 3.0 } else { [100.0, 3000.0][k / 2 % 2] }).collect();
-            let spectrum = Spectrum { step_hz: 1.0, density, relative_sd: 0.1 };
+            let spectrum = RobustSpectrum { step_hz: 1.0, density, relative_sd: 0.1 };
             let plateau = spectrum.plateau().unwrap();
             assert_eq!((plateau.from_hz, plateau.to_hz), (2.0, to_hz), "{end}");
             assert!((plateau.density / 3.0 - 1.0).abs() < 1e-12, "{end}");
@@ -477,7 +477,7 @@ mod tests {
     fn the_plateau_above_a_flicker_is_the_white_level() {
         let with = |rise: f64, len: usize| {
             let density = (0..len).map(|k| 3.0 * (1.0 + rise / (k as f64).max(1.0))).collect();
-            Spectrum { step_hz: 0.5, density, relative_sd: 0.1 }
+            RobustSpectrum { step_hz: 0.5, density, relative_sd: 0.1 }
         };
         for rise in [0.05, 0.2, 0.4] {
             // And how much larger the standard deviation is without flicker, from the matrices of both fits in numpy.
@@ -507,8 +507,8 @@ mod tests {
                 Some(*sum)
             })
             .collect();
-        assert_eq!(Spectrum::of(&walk, 100.0).unwrap().plateau(), None);
-        assert_eq!(Spectrum::of(&walk[..500], 100.0), None);
+        assert_eq!(RobustSpectrum::of(&walk, 100.0).unwrap().plateau(), None);
+        assert_eq!(RobustSpectrum::of(&walk[..500], 100.0), None);
     }
 
     #[test]

@@ -33,7 +33,7 @@ const MEANS_OF_REST: usize = 4;
 
 /// How the axis of rotation stands, as far as known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Axis {
+pub enum RotationAxis {
     /// Unknown: the earth's rotation stays in the offset.
     Unknown,
     /// Each axis in turn parallel to the earth's, positive to the celestial north.
@@ -47,13 +47,13 @@ pub enum Axis {
 
 /// How the runs were made and how they are judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct RotationOptions {
     /// Sample rate, Hz.
     pub rate_hz: f64,
     /// Turns of each run.
     pub turns: f64,
     /// Stand of the axis of rotation.
-    pub axis: Axis,
+    pub axis: RotationAxis,
     /// Output at which a channel is saturated, if known.
     pub saturation: Option<f64>,
     /// Nominal response in LSB per rad/s and half width of the band around it in percent, if known. Only this can find
@@ -63,7 +63,7 @@ pub struct Options {
 
 /// One run: a record with rest, a rotation and rest.
 #[derive(Debug, Clone)]
-pub struct Run<'a> {
+pub struct RotationRun<'a> {
     /// Label `x+ x- y+ y- z+ z-`: axis and sense.
     pub label: String,
     /// Output of the triad.
@@ -72,7 +72,7 @@ pub struct Run<'a> {
 
 /// Where the rotation of a run was found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Window {
+pub struct RotationWindow {
     /// Label of the run.
     pub label: String,
     /// First sample of the window, from the start of the run.
@@ -87,7 +87,7 @@ pub struct Window {
 
 /// What was found. Rows of the matrices are sensors, columns are axes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration {
+pub struct RotationCalibration {
     /// S of `N = S w + b`, LSB per rad/s.
     pub response: Matrix3<f64>,
     /// b of the same at the attitude of the rotations, LSB: the bias, measured less true, with g-sensitivity in it.
@@ -109,7 +109,7 @@ pub struct Calibration {
     /// Largest error of the bias from the earth's rotation that is not corrected, rad/s.
     pub earth_bound_rps: f64,
     /// Windows of the runs, in the order x+ x- y+ y- z+ z-.
-    pub windows: Vec<Window>,
+    pub windows: Vec<RotationWindow>,
     /// `|I+ + I- - T b| / |I+ - I-|` of each axis, b from rest.
     pub mismatch: Vector3<f64>,
     /// Residuals of the integrals of the three sensors over each window, as angles, rad. All 0 with a vertical axis, where
@@ -123,7 +123,7 @@ pub struct Calibration {
     pub dof: f64,
 }
 
-impl Calibration {
+impl RotationCalibration {
     /// Bias at the attitude of the rotations, measured less true, rad/s: `Kg b = epsilon`.
     #[must_use]
     pub fn bias_rps(&self) -> Vector3<f64> {
@@ -149,7 +149,7 @@ impl Calibration {
         triad::coupling(&self.response)
     }
 
-    /// As [`crate::six_position::Calibration::nonorthogonality_rad`].
+    /// As [`crate::six_position::SixPositionCalibration::nonorthogonality_rad`].
     #[must_use]
     pub fn nonorthogonality_rad(&self) -> Vector3<f64> {
         triad::nonorthogonality_rad(&self.response)
@@ -172,7 +172,7 @@ impl Calibration {
 /// # Errors
 /// Missing or doubled runs, records that are not finite, cut off, saturated, restless or turned differently; sensors
 /// that answer to the wrong axis, with the wrong sign or outside the stated band.
-pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal> {
+pub fn calibrate(runs: &[RotationRun], options: &RotationOptions) -> Result<RotationCalibration, Refusal> {
     let dt = 1.0 / series::positive("rate (Hz)", options.rate_hz)?;
     let angle = std::f64::consts::TAU * series::positive("turns", options.turns)?;
     let runs = in_order(runs)?;
@@ -196,11 +196,11 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     let mismatch = cancel(&runs, &found, &windows, slow, resolution, dt)?;
 
     let along = match options.axis {
-        Axis::Unknown => 0.0,
-        Axis::Polar => earth::EARTH_RATE_RPS,
-        Axis::Vertical { latitude_deg } => earth::vertical_rate_rps(latitude_deg)?,
+        RotationAxis::Unknown => 0.0,
+        RotationAxis::Polar => earth::EARTH_RATE_RPS,
+        RotationAxis::Vertical { latitude_deg } => earth::vertical_rate_rps(latitude_deg)?,
     };
-    let spent = matches!(options.axis, Axis::Vertical { .. });
+    let spent = matches!(options.axis, RotationAxis::Vertical { .. });
     let mut response = Matrix3::zeros();
     let mut bias_lsb = Vector3::zeros();
     let mut cofactor = [Matrix4::zeros(); 3];
@@ -248,7 +248,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
     let covariance = [0, 1, 2].map(|i| cofactor[i] * variance[i] + of_steps[i]);
     let parameters = linear::inverse_covariance(&matrix, &(-epsilon_rps).push(1.0), &covariance);
     let (matrix_sd, bias_sd_rps) = linear::standard_uncertainties(&parameters);
-    Ok(Calibration {
+    Ok(RotationCalibration {
         response,
         bias_lsb,
         matrix,
@@ -258,7 +258,7 @@ pub fn calibrate(runs: &[Run], options: &Options) -> Result<Calibration, Refusal
         matrix_sd,
         bias_sd_rps,
         covariance: negated_constant(parameters),
-        earth_bound_rps: if options.axis == Axis::Unknown { earth::EARTH_RATE_RPS } else { 0.0 },
+        earth_bound_rps: if options.axis == RotationAxis::Unknown { earth::EARTH_RATE_RPS } else { 0.0 },
         windows,
         mismatch,
         residuals_rad: (0..6).map(|r| Vector3::from_fn(|i, _| residuals[(r, i)] / response[(i, i)])).collect(),
@@ -274,7 +274,7 @@ fn negated_constant(covariance: TriadCovariance) -> TriadCovariance {
 }
 
 /// The runs in the order of the labels, each once.
-fn in_order<'a, 'b>(runs: &'b [Run<'a>]) -> Result<Vec<&'b Run<'a>>, Refusal> {
+fn in_order<'a, 'b>(runs: &'b [RotationRun<'a>]) -> Result<Vec<&'b RotationRun<'a>>, Refusal> {
     for (i, run) in runs.iter().enumerate() {
         if position::up_of(&run.label).is_none() {
             return Err(Refusal::UnknownLabel { label: run.label.clone(), row: i + 1 });
@@ -292,7 +292,7 @@ fn in_order<'a, 'b>(runs: &'b [Run<'a>]) -> Result<Vec<&'b Run<'a>>, Refusal> {
 
 /// Noise of a channel at rest as its means show it, which behind a low-pass is more than neighbouring rows say: from the
 /// beginnings of all runs or their ends, whichever rest more.
-fn noise_at_ends(runs: &[&Run], channel: usize, rate_hz: f64) -> f64 {
+fn noise_at_ends(runs: &[&RotationRun], channel: usize, rate_hz: f64) -> f64 {
     let edge = (REST_S * rate_hz).ceil() as usize;
     let rows = (edge / MEANS_OF_REST).max(1);
     let of = |end: &dyn Fn(&[f64]) -> std::ops::Range<usize>| {
@@ -304,7 +304,7 @@ fn noise_at_ends(runs: &[&Run], channel: usize, rate_hz: f64) -> f64 {
 }
 
 /// Beginnings and ends of all runs in one channel, which rest.
-fn rests<'a>(runs: &[&Run<'a>], channel: usize, rate_hz: f64) -> Vec<&'a [f64]> {
+fn rests<'a>(runs: &[&RotationRun<'a>], channel: usize, rate_hz: f64) -> Vec<&'a [f64]> {
     let edge = (REST_S * rate_hz).ceil() as usize;
     let of_run = |values: &'a [f64]| {
         let edge = edge.min(values.len());
@@ -314,9 +314,9 @@ fn rests<'a>(runs: &[&Run<'a>], channel: usize, rate_hz: f64) -> Vec<&'a [f64]> 
 }
 
 /// No channel stands still through a run that is noisy at rest in another: its cross-coupling there would read 0.
-fn alive(runs: &[&Run], rests: &[Vec<&[f64]>; 3]) -> Result<(), Refusal> {
+fn alive(runs: &[&RotationRun], rests: &[Vec<&[f64]>; 3]) -> Result<(), Refusal> {
     for (i, name) in AXES.into_iter().enumerate() {
-        let still = |run: &&&Run| run.channels[i].iter().all(|v| *v == run.channels[i][0]);
+        let still = |run: &&&RotationRun| run.channels[i].iter().all(|v| *v == run.channels[i][0]);
         let Some(run) = runs.iter().find(still) else { continue };
         if quantisation::is_stuck(&rests[i], run.channels[i].len()) {
             let (channel, place) = (name.to_owned(), format!("run {}", run.label));
@@ -336,7 +336,7 @@ struct Found {
 
 impl Found {
     /// `slow` is the noise of the channel as its means show it.
-    fn search(run: &Run, axis: usize, slow: f64, rate_hz: f64) -> Result<Self, Refusal> {
+    fn search(run: &RotationRun, axis: usize, slow: f64, rate_hz: f64) -> Result<Self, Refusal> {
         let values = run.channels[axis];
         let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
         let needed = ((4.0 * REST_S) * rate_hz).ceil() as usize + 8 * block;
@@ -413,7 +413,7 @@ fn largest_segment(moving: &[usize], means: &[f64], level: f64) -> (usize, usize
 }
 
 /// Windows of equal length within each pair, centred on the rotations and inside the records.
-fn windows(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<Vec<Window>, Refusal> {
+fn windows(runs: &[&RotationRun], found: &[Found], rate_hz: f64) -> Result<Vec<RotationWindow>, Refusal> {
     let margin = (MARGIN_S * rate_hz).ceil() as usize;
     let mut windows = Vec::with_capacity(6);
     for (r, (run, f)) in runs.iter().zip(found).enumerate() {
@@ -430,13 +430,19 @@ fn windows(runs: &[&Run], found: &[Found], rate_hz: f64) -> Result<Vec<Window>, 
         let range = start..start + length;
         let integral_lsb_s =
             Vector3::from_fn(|i, _| stats::mean(&run.channels[i][range.clone()]) * length as f64 / rate_hz);
-        windows.push(Window { label: run.label.clone(), start, end: range.end, peak_lsb: f.peak, integral_lsb_s });
+        windows.push(RotationWindow {
+            label: run.label.clone(),
+            start,
+            end: range.end,
+            peak_lsb: f.peak,
+            integral_lsb_s,
+        });
     }
     Ok(windows)
 }
 
 /// All three sensors rest outside the rotation.
-fn rest(runs: &[&Run], found: &[Found], slow: [f64; 3], rate_hz: f64) -> Result<(), Refusal> {
+fn rest(runs: &[&RotationRun], found: &[Found], slow: [f64; 3], rate_hz: f64) -> Result<(), Refusal> {
     let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
     let margin = (MARGIN_S * rate_hz).ceil() as usize;
     for (run, f) in runs.iter().zip(found) {
@@ -480,7 +486,7 @@ struct Noise {
 impl Noise {
     /// That of neighbouring rows, which the next rows repeat behind a low-pass: where means of rows scatter by more than
     /// these say, that of means twice as long, of which the memory takes less.
-    fn at_rest(runs: &[&Run], found: &[Found], rate_hz: f64) -> Self {
+    fn at_rest(runs: &[&RotationRun], found: &[Found], rate_hz: f64) -> Self {
         let edge = (REST_S * rate_hz).ceil() as usize;
         let (short, long) = ((edge / MEANS_OF_REST).max(1), (2 * edge / MEANS_OF_REST).max(1));
         let mut squares = Vector3::zeros();
@@ -512,7 +518,7 @@ impl Noise {
 }
 
 /// What the steps of a sensor's output leave open in a mean, from the rests and the channels that do not turn.
-fn resolution(runs: &[&Run], found: &[Found], channel: usize) -> f64 {
+fn resolution(runs: &[&RotationRun], found: &[Found], channel: usize) -> f64 {
     let rests = runs.iter().zip(found).flat_map(|(run, f)| {
         let values = run.channels[channel];
         [&values[..f.start], &values[f.end..]]
@@ -522,9 +528,9 @@ fn resolution(runs: &[&Run], found: &[Found], channel: usize) -> f64 {
 
 /// Forth and back cancel but for the bias at rest, which contains the own-axis earth rate.
 fn cancel(
-    runs: &[&Run],
+    runs: &[&RotationRun],
     found: &[Found],
-    windows: &[Window],
+    windows: &[RotationWindow],
     slow: [f64; 3],
     resolution: Vector3<f64>,
     dt: f64,

@@ -25,7 +25,7 @@ use crate::stability::{Repeatability, repeatability};
 use crate::{Refusal, series, stats};
 use line::Line;
 
-pub use rows::{Point, Rows};
+pub use rows::{RatePoint, RateRows};
 
 /// What the parameters mean.
 pub const EQUATION: &str = "x = scale_factor rate + offset";
@@ -41,14 +41,14 @@ const FEWEST: usize = 3;
 
 /// How the points are judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct ScaleFactorOptions {
     /// End of the input range to which the nonlinearity refers; the largest input of the record where `None`.
     pub full_scale: Option<f64>,
     /// Largest residual allowed, over the full scale.
     pub residual: f64,
 }
 
-impl Default for Options {
+impl Default for ScaleFactorOptions {
     fn default() -> Self {
         Self { full_scale: None, residual: RESIDUAL_LIMIT }
     }
@@ -90,7 +90,7 @@ impl Estimate {
 
 /// Why a figure does not exist.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum Absent {
+pub enum MissingFigure {
     /// Fewer than two rates of one sense.
     #[error("{rates} rates of the {sense} sense{place}, a line needs 2")]
     FewOfOneSense {
@@ -212,7 +212,7 @@ pub struct Cycle {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suspect {
     /// The point.
-    pub point: Point,
+    pub point: RatePoint,
     /// Its residual over the standard deviation that the others give it.
     pub studentised: f64,
 }
@@ -235,13 +235,13 @@ pub struct ScaleFactor {
     /// Largest residual over the output.
     pub nonlinearity_output: Largest,
     /// Test of the line by repeated points.
-    pub lack_of_fit: Result<LackOfFit, Absent>,
+    pub lack_of_fit: Result<LackOfFit, MissingFigure>,
     /// Difference of the senses.
-    pub asymmetry: Result<Asymmetry, Absent>,
+    pub asymmetry: Result<Asymmetry, MissingFigure>,
     /// Cycles, in the order of the record.
     pub cycles: Vec<Cycle>,
     /// Spread of K over the cycles; divide by `scale_factor.value` for the relative one.
-    pub repeatability: Result<Repeatability, Absent>,
+    pub repeatability: Result<Repeatability, MissingFigure>,
     /// Points that stand out.
     pub suspects: Vec<Suspect>,
 }
@@ -252,8 +252,10 @@ pub struct ScaleFactor {
 /// [`Refusal::NotFinite`], [`Refusal::Parameter`]; [`Refusal::FewRates`] below three different inputs in a cycle;
 /// [`Refusal::Constant`] for a dead output, [`Refusal::Alike`] for cycles that agree to the last digit, which are copies;
 /// [`Refusal::OffLine`] for a point that misses the line by more than the limit, relative to the largest input.
-pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> {
-    for (name, of) in [("rate", (|p| p.rate) as fn(&Point) -> f64), ("output", |p| p.output), ("cycle", |p| p.cycle)] {
+pub fn fit(points: &[RatePoint], options: &ScaleFactorOptions) -> Result<ScaleFactor, Refusal> {
+    for (name, of) in
+        [("rate", (|p| p.rate) as fn(&RatePoint) -> f64), ("output", |p| p.output), ("cycle", |p| p.cycle)]
+    {
         series::finite(name, &points.iter().map(of).collect::<Vec<_>>())?;
     }
     series::positive("residual limit", options.residual)?;
@@ -278,7 +280,7 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
     };
     let (scale_factor, offset) = (scale_factor.beside(of_steps(0)), offset.beside(of_steps(1)));
     let repeatability = match &lines[..] {
-        [_] => Err(Absent::OneCycle),
+        [_] => Err(MissingFigure::OneCycle),
         [first, ..] if lines.iter().all(|line| line.slope == first.slope) => {
             let what = "scale factors of the cycles";
             return Err(Refusal::Alike { what, count: lines.len(), value: first.slope });
@@ -291,7 +293,7 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
         Some(full_scale) => series::positive("full scale", full_scale)?,
         None => largest_rate,
     };
-    let residuals: Vec<(Point, f64)> = cycles
+    let residuals: Vec<(RatePoint, f64)> = cycles
         .iter()
         .zip(&lines)
         .flat_map(|(of_cycle, line)| of_cycle.iter().map(|p| (*p, line.residual(p))))
@@ -330,8 +332,8 @@ pub fn fit(points: &[Point], options: &Options) -> Result<ScaleFactor, Refusal> 
 }
 
 /// The points of each cycle, in the order in which the cycles begin.
-fn by_cycle(points: &[Point]) -> Vec<Vec<Point>> {
-    let mut cycles: Vec<Vec<Point>> = Vec::new();
+fn by_cycle(points: &[RatePoint]) -> Vec<Vec<RatePoint>> {
+    let mut cycles: Vec<Vec<RatePoint>> = Vec::new();
     for point in points {
         match cycles.iter_mut().find(|cycle| cycle[0].cycle == point.cycle) {
             Some(cycle) => cycle.push(*point),
@@ -341,11 +343,11 @@ fn by_cycle(points: &[Point]) -> Vec<Vec<Point>> {
     cycles
 }
 
-fn place(of_cycle: &[Point], cycles: &[Vec<Point>]) -> String {
+fn place(of_cycle: &[RatePoint], cycles: &[Vec<RatePoint>]) -> String {
     if cycles.len() > 1 { format!(" in cycle {}", of_cycle[0].cycle) } else { String::new() }
 }
 
-fn enough(place: &str, points: &[Point]) -> Result<(), Refusal> {
+fn enough(place: &str, points: &[RatePoint]) -> Result<(), Refusal> {
     let got = different(points.iter().map(|p| p.rate));
     if got < FEWEST {
         return Err(Refusal::FewRates { place: place.to_owned(), got, needed: FEWEST });
@@ -363,7 +365,7 @@ fn different(values: impl Iterator<Item = f64>) -> usize {
 }
 
 /// No point misses the line by more than the limit.
-fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<(), Refusal> {
+fn on_line(residuals: &[(RatePoint, f64)], full_scale: f64, limit: f64) -> Result<(), Refusal> {
     let worst = residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     match worst {
         Some((point, residual)) if residual.is_nan() || residual.abs() > limit * full_scale => Err(Refusal::OffLine {
@@ -376,7 +378,7 @@ fn on_line(residuals: &[(Point, f64)], full_scale: f64, limit: f64) -> Result<()
     }
 }
 
-fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64, largest_rate: f64) -> Vec<CurvePoint> {
+fn curve(residuals: &[(RatePoint, f64)], k: f64, full_scale: f64, largest_rate: f64) -> Vec<CurvePoint> {
     let mut sorted = residuals.to_vec();
     sorted.sort_by(|a, b| a.0.rate.total_cmp(&b.0.rate));
     sorted
@@ -398,25 +400,29 @@ fn curve(residuals: &[(Point, f64)], k: f64, full_scale: f64, largest_rate: f64)
 
 /// Every cycle with its own line leaves `n - m - 2 (Q - 1)` degrees of freedom to the scatter of n points at m rates in Q
 /// cycles, and `m - 2` to the curve, where all cycles have the same rates.
-fn lack_of_fit(residuals: &[(Point, f64)], curve: &[CurvePoint], cycles: &[Vec<Point>]) -> Result<LackOfFit, Absent> {
-    let rates = |cycle: &[Point]| {
+fn lack_of_fit(
+    residuals: &[(RatePoint, f64)],
+    curve: &[CurvePoint],
+    cycles: &[Vec<RatePoint>],
+) -> Result<LackOfFit, MissingFigure> {
+    let rates = |cycle: &[RatePoint]| {
         let mut rates: Vec<f64> = cycle.iter().map(|p| p.rate + 0.0).collect();
         rates.sort_by(f64::total_cmp);
         rates
     };
     if cycles.iter().any(|cycle| rates(cycle) != rates(&cycles[0])) {
-        return Err(Absent::Unbalanced);
+        return Err(MissingFigure::Unbalanced);
     }
     let pure_dof = residuals.len() as f64 - curve.len() as f64 - 2.0 * (cycles.len() as f64 - 1.0);
     if pure_dof < 1.0 {
-        return Err(Absent::NoRateTwice);
+        return Err(MissingFigure::NoRateTwice);
     }
     let of_curve: f64 = curve.iter().map(|p| p.visits as f64 * p.residual * p.residual).sum();
     let all: f64 = residuals.iter().map(|(_, r)| r * r).sum();
     let mean_of = |rate: f64| curve.iter().find(|p| p.rate == rate).map_or(0.0, |p| p.residual);
     let pure: f64 = residuals.iter().map(|(p, r)| (r - mean_of(p.rate)).powi(2)).sum();
     if pure <= 1e-20 * all || pure == 0.0 {
-        return Err(Absent::NoScatter);
+        return Err(MissingFigure::NoScatter);
     }
     let dof = curve.len() as f64 - 2.0;
     let f = (of_curve / dof) / (pure / pure_dof);
@@ -435,14 +441,14 @@ fn reach(curve: &[CurvePoint], test: &LackOfFit, resolution_sd: f64) -> Vec<f64>
     curve.iter().map(|p| t * test.pure_sd * own(p).sqrt() + of_steps).collect()
 }
 
-fn asymmetry(cycles: &[Vec<Point>], resolution_sd: f64) -> Result<Asymmetry, Absent> {
+fn asymmetry(cycles: &[Vec<RatePoint>], resolution_sd: f64) -> Result<Asymmetry, MissingFigure> {
     let mut senses: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
     for cycle in cycles {
         for (lines, (sense, sign)) in senses.iter_mut().zip([("positive", 1.0), ("negative", -1.0)]) {
-            let of_sense: Vec<Point> = cycle.iter().copied().filter(|p| p.rate * sign > 0.0).collect();
+            let of_sense: Vec<RatePoint> = cycle.iter().copied().filter(|p| p.rate * sign > 0.0).collect();
             let rates = different(of_sense.iter().map(|p| p.rate));
             if rates < 2 {
-                return Err(Absent::FewOfOneSense { sense, rates, place: place(cycle, cycles) });
+                return Err(MissingFigure::FewOfOneSense { sense, rates, place: place(cycle, cycles) });
             }
             lines.push(Line::through(&of_sense));
         }
@@ -469,13 +475,13 @@ fn asymmetry(cycles: &[Vec<Point>], resolution_sd: f64) -> Result<Asymmetry, Abs
 
 /// Points whose externally studentised residual is beyond Student's t at the named probability, shared by all points
 /// (Bonferroni).
-fn suspects(of_cycle: &[Point], line: &Line) -> Vec<Suspect> {
+fn suspects(of_cycle: &[RatePoint], line: &Line) -> Vec<Suspect> {
     let dof = line.dof() - 1.0;
     if dof < 1.0 {
         return Vec::new();
     }
     let limit = stats::coverage_factor(1.0 - stats::SUSPECT_PROBABILITY / of_cycle.len() as f64, dof);
-    let of = |point: &Point| {
+    let of = |point: &RatePoint| {
         let own = 1.0 - line.leverage(point.rate);
         let residual = line.residual(point);
         // Where the others lie on a line to the last digits nothing can be said about scatter.

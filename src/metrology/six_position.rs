@@ -16,7 +16,7 @@ pub const POSE_LIMIT: f64 = 0.05;
 
 /// What was found. Matrices: rows are the sensors x y z, columns the axes of the fixture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration {
+pub struct SixPositionCalibration {
     /// Gravity that was used, m/s^2.
     pub gravity_mps2: f64,
     /// Ka of `f = Ka N + nabla`, m/s^2 per LSB.
@@ -49,7 +49,7 @@ pub struct Calibration {
     pub dof: usize,
 }
 
-impl Calibration {
+impl SixPositionCalibration {
     /// Bias, measured less true, m/s^2: `Ka b = -nabla`.
     #[must_use]
     pub fn bias_mps2(&self) -> Vector3<f64> {
@@ -96,7 +96,7 @@ impl Calibration {
 /// # Errors
 /// [`Refusal::TooFew`] below five positions, [`Refusal::IllConditioned`] for attitudes that do not span space,
 /// [`Refusal::WrongSign`], [`Refusal::WrongAxis`] and [`Refusal::PoseResidual`] for wrong labels.
-pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibration, Refusal> {
+pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<SixPositionCalibration, Refusal> {
     series::positive("gravity (m/s^2)", gravity_mps2)?;
     let fit = TriadFit::solve(positions, gravity_mps2)?;
     let response = fit.matrix;
@@ -128,7 +128,7 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<Calibratio
     let (matrix_sd, bias_sd_mps2) = linear::standard_uncertainties(&covariance);
     let (matrix_as_printed, nabla_as_printed_mps2) = as_printed(positions, gravity_mps2)?;
     let total: f64 = residuals_mps2.iter().map(Vector3::norm_squared).sum();
-    Ok(Calibration {
+    Ok(SixPositionCalibration {
         gravity_mps2,
         matrix,
         nabla_mps2,

@@ -16,7 +16,7 @@ use crate::{
 
 /// Offset and gain of a sensor: `out = offset + gain * actual`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Flip {
+pub struct FlipCalibration {
     /// Offset, in the unit of the record: the bias as an output, measured less true.
     pub offset: f64,
     /// Gain, unit of the record per unit of gravity; ideally 1.
@@ -27,7 +27,7 @@ pub struct Flip {
     pub gain_sd: f64,
 }
 
-impl Flip {
+impl FlipCalibration {
     /// Bias, measured less true, in the unit of gravity: `offset / gain`.
     #[must_use]
     pub fn bias(&self) -> f64 {
@@ -46,7 +46,7 @@ impl Flip {
 ///
 /// # Errors
 /// [`Refusal::NotFinite`]; [`Refusal::Parameter`]; [`Refusal::WrongSign`] when the flip is upside down.
-pub fn flip(plus: (f64, f64), minus: (f64, f64), gravity: f64) -> Result<Flip, Refusal> {
+pub fn flip(plus: (f64, f64), minus: (f64, f64), gravity: f64) -> Result<FlipCalibration, Refusal> {
     series::positive("gravity", gravity)?;
     series::finite("flip", &[plus.0, minus.0])?;
     let gain = (plus.0 - minus.0) / (2.0 * gravity);
@@ -54,7 +54,7 @@ pub fn flip(plus: (f64, f64), minus: (f64, f64), gravity: f64) -> Result<Flip, R
         return Err(Refusal::WrongSign { axis: "of the flip", response: gain });
     }
     let spread = plus.1.hypot(minus.1) / 2.0;
-    Ok(Flip { offset: f64::midpoint(plus.0, minus.0), gain, offset_sd: spread, gain_sd: spread / gravity })
+    Ok(FlipCalibration { offset: f64::midpoint(plus.0, minus.0), gain, offset_sd: spread, gain_sd: spread / gravity })
 }
 
 /// [`flip`] from the rows of a record, labelled `+` (the axis up) and `-`, each in one block.
@@ -63,7 +63,7 @@ pub fn flip(plus: (f64, f64), minus: (f64, f64), gravity: f64) -> Result<Flip, R
 /// [`Refusal::Lengths`], [`Refusal::NotFinite`], [`Refusal::TooFew`] below two rows of a position;
 /// [`Refusal::UnknownLabel`], [`Refusal::Missing`], [`Refusal::SplitLabel`]; [`Refusal::Moved`] for a position that moves
 /// by more than 2 mrad and its noise; otherwise as [`flip`].
-pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> Result<Flip, Refusal> {
+pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> Result<FlipCalibration, Refusal> {
     const LABELS: [&str; 2] = ["+", "-"];
     if labels.len() != values.len() {
         return Err(Refusal::Lengths { left: labels.len(), right: values.len() });
@@ -231,7 +231,7 @@ pub fn exceedances(runs: f64, factor: f64) -> f64 {
 
 /// One line of a budget, mg.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Contribution {
+pub struct TiltContribution {
     /// What it is.
     pub name: String,
     /// Before calibration, mg.
@@ -267,14 +267,14 @@ pub fn tilt_error_deg(tilt_deg: f64, error_mg: f64) -> f64 {
 /// # Errors
 /// [`Refusal::TooFew`] without a contribution, [`Refusal::Parameter`] for a range outside 0 to 89 deg or a contribution
 /// that is negative or no number.
-pub fn budget(contributions: &[Contribution], range_deg: f64) -> Result<(Total, Total), Refusal> {
+pub fn budget(contributions: &[TiltContribution], range_deg: f64) -> Result<(Total, Total), Refusal> {
     if contributions.is_empty() {
         return Err(Refusal::TooFew { what: "a budget".to_owned(), got: 0, needed: 1 });
     }
     if !(0.0..=89.0).contains(&range_deg) {
         return Err(Refusal::Parameter { name: "range (deg)", value: range_deg, expected: "0 to 89" });
     }
-    let total = |mg: &dyn Fn(&Contribution) -> f64| -> Result<Total, Refusal> {
+    let total = |mg: &dyn Fn(&TiltContribution) -> f64| -> Result<Total, Refusal> {
         let values: Vec<f64> = contributions.iter().map(mg).collect();
         if let Some(value) = values.iter().copied().find(|v| !(v.is_finite() && *v >= 0.0)) {
             return Err(Refusal::Parameter { name: "contribution (mg)", value, expected: "a magnitude, 0 or more" });
@@ -305,7 +305,7 @@ mod tests {
             ("noise", 24.0, 2.4),
         ];
         let lines =
-            lines.map(|(name, before_mg, after_mg)| Contribution { name: name.to_owned(), before_mg, after_mg });
+            lines.map(|(name, before_mg, after_mg)| TiltContribution { name: name.to_owned(), before_mg, after_mg });
         let (before, after) = budget(&lines, 30.0).unwrap();
         let rounded = |v: f64, unit: f64| (v / unit).round() * unit;
         assert_eq!((before.sum_mg, rounded(after.sum_mg, 0.1)), (129.0, rounded(22.4, 0.1)));

@@ -4,7 +4,7 @@ use chrono::NaiveDate;
 
 use super::active::{ActiveSatellites, Geometry};
 use super::epoch::{Epoch, Fix};
-use super::fault::Fault;
+use super::fault::SentenceFault;
 use super::fields::Time;
 use super::sentence::{Quality, Sentence, Solution, Source};
 
@@ -36,7 +36,7 @@ struct Open {
 }
 
 /// What came of the end of an epoch.
-pub(super) type Ended = Option<Result<Epoch, Fault>>;
+pub(super) type Ended = Option<Result<Epoch, SentenceFault>>;
 
 impl Epochs {
     pub(super) fn repeated(&self) -> u32 {
@@ -127,7 +127,7 @@ impl Epochs {
         }
         let void = contradicted(chosen, &open.solutions);
         Some(if void {
-            Err(Fault::Void { sentence: chosen.source.name() })
+            Err(SentenceFault::Void { sentence: chosen.source.name() })
         } else {
             Ok(epoch(chosen, &open, geometry))
         })

@@ -2,7 +2,7 @@
 
 /// What cannot be in a sentence.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Fault {
+pub enum SentenceFault {
     /// A sentence ends before the fields that make it.
     #[error("{sentence} ends after {fields} fields")]
     Short {

@@ -7,7 +7,7 @@
 
 use chrono::NaiveDate;
 
-use super::fault::Fault;
+use super::fault::SentenceFault;
 
 const DAY_MS: u32 = 86_400_000;
 /// No field has a number like that; its square is still one.
@@ -44,10 +44,10 @@ impl<'a> Fields<'a> {
     ///
     /// # Errors
     /// There are fewer than it needs.
-    pub(super) fn new(sentence: &'static str, text: &'a str, needed: usize) -> Result<Self, Fault> {
+    pub(super) fn new(sentence: &'static str, text: &'a str, needed: usize) -> Result<Self, SentenceFault> {
         let fields: Vec<&str> = text.split(',').map(str::trim).collect();
         if fields.len() < needed {
-            return Err(Fault::Short { sentence, fields: fields.len() });
+            return Err(SentenceFault::Short { sentence, fields: fields.len() });
         }
         Ok(Self { sentence, fields })
     }
@@ -65,12 +65,12 @@ impl<'a> Fields<'a> {
         self.get(at).chars().next().map(|letter| letter.to_ascii_uppercase())
     }
 
-    pub(super) fn wrong(&self, what: &'static str, text: &str) -> Fault {
-        Fault::Number { sentence: self.sentence, what, text: shown(text) }
+    pub(super) fn wrong(&self, what: &'static str, text: &str) -> SentenceFault {
+        SentenceFault::Number { sentence: self.sentence, what, text: shown(text) }
     }
 
     /// A number, were it below zero. `nan`, `inf` and exponents are none.
-    pub(super) fn number(&self, at: usize, what: &'static str) -> Result<Option<f64>, Fault> {
+    pub(super) fn number(&self, at: usize, what: &'static str) -> Result<Option<f64>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() {
             return Ok(None);
@@ -81,14 +81,14 @@ impl<'a> Fields<'a> {
     }
 
     /// A number that has no sign.
-    pub(super) fn amount(&self, at: usize, what: &'static str) -> Result<Option<f64>, Fault> {
+    pub(super) fn amount(&self, at: usize, what: &'static str) -> Result<Option<f64>, SentenceFault> {
         match self.number(at, what)? {
             Some(number) if number < 0.0 => Err(self.wrong(what, self.get(at))),
             amount => Ok(amount),
         }
     }
 
-    pub(super) fn whole(&self, at: usize, what: &'static str) -> Result<Option<u32>, Fault> {
+    pub(super) fn whole(&self, at: usize, what: &'static str) -> Result<Option<u32>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() {
             return Ok(None);
@@ -98,7 +98,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Metres, or what the unit behind them says.
-    pub(super) fn metres(&self, at: usize, what: &'static str) -> Result<Option<f64>, Fault> {
+    pub(super) fn metres(&self, at: usize, what: &'static str) -> Result<Option<f64>, SentenceFault> {
         let metres = self.number(at, what)?;
         match self.get(at + 1) {
             "" | "M" | "m" => Ok(metres),
@@ -108,7 +108,7 @@ impl<'a> Fields<'a> {
     }
 
     /// `hhmmss` with any number of decimals. Midnight may be said as 24:00:00.
-    pub(super) fn time(&self, at: usize) -> Result<Option<Time>, Fault> {
+    pub(super) fn time(&self, at: usize) -> Result<Option<Time>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() {
             return Ok(None);
@@ -134,7 +134,7 @@ impl<'a> Fields<'a> {
     }
 
     /// `ddmmyy`: 83 to 99 lie in the nineties, as NMEA 0183 is from 1983. All zero is a date that is not known yet.
-    pub(super) fn date(&self, at: usize) -> Result<Option<NaiveDate>, Fault> {
+    pub(super) fn date(&self, at: usize) -> Result<Option<NaiveDate>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() || text == "000000" {
             return Ok(None);
@@ -149,7 +149,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Latitude and longitude in degrees, north and east positive, from four fields. `None` where either is empty.
-    pub(super) fn place(&self, at: usize) -> Result<Option<(f64, f64)>, Fault> {
+    pub(super) fn place(&self, at: usize) -> Result<Option<(f64, f64)>, SentenceFault> {
         if self.get(at).is_empty() || self.get(at + 2).is_empty() {
             return Ok(None);
         }
@@ -166,30 +166,30 @@ impl<'a> Fields<'a> {
         needed: usize,
         most_deg: u32,
         [positive, negative]: [char; 2],
-    ) -> Result<f64, Fault> {
+    ) -> Result<f64, SentenceFault> {
         let (sentence, text) = (self.sentence, self.get(at));
         if self.amount(at, what)?.is_none() || text.starts_with(['+', '-']) {
             return Err(self.wrong(what, text));
         }
         let digits = text.find('.').unwrap_or(text.len());
         if digits != needed {
-            return Err(Fault::Digits { sentence, what, text: shown(text), digits, needed });
+            return Err(SentenceFault::Digits { sentence, what, text: shown(text), digits, needed });
         }
         // Of the text, since 100 degrees less in one number cost digits of the minutes.
         let (degrees, minutes) = text.split_at(digits - 2);
         let minutes: f64 = minutes.parse().map_err(|_| self.wrong(what, text))?;
         if minutes >= 60.0 {
-            return Err(Fault::Minutes { sentence, what, text: shown(text) });
+            return Err(SentenceFault::Minutes { sentence, what, text: shown(text) });
         }
         let degrees: f64 = degrees.parse().map_err(|_| self.wrong(what, text))?;
         let angle_deg = degrees + minutes / 60.0;
         if angle_deg > f64::from(most_deg) {
-            return Err(Fault::Beyond { sentence, what, text: shown(text), most_deg });
+            return Err(SentenceFault::Beyond { sentence, what, text: shown(text), most_deg });
         }
         match self.letter(at + 1) {
             Some(letter) if letter == positive => Ok(angle_deg),
             Some(letter) if letter == negative => Ok(-angle_deg),
-            _ => Err(Fault::Hemisphere { sentence, what, text: shown(self.get(at + 1)) }),
+            _ => Err(SentenceFault::Hemisphere { sentence, what, text: shown(self.get(at + 1)) }),
         }
     }
 }

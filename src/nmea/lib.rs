@@ -21,7 +21,7 @@ mod sentence;
 mod tests;
 
 pub use epoch::{Epoch, Fix};
-pub use fault::Fault;
+pub use fault::SentenceFault;
 pub use listener::{Counts, Sentences};
 pub use protocols::Protocol;
 

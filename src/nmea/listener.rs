@@ -2,7 +2,7 @@
 
 use crate::epoch::Epoch;
 use crate::epochs::Epochs;
-use crate::fault::Fault;
+use crate::fault::SentenceFault;
 use crate::framing::{Framer, Piece};
 use crate::protocols::Protocol;
 use crate::sentence;
@@ -19,7 +19,7 @@ pub struct Sentences {
 struct Heard {
     epochs: Epochs,
     counts: Counts,
-    fault: Option<Fault>,
+    fault: Option<SentenceFault>,
     foreign: [u32; Protocol::ALL.len()],
 }
 
@@ -65,7 +65,7 @@ impl Sentences {
 
     /// The first error of the receiver itself.
     #[must_use]
-    pub fn fault(&self) -> Option<&Fault> {
+    pub fn fault(&self) -> Option<&SentenceFault> {
         self.heard.fault.as_ref()
     }
 
@@ -107,7 +107,7 @@ impl Heard {
         None
     }
 
-    fn faulty(&mut self, fault: Fault) {
+    fn faulty(&mut self, fault: SentenceFault) {
         self.counts.errors = self.counts.errors.saturating_add(1);
         self.counts.faults = self.counts.faults.saturating_add(1);
         self.fault.get_or_insert(fault);

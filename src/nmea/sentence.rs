@@ -2,7 +2,7 @@
 
 use chrono::NaiveDate;
 
-use super::fault::Fault;
+use super::fault::SentenceFault;
 use super::fields::{Fields, Time};
 
 const KNOT_MPS: f64 = 1852.0 / 3600.0;
@@ -87,7 +87,7 @@ pub(super) enum Sentence {
 }
 
 /// Reads what stands between `$` and `*`. `None` for all of which nothing is used.
-pub(super) fn read(body: &str) -> Result<Option<Sentence>, Fault> {
+pub(super) fn read(body: &str) -> Result<Option<Sentence>, SentenceFault> {
     let (address, text) = body.split_once(',').unwrap_or((body, ""));
     let Ok([talker @ .., _, _, _]) = <&[u8; 5]>::try_from(address.as_bytes()) else { return Ok(None) };
     match &address[2..] {
@@ -103,7 +103,7 @@ pub(super) fn read(body: &str) -> Result<Option<Sentence>, Fault> {
 }
 
 /// Time, place, quality, satellites, dilution, altitude M, geoid M.
-fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("GGA", text, 6)?;
     let quality = match fields.whole(5, "quality")? {
         // 9 is a fix with corrections from satellites (NovAtel).
@@ -125,7 +125,7 @@ fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
 }
 
 /// Time, place, a letter for each system, satellites, dilution, altitude, geoid.
-fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("GNS", text, 6)?;
     let quality = modes(fields.get(5));
     Ok(Sentence::Solution(Solution {
@@ -140,7 +140,7 @@ fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
 }
 
 /// Time, status, place, knots, course, date, variation, mode.
-fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("RMC", text, 9)?;
     let quality = status(fields.letter(1), fields.get(11));
     Ok(Sentence::Solution(Solution {
@@ -153,7 +153,7 @@ fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
 }
 
 /// Place, time, status, mode.
-fn gll(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
+fn gll(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("GLL", text, 4)?;
     let quality = status(fields.letter(5), fields.get(6));
     Ok(Sentence::Solution(Solution {
@@ -163,12 +163,12 @@ fn gll(talker: [u8; 2], text: &str) -> Result<Sentence, Fault> {
     }))
 }
 
-fn place(fields: &Fields<'_>, at: usize, quality: Quality) -> Result<Option<(f64, f64)>, Fault> {
+fn place(fields: &Fields<'_>, at: usize, quality: Quality) -> Result<Option<(f64, f64)>, SentenceFault> {
     told(fields.place(at), quality)
 }
 
 /// Before its first fix a receiver has any place and any date.
-fn told<T>(field: Result<Option<T>, Fault>, quality: Quality) -> Result<Option<T>, Fault> {
+fn told<T>(field: Result<Option<T>, SentenceFault>, quality: Quality) -> Result<Option<T>, SentenceFault> {
     if quality == Quality::None { Ok(field.ok().flatten()) } else { field }
 }
 
@@ -189,7 +189,7 @@ fn empty(source: Source, talker: [u8; 2], time: Option<Time>) -> Solution {
 }
 
 /// Selection, dimensions, satellites, three dilutions, and since version 4.11 the system.
-fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, Fault> {
+fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let fields = Fields::new("GSA", text, 2)?;
     let dimensions = match fields.whole(1, "dimensions")? {
         Some(dimensions @ 1..=3) => dimensions,
@@ -201,7 +201,7 @@ fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, Fault> {
     let has_system = last == 17 || (last > 17 && !fields.get(last).is_empty() && !fields.get(last).contains('.'));
     let slots = if has_system { slots(6) } else { slots(5) };
     let satellites = (2..2 + slots).map(|at| fields.whole(at, "satellite"));
-    let satellites = satellites.filter_map(Result::transpose).collect::<Result<Vec<u32>, Fault>>()?;
+    let satellites = satellites.filter_map(Result::transpose).collect::<Result<Vec<u32>, SentenceFault>>()?;
     let dilution = |index: usize, what| fields.amount(2 + slots + index, what);
     dilution(0, "PDOP")?;
     Ok(Some(Sentence::Active(Active {
@@ -215,7 +215,7 @@ fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, Fault> {
 }
 
 /// Course T, course M, knots N, km/h K.
-fn vtg(text: &str) -> Result<Option<Sentence>, Fault> {
+fn vtg(text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let fields = Fields::new("VTG", text, 1)?;
     if fields.letter(5) != Some('N') {
         return Ok(None);
@@ -224,7 +224,7 @@ fn vtg(text: &str) -> Result<Option<Sentence>, Fault> {
 }
 
 /// Time, day, month, year.
-fn zda(text: &str) -> Result<Option<Sentence>, Fault> {
+fn zda(text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let fields = Fields::new("ZDA", text, 1)?;
     let [day, month, year] = [(1, "day"), (2, "month"), (3, "year")].map(|(at, what)| fields.whole(at, what));
     let (Some(day), Some(month), Some(year)) = (day?, month?, year?) else { return Ok(None) };

@@ -6,7 +6,7 @@ use crate::calibration::{
     CalibrationCommit, CalibrationCommitReply, CalibrationRead, CalibrationReadReply, CalibrationWrite,
 };
 use crate::error::FaultCode;
-use crate::wire::{List, Reader, Text, Wire, WireError, Writer, wire_enum, wire_struct};
+use crate::wire::{FieldReader, FieldWriter, List, Text, Wire, WireError, wire_enum, wire_struct};
 
 /// First bytes of every HELLO.
 pub const MAGIC: [u8; 4] = *b"GNCT";
@@ -122,11 +122,11 @@ pub struct ResultHead {
 }
 
 impl Wire for ResultHead {
-    fn put(&self, writer: &mut Writer) -> Result<(), crate::wire::Overflow> {
+    fn put(&self, writer: &mut FieldWriter) -> Result<(), crate::wire::Overflow> {
         self.status.put(writer)?;
         self.elapsed_us.put(writer)
     }
-    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+    fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError> {
         Ok(Self { status: FaultCode::get(reader)?, elapsed_us: u32::get(reader)? })
     }
 }

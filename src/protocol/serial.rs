@@ -48,7 +48,7 @@ pub struct LineCounters {
 /// Finds frames in whatever arrives. Holds at most one frame; never stalls: after any rubbish the next
 /// delimiter starts afresh.
 #[derive(Debug)]
-pub struct Decoder {
+pub struct FrameDecoder {
     /// A frame that came in pieces, as far as it came.
     pending: heapless::Vec<u8, MAX_STUFFED>,
     /// Room to take the stuffing out; means nothing between two calls.
@@ -58,7 +58,7 @@ pub struct Decoder {
     counters: LineCounters,
 }
 
-impl Default for Decoder {
+impl Default for FrameDecoder {
     fn default() -> Self {
         Self {
             pending: heapless::Vec::new(),
@@ -70,7 +70,7 @@ impl Default for Decoder {
     }
 }
 
-impl Decoder {
+impl FrameDecoder {
     /// Takes the bytes up to and including the first delimiter off the front of `bytes`. `None`: no frame ended
     /// in them, and they are all consumed.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Result<Frame, FrameError>> {
@@ -215,7 +215,7 @@ mod tests {
     /// It arrived and is no frame, so that it counts as malformed and not as missing too.
     #[test]
     fn a_frame_of_unknown_kind_is_counted_once() {
-        let mut decoder = Decoder::default();
+        let mut decoder = FrameDecoder::default();
         for (kind, sequence) in [(0x16, 7), (0x19, 8), (0x16, 9), (0x19, 11), (0x16, 12)] {
             let mut bytes = [kind, 0, 0, 0, 2, 0, sequence, 0, 0, 0, 0, 0];
             let crc = crate::frame::checksum(&bytes[..HEADER]);

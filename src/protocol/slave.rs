@@ -1,6 +1,6 @@
 //! The board's end of the conversation: sessions, acceptance, replay of results, progress, heartbeat, watchdog.
 //!
-//! [`Board`] is what differs from board to board; [`Slave`] is the same on all of them, the simulated one too.
+//! [`SlaveBoard`] is what differs from board to board; [`Slave`] is the same on all of them, the simulated one too.
 
 use core::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::message::{
 };
 use crate::stream::{StreamFrame, StreamId, stream_header};
 use crate::timing;
-use crate::wire::{Text, Wire, Writer, text};
+use crate::wire::{FieldWriter, Text, Wire, text};
 
 /// Requests that may run at once; one more is refused as busy.
 pub const MAX_RUNNING: usize = 4;
@@ -36,14 +36,14 @@ pub struct BoardIdentity {
 
 /// A refusal: the request was not started.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refusal {
+pub struct RequestRefusal {
     /// Why.
     pub code: NakCode,
     /// For people.
     pub text: Text<160>,
 }
 
-impl Refusal {
+impl RequestRefusal {
     /// A refusal with its text (cut to 160 bytes).
     #[must_use]
     pub fn new(code: NakCode, why: &str) -> Self {
@@ -53,18 +53,18 @@ impl Refusal {
 
 /// A request that ended.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Done {
+pub struct RequestDone {
     /// The host's number for it.
     pub request: u16,
     /// Board time it took.
     pub elapsed_us: u32,
     /// The body of its RESULT, or why there is none.
-    pub outcome: Result<Payload, Fault>,
+    pub outcome: Result<Payload, RequestFault>,
 }
 
 /// A request that was started and came to nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
+pub struct RequestFault {
     /// Why; never [`FaultCode::None`].
     pub code: FaultCode,
     /// For people.
@@ -73,27 +73,27 @@ pub struct Fault {
 
 /// What comes out of a board between two looks at it.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Output {
+pub enum BoardOutput {
     /// A request ended.
-    Done(Done),
+    Done(RequestDone),
     /// Samples to send.
     Stream(StreamId, StreamFrame),
 }
 
 /// A slave board with a module in its socket.
-pub trait Board {
+pub trait SlaveBoard {
     /// Who it is.
     fn identity(&self) -> BoardIdentity;
 
-    /// Starts a request; tells how long it will take in board time (ms). What it does ends as [`Output::Done`].
+    /// Starts a request; tells how long it will take in board time (ms). What it does ends as [`BoardOutput::Done`].
     /// MAKE_SAFE and ABORT never come here.
     ///
     /// # Errors
-    /// A [`Refusal`] when it cannot be started.
-    fn start(&mut self, request: u16, what: Request) -> Result<u32, Refusal>;
+    /// A [`RequestRefusal`] when it cannot be started.
+    fn start(&mut self, request: u16, what: Request) -> Result<u32, RequestRefusal>;
 
     /// The next thing that came out, if any.
-    fn poll(&mut self) -> Option<Output>;
+    fn poll(&mut self) -> Option<BoardOutput>;
 
     /// How far a running request is.
     fn progress(&self, request: u16) -> Progress;
@@ -168,7 +168,7 @@ impl Slave {
     }
 
     /// Takes a frame from the host and sends what answers it at once.
-    pub fn receive(&mut self, frame: &Frame, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
+    pub fn receive(&mut self, frame: &Frame, now: Duration, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         let in_force = frame.header.version == PROTOCOL_VERSION;
         match frame.header.kind {
             Kind::Hello => self.hello(frame, now, board, send),
@@ -193,13 +193,13 @@ impl Slave {
     }
 
     /// Sends what is due: results, samples, progress, heartbeat; ends the session of a host that fell silent.
-    pub fn tick(&mut self, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
+    pub fn tick(&mut self, now: Duration, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         while self.session.is_some()
             && let Some(output) = board.poll()
         {
             match output {
-                Output::Done(done) => self.finish(&done, send),
-                Output::Stream(stream, frame) => {
+                BoardOutput::Done(done) => self.finish(&done, send),
+                BoardOutput::Stream(stream, frame) => {
                     if let Ok(payload) = frame.to_payload() {
                         self.send(stream_header(stream), payload, send);
                     }
@@ -234,7 +234,7 @@ impl Slave {
         [watchdog, progress].into_iter().flatten().fold(self.heartbeat_due, Duration::min)
     }
 
-    fn hello(&mut self, frame: &Frame, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
+    fn hello(&mut self, frame: &Frame, now: Duration, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         let Ok(hello) = HostHello::from_payload(&frame.payload) else { return };
         if hello.magic != MAGIC {
             return;
@@ -263,16 +263,16 @@ impl Slave {
         self.reply(Kind::Hello, frame.header.request, 0, &answer, send);
     }
 
-    fn request(&mut self, frame: &Frame, now: Duration, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
+    fn request(&mut self, frame: &Frame, now: Duration, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         let Header { request, message, version, .. } = frame.header;
         if self.session.is_none() {
-            return self.nak(request, message, &Refusal::new(NakCode::NoSession, "send HELLO first"), send);
+            return self.nak(request, message, &RequestRefusal::new(NakCode::NoSession, "send HELLO first"), send);
         }
         if version != PROTOCOL_VERSION {
             return self.nak(
                 request,
                 message,
-                &Refusal::new(NakCode::UnknownMessage, "frame of another version"),
+                &RequestRefusal::new(NakCode::UnknownMessage, "frame of another version"),
                 send,
             );
         }
@@ -283,7 +283,7 @@ impl Slave {
             }
             // MAKE_SAFE ends the other one, so that its id is free again.
             Some(_) if message != MakeSafe::ID => {
-                let refusal = Refusal::new(NakCode::BadParameter, "another request runs under this id");
+                let refusal = RequestRefusal::new(NakCode::BadParameter, "another request runs under this id");
                 return self.nak(request, message, &refusal, send);
             }
             _ => {}
@@ -293,11 +293,11 @@ impl Slave {
             return self.send(header, payload, send);
         }
         let what = match Request::decode(message, &frame.payload) {
-            None => return self.nak(request, message, &Refusal::new(NakCode::UnknownMessage, ""), send),
+            None => return self.nak(request, message, &RequestRefusal::new(NakCode::UnknownMessage, ""), send),
             Some(Err(error)) => {
                 let mut why = Text::<160>::new();
                 let _ = core::fmt::write(&mut why, format_args!("{error}"));
-                return self.nak(request, message, &Refusal { code: NakCode::BadPayload, text: why }, send);
+                return self.nak(request, message, &RequestRefusal { code: NakCode::BadPayload, text: why }, send);
             }
             Some(Ok(what)) => what,
         };
@@ -312,7 +312,7 @@ impl Slave {
                 self.at_once(request, Abort::ID, &AbortReply { was_running: u8::from(was_running) }, send);
             }
             _ if self.running.is_full() => {
-                self.nak(request, message, &Refusal::new(NakCode::Busy, "four requests are running"), send);
+                self.nak(request, message, &RequestRefusal::new(NakCode::Busy, "four requests are running"), send);
             }
             what => match board.start(request, what) {
                 Err(refusal) => self.nak(request, message, &refusal, send),
@@ -328,11 +328,11 @@ impl Slave {
 
     fn at_once(&mut self, request: u16, message: u16, body: &impl Wire, send: &mut impl FnMut(Frame)) {
         self.reply(Kind::Accept, request, message, &Accept::default(), send);
-        let outcome = body.to_payload().map_err(|_| Fault { code: FaultCode::DeviceFault, text: Text::new() });
+        let outcome = body.to_payload().map_err(|_| RequestFault { code: FaultCode::DeviceFault, text: Text::new() });
         self.result(request, message, 0, &outcome, send);
     }
 
-    fn finish(&mut self, done: &Done, send: &mut impl FnMut(Frame)) {
+    fn finish(&mut self, done: &RequestDone, send: &mut impl FnMut(Frame)) {
         let Some(index) = self.running.iter().position(|running| running.request == done.request) else { return };
         let running = self.running.swap_remove(index);
         self.result(running.request, running.message, done.elapsed_us, &done.outcome, send);
@@ -343,10 +343,10 @@ impl Slave {
         request: u16,
         message: u16,
         elapsed_us: u32,
-        outcome: &Result<Payload, Fault>,
+        outcome: &Result<Payload, RequestFault>,
         send: &mut impl FnMut(Frame),
     ) {
-        let mut writer = Writer::default();
+        let mut writer = FieldWriter::default();
         let status = outcome.as_ref().map_or_else(|fault| fault.code, |_| FaultCode::None);
         let written = ResultHead { status, elapsed_us }.put(&mut writer).and_then(|()| match outcome {
             Ok(body) => writer.bytes(body),
@@ -364,23 +364,23 @@ impl Slave {
         self.send(header(Kind::Result, Flags::default(), request, message), payload, send);
     }
 
-    fn abort_one(&mut self, target: u16, board: &mut impl Board, send: &mut impl FnMut(Frame)) -> bool {
+    fn abort_one(&mut self, target: u16, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) -> bool {
         let Some(index) = self.running.iter().position(|running| running.request == target) else { return false };
         let running = self.running.swap_remove(index);
         board.abort(target);
-        let fault = Fault { code: FaultCode::Aborted, text: Text::new() };
+        let fault = RequestFault { code: FaultCode::Aborted, text: Text::new() };
         self.result(running.request, running.message, 0, &Err(fault), send);
         true
     }
 
-    fn abort_all(&mut self, board: &mut impl Board, send: &mut impl FnMut(Frame)) {
+    fn abort_all(&mut self, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         while let Some(request) = self.running.first().map(|running| running.request) {
             self.abort_one(request, board, send);
         }
     }
 
     /// Everything of the session is forgotten, also the results; nobody is there to hear about aborted requests.
-    fn end_session(&mut self, board: &mut impl Board) {
+    fn end_session(&mut self, board: &mut impl SlaveBoard) {
         for running in &self.running {
             board.abort(running.request);
         }
@@ -390,7 +390,7 @@ impl Slave {
         board.make_safe();
     }
 
-    fn nak(&mut self, request: u16, message: u16, refusal: &Refusal, send: &mut impl FnMut(Frame)) {
+    fn nak(&mut self, request: u16, message: u16, refusal: &RequestRefusal, send: &mut impl FnMut(Frame)) {
         let nak = Nak { code: refusal.code as u16, text: refusal.text.clone() };
         self.reply(Kind::Nak, request, message, &nak, send);
     }

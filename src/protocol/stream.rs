@@ -4,7 +4,7 @@
 use crate::frame::{Header, MAX_PAYLOAD};
 use crate::serial::on_wire;
 use crate::timing::BITS_PER_BYTE;
-use crate::wire::{Overflow, Reader, Wire, WireError, Writer, wire_enum, wire_struct};
+use crate::wire::{FieldReader, FieldWriter, Overflow, Wire, WireError, wire_enum, wire_struct};
 
 wire_enum! {
     /// The streams of a board.
@@ -130,11 +130,11 @@ impl Losses {
 }
 
 impl Wire for StreamFrame {
-    fn put(&self, writer: &mut Writer) -> Result<(), Overflow> {
+    fn put(&self, writer: &mut FieldWriter) -> Result<(), Overflow> {
         self.head.put(writer)?;
         writer.bytes(&self.samples)
     }
-    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+    fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError> {
         let head = StreamHead::get(reader)?;
         let bytes = reader.take_rest();
         let samples = heapless::Vec::from_slice(bytes)

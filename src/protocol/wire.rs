@@ -53,11 +53,11 @@ pub struct Overflow;
 
 /// Writes fields into a payload.
 #[derive(Debug, Default)]
-pub struct Writer {
+pub struct FieldWriter {
     payload: Payload,
 }
 
-impl Writer {
+impl FieldWriter {
     /// Appends raw bytes.
     ///
     /// # Errors
@@ -75,12 +75,12 @@ impl Writer {
 
 /// Reads fields from a payload.
 #[derive(Debug)]
-pub struct Reader<'a> {
+pub struct FieldReader<'a> {
     all: usize,
     rest: &'a [u8],
 }
 
-impl<'a> Reader<'a> {
+impl<'a> FieldReader<'a> {
     /// A reader at the first byte.
     #[must_use]
     pub fn new(payload: &'a [u8]) -> Self {
@@ -120,20 +120,20 @@ pub trait Wire: Sized {
     ///
     /// # Errors
     /// [`Overflow`] when the payload is full.
-    fn put(&self, writer: &mut Writer) -> Result<(), Overflow>;
+    fn put(&self, writer: &mut FieldWriter) -> Result<(), Overflow>;
 
     /// Reads the value.
     ///
     /// # Errors
     /// [`WireError`] when the bytes are not such a value.
-    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError>;
+    fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError>;
 
     /// The value as a payload of its own.
     ///
     /// # Errors
     /// [`Overflow`] when it is longer than [`MAX_PAYLOAD`].
     fn to_payload(&self) -> Result<Payload, Overflow> {
-        let mut writer = Writer::default();
+        let mut writer = FieldWriter::default();
         self.put(&mut writer)?;
         Ok(writer.finish())
     }
@@ -143,7 +143,7 @@ pub trait Wire: Sized {
     /// # Errors
     /// [`WireError`] when the bytes are not exactly such a value.
     fn from_payload(payload: &[u8]) -> Result<Self, WireError> {
-        let mut reader = Reader::new(payload);
+        let mut reader = FieldReader::new(payload);
         let value = Self::get(&mut reader)?;
         reader.finish()?;
         Ok(value)
@@ -153,10 +153,10 @@ pub trait Wire: Sized {
 macro_rules! wire_numbers {
     ($($number:ty),*) => {$(
         impl Wire for $number {
-            fn put(&self, writer: &mut Writer) -> Result<(), Overflow> {
+            fn put(&self, writer: &mut FieldWriter) -> Result<(), Overflow> {
                 writer.bytes(&self.to_le_bytes())
             }
-            fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+            fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError> {
                 let mut bytes = [0; size_of::<$number>()];
                 bytes.copy_from_slice(reader.take(size_of::<$number>())?);
                 Ok(<$number>::from_le_bytes(bytes))
@@ -167,19 +167,19 @@ macro_rules! wire_numbers {
 wire_numbers!(u8, u16, u32, u64, i16, i32, f64);
 
 impl Wire for () {
-    fn put(&self, _: &mut Writer) -> Result<(), Overflow> {
+    fn put(&self, _: &mut FieldWriter) -> Result<(), Overflow> {
         Ok(())
     }
-    fn get(_: &mut Reader<'_>) -> Result<Self, WireError> {
+    fn get(_: &mut FieldReader<'_>) -> Result<Self, WireError> {
         Ok(())
     }
 }
 
 impl<T: Wire + Copy + Default, const N: usize> Wire for [T; N] {
-    fn put(&self, writer: &mut Writer) -> Result<(), Overflow> {
+    fn put(&self, writer: &mut FieldWriter) -> Result<(), Overflow> {
         self.iter().try_for_each(|element| element.put(writer))
     }
-    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+    fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError> {
         let mut array = [T::default(); N];
         for element in &mut array {
             *element = T::get(reader)?;
@@ -204,12 +204,12 @@ pub fn text<const N: usize>(text: &str) -> Text<N> {
 }
 
 impl<const N: usize> Wire for String<N> {
-    fn put(&self, writer: &mut Writer) -> Result<(), Overflow> {
+    fn put(&self, writer: &mut FieldWriter) -> Result<(), Overflow> {
         let length = u8::try_from(self.len()).map_err(|_| Overflow)?;
         length.put(writer)?;
         writer.bytes(self.as_bytes())
     }
-    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+    fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError> {
         let length = usize::from(u8::get(reader)?);
         let text = core::str::from_utf8(reader.take(length)?).map_err(|_| WireError::NotUtf8)?;
         Self::try_from(text).map_err(|_| WireError::TooMany { length, most: N })
@@ -220,11 +220,11 @@ impl<const N: usize> Wire for String<N> {
 pub type List<T, const N: usize> = Vec<T, N>;
 
 impl<T: Wire, const N: usize> Wire for Vec<T, N> {
-    fn put(&self, writer: &mut Writer) -> Result<(), Overflow> {
+    fn put(&self, writer: &mut FieldWriter) -> Result<(), Overflow> {
         u16::try_from(self.len()).map_err(|_| Overflow)?.put(writer)?;
         self.iter().try_for_each(|element| element.put(writer))
     }
-    fn get(reader: &mut Reader<'_>) -> Result<Self, WireError> {
+    fn get(reader: &mut FieldReader<'_>) -> Result<Self, WireError> {
         let length = usize::from(u16::get(reader)?);
         if length > N {
             return Err(WireError::TooMany { length, most: N });
@@ -246,12 +246,12 @@ macro_rules! wire_struct {
         pub struct $name { $($(#[$field_meta])* pub $field: $kind),* }
 
         impl $crate::wire::Wire for $name {
-            fn put(&self, writer: &mut $crate::wire::Writer) -> Result<(), $crate::wire::Overflow> {
+            fn put(&self, writer: &mut $crate::wire::FieldWriter) -> Result<(), $crate::wire::Overflow> {
                 $($crate::wire::Wire::put(&self.$field, writer)?;)*
                 let _ = writer;
                 Ok(())
             }
-            fn get(reader: &mut $crate::wire::Reader<'_>) -> Result<Self, $crate::wire::WireError> {
+            fn get(reader: &mut $crate::wire::FieldReader<'_>) -> Result<Self, $crate::wire::WireError> {
                 let _ = &reader;
                 Ok(Self { $($field: $crate::wire::Wire::get(reader)?),* })
             }
@@ -280,10 +280,10 @@ macro_rules! wire_enum {
         }
 
         impl $crate::wire::Wire for $name {
-            fn put(&self, writer: &mut $crate::wire::Writer) -> Result<(), $crate::wire::Overflow> {
+            fn put(&self, writer: &mut $crate::wire::FieldWriter) -> Result<(), $crate::wire::Overflow> {
                 $crate::wire::Wire::put(&(*self as $number), writer)
             }
-            fn get(reader: &mut $crate::wire::Reader<'_>) -> Result<Self, $crate::wire::WireError> {
+            fn get(reader: &mut $crate::wire::FieldReader<'_>) -> Result<Self, $crate::wire::WireError> {
                 let value = <$number as $crate::wire::Wire>::get(reader)?;
                 Self::from_number(value)
                     .ok_or($crate::wire::WireError::Unknown { field: stringify!($name), value: u32::from(value) })

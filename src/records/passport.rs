@@ -8,7 +8,7 @@
 mod of_run;
 mod xml;
 
-use gnc_analysis::details::Contribution;
+use gnc_analysis::details::ContributionDetails;
 use gnc_analysis::figures::calibration::Mag;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +55,7 @@ pub struct Passport {
     /// Conditions of the calibration.
     pub conditions: Conditions,
     /// Accelerometers.
-    pub accel: Accel,
+    pub accel: PassportAccel,
     /// Gyroscopes.
     pub gyro: Gyro,
     /// Magnetometer; null where it was not calibrated.
@@ -63,7 +63,7 @@ pub struct Passport {
     /// How the axes of the coefficients lie in the module.
     pub alignment: Alignment,
     /// Expanded uncertainty.
-    pub uncertainty: Uncertainty,
+    pub uncertainty: PassportUncertainty,
     /// Date, means and record of the calibration.
     pub origin: Origin,
 }
@@ -85,7 +85,7 @@ pub struct Conditions {
 /// Accelerometers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Accel {
+pub struct PassportAccel {
     /// Measured over nominal scale; rows are sensors, columns axes.
     #[serde(rename = "M_a")]
     pub response: [[f64; 3]; 3],
@@ -155,7 +155,7 @@ pub struct Alignment {
 /// Expanded uncertainty of the compensated output at zero input, worst axis, and where it comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Uncertainty {
+pub struct PassportUncertainty {
     /// Coverage factor of both.
     pub k: f64,
     /// Of the accelerometers.
@@ -165,13 +165,13 @@ pub struct Uncertainty {
     #[serde(rename = "U_gyro_dps")]
     pub gyro_dps: f64,
     /// The budget of every figure of the calibration.
-    pub budget: Vec<Budget>,
+    pub budget: Vec<PassportBudget>,
 }
 
 /// Uncertainty budget of one figure (GUM; Welch-Satterthwaite).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Budget {
+pub struct PassportBudget {
     /// The item of the plan that measured it.
     pub item: String,
     /// The figure, as the record calls it.
@@ -190,7 +190,7 @@ pub struct Budget {
     /// Probability of the interval of `U`.
     pub probability: f64,
     /// What it is combined from.
-    pub contributions: Vec<Contribution>,
+    pub contributions: Vec<ContributionDetails>,
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ mod tests;
 
 use std::io;
 
-use gnc_executive::event::{BenchKind, Level};
+use gnc_executive::event::{BenchKind, NoteLevel};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::text::{banners, duration};
@@ -21,7 +21,7 @@ use gnc_executive::uncertainty::Decision;
 use gnc_plot::svg;
 
 use crate::passport::{NoPassport, Passport};
-use markup::Page;
+use markup::SvgPage;
 
 /// Name of the report in a run's folder.
 pub const REPORT: &str = "report.html";
@@ -38,7 +38,7 @@ pub fn html(
     digests: &[(String, String)],
 ) -> io::Result<()> {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
-    let mut page = Page::new(out, &title);
+    let mut page = SvgPage::new(out, &title);
     verdict(&mut page, record);
     identity(&mut page, record);
     what_decided(&mut page, record);
@@ -52,7 +52,7 @@ pub fn html(
     page.finish()
 }
 
-fn verdict(page: &mut Page, record: &RunRecord) {
+fn verdict(page: &mut SvgPage, record: &RunRecord) {
     let word = if record.interrupted { "interrupted" } else { word(record.outcome) };
     page.open("header", class(record.outcome));
     page.element("h1", "", &format!("{} {}", word.to_uppercase(), record.serial_number));
@@ -64,7 +64,7 @@ fn verdict(page: &mut Page, record: &RunRecord) {
     }
 }
 
-fn identity(page: &mut Page, record: &RunRecord) {
+fn identity(page: &mut SvgPage, record: &RunRecord) {
     let bench = match record.bench.kind {
         BenchKind::Real => "real".to_owned(),
         BenchKind::Simulated => {
@@ -122,7 +122,7 @@ fn decision_rule(record: &RunRecord) -> Option<String> {
 }
 
 /// What is not good first: nobody should have to look for it.
-fn what_decided(page: &mut Page, record: &RunRecord) {
+fn what_decided(page: &mut SvgPage, record: &RunRecord) {
     let bad: Vec<&ItemRecord> = record.items.iter().filter(|item| is_bad(item.outcome)).collect();
     if bad.is_empty() {
         return;
@@ -156,7 +156,7 @@ fn what_decided(page: &mut Page, record: &RunRecord) {
     }
 }
 
-fn table_of_items(page: &mut Page, record: &RunRecord) {
+fn table_of_items(page: &mut SvgPage, record: &RunRecord) {
     page.element("h2", "", "Items");
     page.open("table", "");
     page.row("th", &["Item", "", "Outcome", "Time", "Attempts"]);
@@ -173,7 +173,7 @@ fn table_of_items(page: &mut Page, record: &RunRecord) {
     page.close("table");
 }
 
-fn whole_item(page: &mut Page, item: &ItemRecord) {
+fn whole_item(page: &mut SvgPage, item: &ItemRecord) {
     page.heading(&format!("{}: {}", item.name, item.title), &anchor(&item.name));
     for (index, attempt) in item.attempts.iter().enumerate() {
         if item.attempts.len() > 1 {
@@ -201,7 +201,7 @@ fn whole_item(page: &mut Page, item: &ItemRecord) {
     }
 }
 
-fn notes(page: &mut Page, record: &RunRecord) {
+fn notes(page: &mut SvgPage, record: &RunRecord) {
     if record.notes.is_empty() {
         return;
     }
@@ -210,9 +210,9 @@ fn notes(page: &mut Page, record: &RunRecord) {
     page.row("th", &["Time", "", "Item", "Note"]);
     for note in &record.notes {
         let level = match note.level {
-            Level::Info => "",
-            Level::Warning => "warning",
-            Level::Error => "error",
+            NoteLevel::Info => "",
+            NoteLevel::Warning => "warning",
+            NoteLevel::Error => "error",
         };
         let item = note.item.as_deref().unwrap_or_default();
         page.row("td", &[&format!("{:.3} s", note.elapsed_s), level, item, &note.text]);
@@ -220,7 +220,7 @@ fn notes(page: &mut Page, record: &RunRecord) {
     page.close("table");
 }
 
-fn how_to_read(page: &mut Page, record: &RunRecord, digests: &[(String, String)]) {
+fn how_to_read(page: &mut SvgPage, record: &RunRecord, digests: &[(String, String)]) {
     page.element("h2", "", "How to read this");
     page.element(
         "p",

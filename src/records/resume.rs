@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use gnc_analysis::capture::Capture;
-use gnc_executive::event::{Bench, EarlierRun, Event, EventKind, RunHeader};
+use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, RunHeader};
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
@@ -67,7 +67,7 @@ pub struct Like<'a> {
     /// The module's serial number.
     pub serial_number: &'a str,
     /// The bench.
-    pub bench: &'a Bench,
+    pub bench: &'a BenchInfo,
 }
 
 impl<'a> Like<'a> {
@@ -178,6 +178,6 @@ fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {
 }
 
 /// Which module in which world; how fast its time goes is no part of it.
-fn bench(bench: &Bench) -> String {
+fn bench(bench: &BenchInfo) -> String {
     format!("{:?} {}", bench.kind, bench.personality.as_deref().unwrap_or_default()).trim().to_lowercase()
 }

@@ -13,7 +13,7 @@ pub(crate) mod folder;
 pub(crate) mod key;
 mod raw;
 pub mod reader;
-mod scribe;
+mod record_writer;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub use closing::{pretty, seal_interrupted};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
 pub use raw::RawFile;
-pub use scribe::{Scribe, Watcher};
+pub use record_writer::{RecordWriter, Watcher};
 
 /// The journal of a run.
 pub const JOURNAL: &str = "events.jsonl";

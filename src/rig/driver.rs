@@ -12,7 +12,7 @@ pub type DriverError = Box<dyn Error + Send + Sync>;
 /// A driver of a turntable.
 ///
 /// Every call but the three that wait returns when the motion has begun. Those three block their thread.
-pub trait Turntable: Debug + Send + Sync {
+pub trait TurntableDriver: Debug + Send + Sync {
     /// Begins to lay the module down.
     ///
     /// # Errors
@@ -59,7 +59,7 @@ pub trait Turntable: Debug + Send + Sync {
 }
 
 /// A driver of a fixture: it flips switches and turns the level module.
-pub trait Fixture: Debug + Send + Sync {
+pub trait FixtureDriver: Debug + Send + Sync {
     /// What the record calls it, as "the indexing fixture".
     fn name(&self) -> &str;
 
@@ -77,6 +77,6 @@ pub trait Fixture: Debug + Send + Sync {
 }
 
 /// A table with a fixture on it.
-pub trait Rig: Turntable + Fixture {}
+pub trait Rig: TurntableDriver + FixtureDriver {}
 
-impl<T: Turntable + Fixture> Rig for T {}
+impl<T: TurntableDriver + FixtureDriver> Rig for T {}

@@ -10,18 +10,18 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::mpsc;
 
-use gnc_bench::control::Control;
+use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, Operator};
 use gnc_bench::runner::{Ending, Live};
-use gnc_bench::service::{self, Observer, Request, Rounds, ServiceError};
-use gnc_executive::event::Program;
+use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
+use gnc_executive::event::ProgramVersion;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 
 use crate::args::RunArgs;
-use crate::refusal::{Refusal, complain, refuse};
+use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::setup::{self, Setup};
 use crate::{files, records, serial_number};
 use face::Face;
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 }
 
 /// What the command line asks for, and the bench for it.
-fn prepare(args: &RunArgs) -> Result<(Request, Setup), Refusal> {
+fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
@@ -61,7 +61,7 @@ fn prepare(args: &RunArgs) -> Result<(Request, Setup), Refusal> {
         None if args.loops > 1 => Rounds::Count(args.loops),
         None => Rounds::Once,
     };
-    let request = Request {
+    let request = RunRequest {
         plan,
         serial_number,
         operator: args.operator.clone(),
@@ -77,25 +77,27 @@ fn prepare(args: &RunArgs) -> Result<(Request, Setup), Refusal> {
     Ok((request, setup))
 }
 
-fn serial_number(given: Option<&str>) -> Result<String, Refusal> {
+fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     let Some(given) = given else {
-        return Err(Refusal::new("no serial number is given", "scan it after --serial-number"));
+        return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
     };
-    serial_number::check(given).map_err(|error| Refusal::new(error, "scan the module's label again"))
+    serial_number::check(given).map_err(|error| CommandRefusal::new(error, "scan the module's label again"))
 }
 
 /// Whoever sits at the terminal; nobody where there is none.
-fn at_the_terminal() -> Result<Fixture, Refusal> {
+fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
     if !io::stdin().is_terminal() {
         return Ok(Fixture::Absent);
     }
     let operator = Operator::at_the_terminal();
-    operator.map(Fixture::Operator).map_err(|error| Refusal::new(format!("cannot read from the terminal: {error}"), ""))
+    operator
+        .map(Fixture::Operator)
+        .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
-async fn all_rounds(args: &RunArgs, request: &Request, setup: Setup) -> Result<Outcome, Refusal> {
-    let control =
-        Control::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
+async fn all_rounds(args: &RunArgs, request: &RunRequest, setup: Setup) -> Result<Outcome, CommandRefusal> {
+    let control = RunControl::from_signals()
+        .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
     let live = Live::default();
@@ -118,14 +120,14 @@ fn counts(ends: &[Outcome]) -> String {
 }
 
 /// A request that the service does not carry out.
-fn refusal(error: &ServiceError) -> Refusal {
-    Refusal::new(with_causes(error), error.try_this())
+fn refusal(error: &ServiceError) -> CommandRefusal {
+    CommandRefusal::new(with_causes(error), error.try_this())
 }
 
 /// Shows each round, on a thread of its own.
 struct Shown<'a> {
     events_to_stdout: bool,
-    control: &'a Control,
+    control: &'a RunControl,
     live: &'a Live,
     face: Option<Face>,
 }
@@ -155,6 +157,6 @@ impl Observer for Shown<'_> {
 }
 
 /// This program, as records name it.
-pub(crate) fn program() -> Program {
-    Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() }
+pub(crate) fn program() -> ProgramVersion {
+    ProgramVersion { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() }
 }

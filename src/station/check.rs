@@ -8,7 +8,7 @@ use gnc_analysis::motion;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::plan::Plan;
 
-use crate::refusal::{Refusal, USAGE, refuse};
+use crate::refusal::{CommandRefusal, USAGE, refuse};
 use crate::{files, setup};
 
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCode {
@@ -24,7 +24,7 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
             let (items, time) = (plan.items().len(), bench_time(plan));
             match abilities {
                 Some(abilities) => {
-                    Job::new(plan.clone(), abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?
+                    Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?
                 }
                 None => return Ok((items, time, ", not held against any bench")),
             };
@@ -56,12 +56,12 @@ fn bench_time(plan: &Plan) -> String {
     if lines.is_empty() {
         lines
     } else {
-        format!("{lines}\n  together {} of bench time for captures", motion::Span(whole_s))
+        format!("{lines}\n  together {} of bench time for captures", motion::DisplayDuration(whole_s))
     }
 }
 
 /// `None` if no bench is named and none is here: the language alone is checked then.
-fn abilities(bench: Option<&Path>, sim: bool) -> Result<Option<BenchAbilities>, Refusal> {
+fn abilities(bench: Option<&Path>, sim: bool) -> Result<Option<BenchAbilities>, CommandRefusal> {
     if sim {
         return Ok(Some(setup::SIMULATED));
     }

@@ -12,7 +12,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_executive::bench::{BenchFile, Socket};
+use gnc_executive::bench::{BenchFile, TestSocket};
 use gnc_link::can::{CanTarget, slcan};
 use gnc_text::printable;
 
@@ -149,8 +149,8 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
 
 fn socket(bench: &BenchFile, sys: &Sys, findings: &mut Vec<Finding>) {
     match &bench.socket {
-        Some(Socket::Rs422 { port, rate_bps }) => findings.extend(port::look(Path::new(port), *rate_bps, sys)),
-        Some(Socket::Can) => {}
+        Some(TestSocket::Rs422 { port, rate_bps }) => findings.extend(port::look(Path::new(port), *rate_bps, sys)),
+        Some(TestSocket::Can) => {}
         None => findings.push(Finding::bad("the bench file names no port", "add [socket] with port and rate")),
     }
     if let Some(can) = &bench.can {

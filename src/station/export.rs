@@ -17,7 +17,7 @@ use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{StoreError, on};
 use gnc_text::{printable, with_causes};
 
-use self::table::{Kind, Table};
+use self::table::{SampleTable, TableKind};
 use crate::records;
 use crate::refusal::{complain, refuse};
 
@@ -138,13 +138,13 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportEr
         let attempt = file.file_stem().unwrap_or_default().to_string_lossy();
         let (compensated, raw): (Vec<&Capture>, Vec<&Capture>) =
             record.captures.iter().partition(|capture| !capture.compensated.is_empty());
-        for (captures, kind) in [(raw, Kind::Raw), (compensated, Kind::Compensated)] {
-            if captures.is_empty() && (kind == Kind::Compensated || !record.captures.is_empty()) {
+        for (captures, kind) in [(raw, TableKind::Raw), (compensated, TableKind::Compensated)] {
+            if captures.is_empty() && (kind == TableKind::Compensated || !record.captures.is_empty()) {
                 continue;
             }
             let path = out.join(format!("{item}-{attempt}{}.{}", kind.suffix(), format.extension()));
             let file = on(File::create(&path), "create", &path)?;
-            let tables = captures.iter().map(|capture| Table::of(capture, kind));
+            let tables = captures.iter().map(|capture| SampleTable::of(capture, kind));
             match format {
                 Format::Csv => on(csv::write(file, kind, tables), "write", &path)?,
                 Format::Parquet => parquet::write(file, kind, tables)

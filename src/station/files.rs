@@ -8,27 +8,27 @@ use gnc_bench::service::CheckedPlan;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
 
-use crate::refusal::Refusal;
+use crate::refusal::CommandRefusal;
 
 /// Reads and checks a plan with all that it includes.
-pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, Refusal> {
+pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
-    plan.and_then(CheckedPlan::new).map_err(|mistakes| Refusal::new(mistakes, ""))
+    plan.and_then(CheckedPlan::new).map_err(|mistakes| CommandRefusal::new(mistakes, ""))
 }
 
 /// Reads and checks a bench file.
-pub(crate) fn bench(path: &Path) -> Result<BenchFile, Refusal> {
+pub(crate) fn bench(path: &Path) -> Result<BenchFile, CommandRefusal> {
     let (file, _) = bench_and_text(path)?;
     Ok(file)
 }
 
 /// Reads and checks a bench file, and keeps what was read.
-pub(crate) fn bench_and_text(path: &Path) -> Result<(BenchFile, ReadFile), Refusal> {
+pub(crate) fn bench_and_text(path: &Path) -> Result<(BenchFile, ReadFile), CommandRefusal> {
     let bytes = read(path, MAX_BENCH_BYTES).map_err(|error| cannot_read("bench file", path, &error))?;
     let text = ReadFile { path: path.to_owned(), bytes: bytes.clone() };
-    let file = BenchFile::read(&path.to_string_lossy(), bytes).map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let file = BenchFile::read(&path.to_string_lossy(), bytes).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     Ok((file, text))
 }
 
@@ -72,12 +72,12 @@ fn read(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn cannot_read(what: &str, path: &Path, error: &io::Error) -> Refusal {
+fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
     let try_this = match error.kind() {
         io::ErrorKind::NotFound => "check the path; it goes from the folder you are in",
         io::ErrorKind::IsADirectory => "name the file in that folder",
         io::ErrorKind::PermissionDenied => "make it readable for this user",
         _ => "check the disk",
     };
-    Refusal::new(format!("cannot read the {what} {}: {error}", path.display()), try_this)
+    CommandRefusal::new(format!("cannot read the {what} {}: {error}", path.display()), try_this)
 }

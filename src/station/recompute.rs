@@ -2,7 +2,7 @@
 
 mod again;
 mod differences;
-mod papers;
+mod passports;
 mod source;
 
 use std::io::Write as _;
@@ -12,13 +12,13 @@ use std::process::ExitCode;
 use gnc_executive::event::{EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
-use gnc_records::store::{JOURNAL, RunFolder, Scribe, StoreError, digest, reader};
+use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StoreError, digest, reader};
 use gnc_text::{printable, with_causes};
 
 use crate::refusal::{complain, refuse};
 use crate::{files, records};
 use again::Again;
-use source::{Run, RunError};
+use source::{RecordedRun, RunError};
 
 /// Exit code where something is not as it was.
 const DIFFERS: u8 = 1;
@@ -47,10 +47,10 @@ pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
 fn same(folder: &Path) -> Result<ExitCode, RunError> {
     // A sample that was changed is told by the digests, also where no figure depends on it.
     let problems = reader::verify(folder);
-    let run = Run::read(folder)?;
+    let run = RecordedRun::read(folder)?;
     let plan = run.recorded_plan()?;
     let again = again::judge(&run, &plan, None)?;
-    let papers = papers::check(folder, &fold(&again.events)?)?;
+    let papers = passports::check(folder, &fold(&again.events)?)?;
     let same = again.differences.is_empty() && papers.differences.is_empty();
     let mut out = std::io::stdout().lock();
     for line in problems.iter().map(|problem| format!("record: {problem}")).chain(again.differences.iter().cloned()) {
@@ -73,7 +73,7 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
 
 fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     let plan = files::plan(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
-    let run = Run::read(folder)?;
+    let run = RecordedRun::read(folder)?;
     let of = EarlierRun {
         run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         journal_sha256: digest::of_file(&folder.join(JOURNAL))?,
@@ -97,18 +97,18 @@ fn file(folder: &Path, plan: &Plan, again: &Again) -> Result<PathBuf, RunError> 
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime =
         runtime.map_err(|source| StoreError::File { what: "start a thread for", path: path.clone(), source })?;
-    runtime.block_on(write(Scribe::start(beside, plan, Vec::new())?, &again.events))?;
+    runtime.block_on(write(RecordWriter::start(beside, plan, Vec::new())?, &again.events))?;
     Ok(path)
 }
 
-async fn write(scribe: Scribe, events: &[Event]) -> Result<(), StoreError> {
-    let state = scribe.state();
+async fn write(writer: RecordWriter, events: &[Event]) -> Result<(), StoreError> {
+    let state = writer.state();
     for event in events {
-        let place = scribe.place().await?;
+        let place = writer.place().await?;
         state.lock().unwrap_or_else(std::sync::PoisonError::into_inner).apply(event).map_err(StoreError::OutOfOrder)?;
         place.write(event.clone(), false).synced().await?;
     }
-    scribe.close().await
+    writer.close().await
 }
 
 /// A plan as a record names it.

@@ -11,7 +11,7 @@ use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
-use crate::refusal::{Refusal, complain, refuse};
+use crate::refusal::{CommandRefusal, complain, refuse};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -145,7 +145,7 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
 
 /// Says what the chain of closed runs shows; how much of it is not as it was written.
 fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
-    let chain::Checked { runs, first, problems } = chain::verify(records)?;
+    let chain::ChainCheck { runs, first, problems } = chain::verify(records)?;
     if problems.is_empty() && runs > 0 {
         let elsewhere =
             if first > 1 { format!(" from run {first} on; earlier ones are elsewhere") } else { String::new() };
@@ -186,16 +186,16 @@ pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
 ///
 /// # Errors
 /// There is none, there are several, or the folder cannot be read.
-pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Refusal> {
-    let mut runs =
-        resolve(records, named).map_err(|error| Refusal::new(gnc_text::with_causes(&error), error.try_this()))?;
+pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, CommandRefusal> {
+    let mut runs = resolve(records, named)
+        .map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))?;
     let shown = gnc_text::quoted(&named.to_string_lossy());
     let what = match runs.len() {
         0 => format!("there is no run {shown}"),
         1 => return Ok(runs.remove(0)),
         more => format!("{shown} names {more} runs"),
     };
-    Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
+    Err(CommandRefusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
 }
 
 pub(crate) fn no_such(named: &Path) -> ExitCode {

@@ -7,12 +7,12 @@ pub(crate) const USAGE: u8 = 2;
 
 /// Why nothing was run.
 #[derive(Debug)]
-pub(crate) struct Refusal {
+pub(crate) struct CommandRefusal {
     pub what: String,
     pub try_this: String,
 }
 
-impl Refusal {
+impl CommandRefusal {
     pub(crate) fn new(what: impl std::fmt::Display, try_this: &str) -> Self {
         Self { what: what.to_string(), try_this: try_this.to_owned() }
     }

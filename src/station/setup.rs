@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::Equipment;
-use gnc_executive::bench::{BenchFile, Site, Socket};
-use gnc_executive::event::Bench;
+use gnc_executive::bench::{BenchFile, BenchSite, TestSocket};
+use gnc_executive::event::BenchInfo;
 use gnc_executive::job::BenchAbilities;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
@@ -16,7 +16,7 @@ use gnc_records::store::StationKey;
 
 use crate::args::RunArgs;
 use crate::files::{self, ReadFile};
-use crate::refusal::Refusal;
+use crate::refusal::CommandRefusal;
 
 /// The bench file that is taken where none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
@@ -43,12 +43,12 @@ pub(crate) struct CheckedBench {
     pub station: String,
     pub records: PathBuf,
     /// The bench as records name it; of a simulated one without its port, which is another one for each module.
-    pub bench: Bench,
+    pub bench: BenchInfo,
     /// What it can do with an operator.
     pub abilities: BenchAbilities,
     /// The file that describes it, unless it is built in.
     pub text: Option<ReadFile>,
-    site: Option<Site>,
+    site: Option<BenchSite>,
     kind: Kind,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct CheckedBench {
 enum Kind {
     Real(Box<Lines>),
     #[cfg(feature = "sim")]
-    Simulated(Box<simulated::Module>),
+    Simulated(Box<simulated::SimulatedModule>),
 }
 
 /// What a real bench has to open.
@@ -68,14 +68,15 @@ struct Lines {
 }
 
 /// Reads and checks the bench that the command line names.
-pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, Refusal> {
+pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
     match &args.sim {
         #[cfg(feature = "sim")]
         Some(personality) => simulated::check(args, personality),
         #[cfg(not(feature = "sim"))]
-        Some(_) => {
-            Err(Refusal::new("this program was built without the simulated bench", "build it with the feature `sim`"))
-        }
+        Some(_) => Err(CommandRefusal::new(
+            "this program was built without the simulated bench",
+            "build it with the feature `sim`",
+        )),
         None => real(args),
     }
 }
@@ -86,8 +87,8 @@ impl CheckedBench {
     pub(crate) fn open(
         &self,
         serial_number: &str,
-        operator: impl FnOnce() -> Result<Fixture, Refusal>,
-    ) -> Result<Setup, Refusal> {
+        operator: impl FnOnce() -> Result<Fixture, CommandRefusal>,
+    ) -> Result<Setup, CommandRefusal> {
         match &self.kind {
             Kind::Real(lines) => {
                 let Lines { key, target, can } = (**lines).clone();
@@ -120,13 +121,13 @@ impl CheckedBench {
     }
 }
 
-fn real(args: &RunArgs) -> Result<CheckedBench, Refusal> {
+fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
     let path = match &args.bench {
         Some(path) => path.clone(),
         None if Path::new(BENCH_FILE).exists() => BENCH_FILE.into(),
         None => {
             let what = format!("no bench: there is no {BENCH_FILE} here");
-            return Err(Refusal::new(
+            return Err(CommandRefusal::new(
                 what,
                 "name a bench file with --bench FILE, or test a simulated module with --sim",
             ));
@@ -135,22 +136,28 @@ fn real(args: &RunArgs) -> Result<CheckedBench, Refusal> {
     let (file, text) = files::bench_and_text(&path)?;
     let Some(socket) = file.socket.clone() else {
         let what = format!("{} names no port: it has no [socket]", path.display());
-        return Err(Refusal::new(what, "add [socket] with port and rate; `gnc-station ports` lists what is there"));
+        return Err(CommandRefusal::new(
+            what,
+            "add [socket] with port and rate; `gnc-station ports` lists what is there",
+        ));
     };
     let can = file.can.as_ref().map(|can| CanTarget::parse(&can.port));
     let target = match (socket, &can) {
-        (Socket::Rs422 { port, rate_bps }, _) => Target::Serial { port: port.into(), rate_baud: rate_bps },
-        (Socket::Can, Some(can)) => Target::Can(can.clone()),
-        (Socket::Can, None) => {
+        (TestSocket::Rs422 { port, rate_bps }, _) => Target::Serial { port: port.into(), rate_baud: rate_bps },
+        (TestSocket::Can, Some(can)) => Target::Can(can.clone()),
+        (TestSocket::Can, None) => {
             // A checked bench file has both or neither.
-            return Err(Refusal::new("the board is reached by CAN and there is no CAN bus", "add [can] with its port"));
+            return Err(CommandRefusal::new(
+                "the board is reached by CAN and there is no CAN bus",
+                "add [can] with its port",
+            ));
         }
     };
-    let bench = Bench {
+    let bench = BenchInfo {
         port: Some(target.port()),
         rate_bps: Some(target.rate_bps()),
         site: file.site.as_ref().and_then(|site| site.name.clone()),
-        ..Bench::real()
+        ..BenchInfo::real()
     };
     Ok(CheckedBench {
         station: station(args, &file),
@@ -166,7 +173,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, Refusal> {
 /// What a real bench can do. With somebody at it: that is known only when a plan is run. Where the board is reached by
 /// CAN, nobody knows of an RS-422 line.
 pub(crate) fn abilities(file: &BenchFile, operator: bool) -> BenchAbilities {
-    BenchAbilities { rs422: file.socket != Some(Socket::Can), can: file.can.is_some(), operator }
+    BenchAbilities { rs422: file.socket != Some(TestSocket::Can), can: file.can.is_some(), operator }
 }
 
 /// What the simulated bench can do.
@@ -186,10 +193,12 @@ pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
 }
 
 /// The station's key, by the folder of the bench file.
-fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, Refusal> {
+fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, CommandRefusal> {
     let Some(key) = &file.key else { return Ok(None) };
     let path = folder.unwrap_or_else(|| Path::new("")).join(key);
-    StationKey::read(&path).map(Some).map_err(|error| Refusal::new(gnc_text::with_causes(&error), error.try_this()))
+    StationKey::read(&path)
+        .map(Some)
+        .map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))
 }
 
 /// A folder in a bench file goes from the folder of that file.

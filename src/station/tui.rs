@@ -36,11 +36,11 @@ use gnc_text::{printable, with_causes};
 use tokio::sync::{mpsc, watch};
 
 use crate::args::{OnFailArg, RunArgs};
-use crate::refusal::{Refusal, complain, refuse};
+use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::{serial_number, setup};
-use model::{AfterFailure, Loaded, Model, Rounds};
-use session::{Session, Signals};
-use show::{Clock, Inbox};
+use model::{AfterFailure, Loaded, RoundsSetting, ScreenModel};
+use session::{ScreenSession, Signals};
+use show::{Inbox, ScreenClock};
 use terminal::Guard;
 
 pub use lang::Lang;
@@ -69,17 +69,17 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
     }
 }
 
-fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
-    let cannot = |error: io::Error| Refusal::new(format!("cannot start the screen: {error}"), "");
+fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusal> {
+    let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
     let signals = {
         let _inside = runtime.enter();
         Signals::new().map_err(cannot)?
     };
-    let clock = Clock { began };
+    let clock = ScreenClock { began };
     let plan = args.plan.clone().unwrap_or_else(|| PLAN.into());
     let serial_number = args.serial_number.as_deref().map(serial_number::check).transpose();
-    let serial_number = serial_number.map_err(|error| Refusal::new(error, "scan the module's label again"))?;
+    let serial_number = serial_number.map_err(|error| CommandRefusal::new(error, "scan the module's label again"))?;
     let resume = args.resume.as_deref().map(|run| to_resume(args, run)).transpose()?;
     let model = first_model(args, &plan, serial_number, resume, clock);
 
@@ -98,7 +98,7 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     })?;
     spawn("keys", move || terminal::read_keys(&keys_in))?;
 
-    let session = Session::new((args.clone(), plan), screen, commands, signals, live);
+    let session = ScreenSession::new((args.clone(), plan), screen, commands, signals, live);
     let outcome = runtime.block_on(async {
         let resizes = tokio::spawn(terminal::watch_size(resized_in));
         let outcome = session.serve().await;
@@ -116,19 +116,19 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     Ok(outcome)
 }
 
-fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Refusal> {
+fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), CommandRefusal> {
     let spawned = std::thread::Builder::new().name(name.into()).spawn(work);
-    spawned.map(drop).map_err(|error| Refusal::new(format!("cannot start the screen: {error}"), ""))
+    spawned.map(drop).map_err(|error| CommandRefusal::new(format!("cannot start the screen: {error}"), ""))
 }
 
 /// The run that is to be taken up, and the serial number of its module.
-fn to_resume(args: &RunArgs, run: &Path) -> Result<(PathBuf, String), Refusal> {
+fn to_resume(args: &RunArgs, run: &Path) -> Result<(PathBuf, String), CommandRefusal> {
     let folder = crate::records::to_resume(&setup::records_folder(args), run)?;
     match reader::read(&folder) {
         Ok(run) => Ok((folder, run.serial_number)),
         Err(error) => {
             let error = ResumeError::Unreadable(error);
-            Err(Refusal::new(with_causes(&error), error.try_this()))
+            Err(CommandRefusal::new(with_causes(&error), error.try_this()))
         }
     }
 }
@@ -138,19 +138,19 @@ fn first_model(
     plan: &Path,
     serial_number: Option<String>,
     resume: Option<(PathBuf, String)>,
-    clock: Clock,
-) -> Model {
+    clock: ScreenClock,
+) -> ScreenModel {
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
-    let mut model = Model::new(lang, look, clock.now());
+    let mut model = ScreenModel::new(lang, look, clock.now());
     model.operator = args.operator.clone().unwrap_or_default();
     model.plan_path = plan.display().to_string();
     model.plan = Loaded::Loading;
     if args.loops > 1 {
-        model.rounds = Rounds::Count(args.loops);
+        model.rounds = RoundsSetting::Count(args.loops);
     }
     if let Some(time) = args.until {
         let minutes = u32::try_from(time.as_secs().div_ceil(60)).unwrap_or(u32::MAX);
-        model.rounds = Rounds::Minutes(minutes.clamp(1, setup_form::MAX_ROUNDS));
+        model.rounds = RoundsSetting::Minutes(minutes.clamp(1, setup_form::MAX_ROUNDS));
     }
     model.after_failure = match args.on_fail {
         Some(OnFailArg::Stop) => AfterFailure::Stop,
@@ -163,7 +163,7 @@ fn first_model(
         let run = folder.file_name().unwrap_or_default().to_string_lossy();
         let number = model.scan.current.get_or_insert(of);
         let said = lang::fill(model.texts.resume_asked, &[&printable(number), &printable(&run)]);
-        model.say(model::Weight::Info, said);
+        model.say(model::MessageWeight::Info, said);
         model.resume = Some(folder);
     }
     model
@@ -172,10 +172,10 @@ fn first_model(
 /// The thread that draws.
 struct Drawing {
     guard: Guard,
-    model: Model,
+    model: ScreenModel,
     inbox: Inbox,
-    commands: mpsc::Sender<update::Command>,
-    clock: Clock,
+    commands: mpsc::Sender<update::Effect>,
+    clock: ScreenClock,
 }
 
 impl Drawing {

@@ -14,8 +14,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use gnc_protocol::can::isotp::{MAX_PDU, Received, Receiver, Sender, Settings, is_flow_control};
-use gnc_protocol::can::slcan::{self, Decoder, Item};
+use gnc_protocol::can::isotp::{FlowSettings, IsoTpReceived, IsoTpReceiver, IsoTpSender, MAX_PDU, is_flow_control};
+use gnc_protocol::can::slcan::{self, SlcanDecoder, SlcanEvent};
 use gnc_protocol::can::{CanFrame, CanId};
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -41,11 +41,11 @@ fn run(arguments: &[String]) -> io::Result<()> {
     let usage = || io::Error::new(io::ErrorKind::InvalidInput, "usage: RECEIVE:SEND [BLOCK_SIZE ST_MIN] [INTERFACE]");
     let byte = |text: &String| text.parse::<u8>().map_err(|_| usage());
     let (ids, settings, interface) = match arguments {
-        [ids] => (ids, Settings::default(), None),
-        [ids, interface] => (ids, Settings::default(), Some(interface)),
-        [ids, block, st_min] => (ids, Settings { block_size: byte(block)?, st_min: byte(st_min)? }, None),
+        [ids] => (ids, FlowSettings::default(), None),
+        [ids, interface] => (ids, FlowSettings::default(), Some(interface)),
+        [ids, block, st_min] => (ids, FlowSettings { block_size: byte(block)?, st_min: byte(st_min)? }, None),
         [ids, block, st_min, interface] => {
-            (ids, Settings { block_size: byte(block)?, st_min: byte(st_min)? }, Some(interface))
+            (ids, FlowSettings { block_size: byte(block)?, st_min: byte(st_min)? }, Some(interface))
         }
         _ => return Err(usage()),
     };
@@ -59,8 +59,8 @@ fn run(arguments: &[String]) -> io::Result<()> {
 }
 
 /// The two state machines, fed with what the bus brings.
-fn echo(bus: &mut Bus, (from, to): (u16, u16), settings: Settings) -> io::Result<()> {
-    let (mut sender, mut receiver) = (Sender::<MAX_PDU>::default(), Receiver::<MAX_PDU>::new(settings));
+fn echo(bus: &mut Bus, (from, to): (u16, u16), settings: FlowSettings) -> io::Result<()> {
+    let (mut sender, mut receiver) = (IsoTpSender::<MAX_PDU>::default(), IsoTpReceiver::<MAX_PDU>::new(settings));
     let (began, to) = (Instant::now(), CanId::Standard(to));
     let send = |bus: &mut Bus, data: &[u8]| CanFrame::new(to, data).map_or(Ok(()), |frame| bus.send(&frame));
     loop {
@@ -83,16 +83,16 @@ fn echo(bus: &mut Bus, (from, to): (u16, u16), settings: Settings) -> io::Result
                 continue;
             }
             match receiver.receive(frame.data(), now) {
-                Received::Flow(flow) => send(bus, &flow.to_bytes())?,
-                Received::Complete => drop(sender.start(receiver.pdu())),
-                Received::Nothing | Received::Failed(_) => {}
+                IsoTpReceived::Flow(flow) => send(bus, &flow.to_bytes())?,
+                IsoTpReceived::Complete => drop(sender.start(receiver.pdu())),
+                IsoTpReceived::Nothing | IsoTpReceived::Failed(_) => {}
             }
         }
     }
 }
 
 enum Bus {
-    Slcan { port: File, _slave: std::os::fd::OwnedFd, decoder: Decoder, incoming: Vec<u8> },
+    Slcan { port: File, _slave: std::os::fd::OwnedFd, decoder: SlcanDecoder, incoming: Vec<u8> },
     Interface(CanSocket),
 }
 
@@ -106,7 +106,7 @@ impl Bus {
         Ok(Self::Slcan {
             port: File::from(pty.master),
             _slave: pty.slave,
-            decoder: Decoder::default(),
+            decoder: SlcanDecoder::default(),
             incoming: Vec::new(),
         })
     }
@@ -156,7 +156,7 @@ impl Bus {
                 let consumed = incoming.len() - rest.len();
                 incoming.drain(..consumed);
                 match item {
-                    Some(Item::Frame(frame)) => return Ok(Some(frame)),
+                    Some(SlcanEvent::Frame(frame)) => return Ok(Some(frame)),
                     Some(_) => continue,
                     None => {}
                 }

@@ -6,14 +6,14 @@ use std::path::Path;
 use std::time::Duration;
 
 use chrono::DateTime;
-use gnc_bench::control::Control;
-use gnc_bench::fixture::{Ask, Fixture, Question};
+use gnc_bench::control::RunControl;
+use gnc_bench::fixture::{Ask, Fixture, OperatorQuestion};
 use gnc_bench::runner::Live;
 use gnc_bench::service;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_link::memory::MemoryPort;
-use hw_mocks::{Adapter, Bench, Options, Speed};
+use hw_mocks::{Adapter, BenchOptions, SimulatedBench, Speed};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
@@ -61,7 +61,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         .build()
         .map_err(|error| said(&error))?;
     runtime.block_on(async {
-        let control = Control::default();
+        let control = RunControl::default();
         let mut world = World::new(case, &options, (port, adapter), control.clone(), questions, heard);
         let live = Live::default();
         let station = timeout(LONGEST, service::run(&request, equipment, &control, &live, &mut listener));
@@ -126,7 +126,7 @@ async fn write(writer: &mut Option<WriteHalf<DuplexStream>>, bytes: &[u8]) -> us
 
 /// What happened first.
 enum Happened {
-    Asked(Question),
+    Asked(OperatorQuestion),
     /// The moment of the case has come.
     Moment,
     Said(usize),
@@ -139,15 +139,15 @@ enum Happened {
 /// Everything but the station.
 struct World<'a> {
     case: &'a Case,
-    bench: Bench,
+    bench: SimulatedBench,
     began: Instant,
     port: MemoryPort,
     line: CableEnd,
     adapter_port: MemoryPort,
     adapter_line: CableEnd,
     adapter: Adapter,
-    control: Control,
-    questions: mpsc::Receiver<Question>,
+    control: RunControl,
+    questions: mpsc::Receiver<OperatorQuestion>,
     /// Events of the run so far.
     heard: watch::Receiver<u64>,
     /// The moment of the case has come.
@@ -164,15 +164,15 @@ struct World<'a> {
 impl<'a> World<'a> {
     fn new(
         case: &'a Case,
-        options: &Options,
+        options: &BenchOptions,
         (port, adapter_port): (MemoryPort, MemoryPort),
-        control: Control,
-        questions: mpsc::Receiver<Question>,
+        control: RunControl,
+        questions: mpsc::Receiver<OperatorQuestion>,
         heard: watch::Receiver<u64>,
     ) -> Self {
         Self {
             case,
-            bench: Bench::new(options),
+            bench: SimulatedBench::new(options),
             began: Instant::now(),
             line: CableEnd::plugged_into(&port),
             port,
@@ -254,7 +254,7 @@ impl<'a> World<'a> {
     }
 
     /// Does what an operator is asked to do at this bench.
-    fn answer(&mut self, question: Question, now: Duration) {
+    fn answer(&mut self, question: OperatorQuestion, now: Duration) {
         self.bench.pass_time(now);
         let done = match question.ask {
             Ask::Switches(on) => {

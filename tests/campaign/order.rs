@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset};
 use gnc_bench::fixture::Fixture;
 use gnc_bench::runner::Ending;
-use gnc_bench::service::{CheckedPlan, Done, Equipment, Observer, Request, Rounds, ServiceError};
+use gnc_bench::service::{CheckedPlan, Equipment, Observer, Rounds, RunRequest, RunsDone, ServiceError};
 use gnc_executive::bench::BenchFile;
-use gnc_executive::event::{Bench, Event, Program};
+use gnc_executive::event::{BenchInfo, Event, ProgramVersion};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
@@ -19,7 +19,7 @@ use super::case::{Case, Link};
 
 /// A request and the bench for it.
 pub(super) struct Ordered {
-    pub(super) request: Request,
+    pub(super) request: RunRequest,
     pub(super) equipment: Equipment,
 }
 
@@ -38,12 +38,15 @@ pub(super) fn order(
     let plan = Plan::read("functional.toml", bytes, &mut no_includes).and_then(CheckedPlan::new);
     let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
         .map_err(|mistakes| said(&mistakes))?;
-    let request = Request {
+    let request = RunRequest {
         plan: plan.map_err(|mistakes| said(&mistakes))?,
         serial_number: "T-1".to_owned(),
         operator: None,
         selection: None,
-        program: Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() },
+        program: ProgramVersion {
+            name: env!("CARGO_PKG_NAME").to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+        },
         on_fail: None,
         rounds: Rounds::Once,
         resume: None,
@@ -55,7 +58,7 @@ pub(super) fn order(
         station: "campaign".to_owned(),
         records: place.join("records"),
         key: None,
-        bench: Bench::simulated(case.board.to_owned(), speed, case.bench_seed()),
+        bench: BenchInfo::simulated(case.board.to_owned(), speed, case.bench_seed()),
         target,
         can: Some(can),
         abilities: BenchAbilities { rs422: case.link == Link::Rs422, can: true, operator: true },
@@ -79,7 +82,7 @@ impl<F: Fn() -> bool + Clone + Send + 'static> Heard<F> {
     }
 
     /// The outcome and the folder of the only round, or what hindered it.
-    pub(super) fn ended(self, done: Result<Done, ServiceError>) -> Result<(Outcome, PathBuf), String> {
+    pub(super) fn ended(self, done: Result<RunsDone, ServiceError>) -> Result<(Outcome, PathBuf), String> {
         let done = done.map_err(|error| error.to_string())?;
         match (self.store_error, self.folder) {
             (Some(error), _) => Err(format!("the record could not be written: {error}")),

@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gnc_bench::control::Control;
+use gnc_bench::control::RunControl;
 use gnc_bench::fixture::Fixture;
 use gnc_bench::runner::Live;
 use gnc_bench::service;
@@ -41,7 +41,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     point(&port, bench.port())?;
     point(&adapter, Path::new(&slcan))?;
     let hands = bench.control();
-    let control = Control::default();
+    let control = RunControl::default();
     let (told, news) = mpsc::sync_channel(UNHEARD);
     let began = Instant::now();
     let can = CanTarget::parse(&format!("slcan:{}", adapter.display()));
@@ -89,8 +89,8 @@ fn point(link: &Path, port: &Path) -> Result<(), String> {
 fn watch(
     case: &Case,
     news: &Receiver<News>,
-    control: &Control,
-    hands: &hw_mocks::Control,
+    control: &RunControl,
+    hands: &hw_mocks::BenchControl,
     (cable, link): (Cable, &Path),
 ) -> Result<Watched, String> {
     let mut due: Vec<(Instant, Act)> = Vec::new();
@@ -138,14 +138,14 @@ fn watch(
 type Watched = (Option<Ended>, Option<Instant>, Option<JoinHandle<Option<Duration>>>);
 
 /// How long the module is still on.
-fn off_after(hands: &hw_mocks::Control) -> Option<Duration> {
+fn off_after(hands: &hw_mocks::BenchControl) -> Option<Duration> {
     let began = Instant::now();
     hands.wait_off(SAFE_AFTER).is_ok_and(|off| off).then(|| began.elapsed())
 }
 
 /// What the station's thread needs.
 struct Station {
-    control: Control,
+    control: RunControl,
     told: SyncSender<News>,
     ordered: Ordered,
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
 use gnc_records::store::reader;
-use hw_mocks::{LineTruth, Options, Personality, Speed};
+use hw_mocks::{BenchOptions, LineTruth, Personality, Speed};
 use tokio::time::Instant;
 
 use super::case::{Case, Disturbance};
@@ -126,10 +126,10 @@ fn run_in(case: &Case, over: Over, place: &Path) -> Ran {
 }
 
 /// The bench of a case.
-pub(super) fn options(case: &Case, speed: Speed) -> Result<Options, String> {
+pub(super) fn options(case: &Case, speed: Speed) -> Result<BenchOptions, String> {
     let personality = Personality::from_toml(case.board, &case.text()).map_err(|error| error.to_string())?;
     let (serial_number, seed) = (Some("T-1".to_owned()), case.bench_seed());
-    Ok(Options { serial_number, seed, speed, personality, ..Options::default() })
+    Ok(BenchOptions { serial_number, seed, speed, personality, ..BenchOptions::default() })
 }
 
 /// What somebody does.

@@ -27,12 +27,12 @@ pub struct Bandwidth {
     /// Where the power is down to a half.
     pub cutoff_hz: f64,
     /// How steep it falls.
-    pub order: Order,
+    pub order: FilterOrder,
 }
 
 /// Poles of a low-pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
+pub enum FilterOrder {
     /// One: 20 dB a decade.
     First,
     /// Two, after Butterworth: 40 dB a decade.
@@ -46,8 +46,8 @@ impl Bandwidth {
     pub(crate) fn response(&self, frequency_hz: f64, span_s: f64) -> (f64, f64) {
         let ratio = frequency_hz / self.cutoff_hz;
         let (gain, lag) = match self.order {
-            Order::First => (1.0 / 1.0_f64.hypot(ratio), ratio.atan()),
-            Order::Second => (1.0 / 1.0_f64.hypot(ratio * ratio), (SQRT_2 * ratio).atan2(1.0 - ratio * ratio)),
+            FilterOrder::First => (1.0 / 1.0_f64.hypot(ratio), ratio.atan()),
+            FilterOrder::Second => (1.0 / 1.0_f64.hypot(ratio * ratio), (SQRT_2 * ratio).atan2(1.0 - ratio * ratio)),
         };
         let half_turn = PI * frequency_hz * span_s;
         let mean = if half_turn == 0.0 { 1.0 } else { half_turn.sin() / half_turn };
@@ -58,8 +58,8 @@ impl Bandwidth {
     fn system(&self) -> (Matrix3<f64>, Vector3<f64>) {
         let w = TAU * self.cutoff_hz;
         match self.order {
-            Order::First => (Matrix3::new(-w, 0.0, 0.0, 0.0, -w, 0.0, 1.0, 0.0, 0.0), Vector3::new(w, 0.0, 0.0)),
-            Order::Second => {
+            FilterOrder::First => (Matrix3::new(-w, 0.0, 0.0, 0.0, -w, 0.0, 1.0, 0.0, 0.0), Vector3::new(w, 0.0, 0.0)),
+            FilterOrder::Second => {
                 (Matrix3::new(0.0, w, 0.0, -w, -SQRT_2 * w, 0.0, 1.0, 0.0, 0.0), Vector3::new(0.0, w, 0.0))
             }
         }
@@ -69,8 +69,8 @@ impl Bandwidth {
     fn stationary(&self) -> Matrix2<f64> {
         let w = TAU * self.cutoff_hz;
         match self.order {
-            Order::First => Matrix2::new(w / 2.0, 0.0, 0.0, 0.0),
-            Order::Second => Matrix2::identity() * (w / (2.0 * SQRT_2)),
+            FilterOrder::First => Matrix2::new(w / 2.0, 0.0, 0.0, 0.0),
+            FilterOrder::Second => Matrix2::identity() * (w / (2.0 * SQRT_2)),
         }
     }
 }

@@ -4,7 +4,7 @@ use gnc_protocol::stream::SATURATION;
 use nalgebra::Vector3;
 
 use crate::noise::Dice;
-use crate::world::Axis;
+use crate::world::ModuleAxis;
 
 /// Vibrations of one module, at most: more tell nothing that these do not, and each costs a sine a sample.
 pub(crate) const MOST_VIBRATIONS: usize = 4;
@@ -17,7 +17,7 @@ pub struct TriadFaults {
     /// An axis gives no signal: its code is 0.
     pub dead: [bool; 3],
     /// Two axes arrive in each other's place.
-    pub swapped: Option<(Axis, Axis)>,
+    pub swapped: Option<(ModuleAxis, ModuleAxis)>,
     /// White noise is so many times the model's.
     pub noise_factor: f64,
     /// Added to the bias.
@@ -81,7 +81,7 @@ pub struct Spikes {
     /// What is added or subtracted, by chance, in the sensors' unit.
     pub size: f64,
     /// The sensor; `None`: any of the three, by chance.
-    pub axis: Option<Axis>,
+    pub axis: Option<ModuleAxis>,
 }
 
 impl Spikes {
@@ -89,7 +89,7 @@ impl Spikes {
     pub(super) fn draw(&self, dice: &mut Dice) -> (usize, f64) {
         // Six cases of one number: three sensors, two senses.
         let case = dice.between(0.0, 6.0) as usize;
-        let axis = self.axis.map_or(case % 3, Axis::index);
+        let axis = self.axis.map_or(case % 3, ModuleAxis::index);
         (axis, if case < 3 { self.size } else { -self.size })
     }
 }

@@ -26,24 +26,24 @@ use nalgebra::Vector3;
 pub use bandwidth::Bandwidth;
 pub use faults::{SensorFaults, TriadFaults};
 pub use model::{SensorModels, TriadModel};
-pub use reader::Reader;
+pub use reader::SensorReader;
 pub use truth::{TriadTruth, TrueSensors};
 
-use crate::noise::{Dice, Source};
+use crate::noise::{Dice, RandomStream};
 use crate::world::Influence;
 use faults::{Failing, MOST_VIBRATIONS, Vibration};
-use part::{Chance, Kind, Part};
+use part::{Chance, ChipPart, SensorKind};
 use reader::Chip;
-use triad::Triad;
+use triad::SensorTriad;
 
 /// The nine sensors and their two thermometers.
 #[derive(Debug, Clone)]
 pub struct Sensors {
     models: SensorModels,
     vibrations: [Vibration; MOST_VIBRATIONS],
-    gyro: Part,
-    accel: Part,
-    mag: Part,
+    gyro: ChipPart,
+    accel: ChipPart,
+    mag: ChipPart,
     powered_at_s: f64,
     /// Steps of slow noise since the bench was started; -1 before the first sample.
     step: i64,
@@ -51,7 +51,7 @@ pub struct Sensors {
     /// Reads of all three chips that fail.
     failing: Option<Failing>,
     /// For samples that no stream asks for.
-    reader: Option<Reader>,
+    reader: Option<SensorReader>,
     white_dice: Dice,
     slow_dice: Dice,
     turn_on_dice: Dice,
@@ -63,26 +63,26 @@ impl Sensors {
     /// Sensors under a seed.
     #[must_use]
     pub fn new(models: SensorModels, faults: SensorFaults, seed: u64) -> Self {
-        let mut slow_dice = Dice::new(seed, Source::SensorSlow);
-        let mut upset_dice = Dice::new(seed, Source::SensorUpsets);
-        let mut triad = |model, faults, lsb| Triad::new(model, faults, lsb, &mut slow_dice, &mut upset_dice);
+        let mut slow_dice = Dice::new(seed, RandomStream::SensorSlow);
+        let mut upset_dice = Dice::new(seed, RandomStream::SensorUpsets);
+        let mut triad = |model, faults, lsb| SensorTriad::new(model, faults, lsb, &mut slow_dice, &mut upset_dice);
         let gyro = triad(models.gyro, faults.gyro, GYRO_LSB_PER_DPS);
         let accel = triad(models.accel, faults.accel, ACCEL_LSB_PER_G);
         let mag = triad(models.mag, faults.mag, MAG_LSB_PER_GAUSS);
         Self {
             models,
             vibrations: faults.vibrations,
-            gyro: Part::new(Kind::Gyro { per_g: models.gyro_per_g }, gyro),
-            accel: Part::new(Kind::Accel, accel),
-            mag: Part::new(Kind::Mag { y_skew_s: faults.mag_y_skew_us * 1e-6 }, mag),
+            gyro: ChipPart::new(SensorKind::Gyro { per_g: models.gyro_per_g }, gyro),
+            accel: ChipPart::new(SensorKind::Accel, accel),
+            mag: ChipPart::new(SensorKind::Mag { y_skew_s: faults.mag_y_skew_us * 1e-6 }, mag),
             powered_at_s: 0.0,
             step: -1,
             thermometers: [0; 2],
             reader: None,
-            white_dice: Dice::new(seed, Source::SensorWhite),
+            white_dice: Dice::new(seed, RandomStream::SensorWhite),
             slow_dice,
-            turn_on_dice: Dice::new(seed, Source::TurnOn),
-            temperature_dice: Dice::new(seed, Source::Temperature),
+            turn_on_dice: Dice::new(seed, RandomStream::TurnOn),
+            temperature_dice: Dice::new(seed, RandomStream::Temperature),
             failing: faults.failed_reads.map(|failed| Failing::new(&failed, &mut upset_dice)),
             upset_dice,
         }
@@ -99,19 +99,19 @@ impl Sensors {
 
     /// A reader for one stream of samples; its filters have felt for long what they feel first.
     #[must_use]
-    pub fn reader(&self, rate_hz: f64) -> Reader {
-        Reader::new(&self.models, &self.vibrations, rate_hz)
+    pub fn reader(&self, rate_hz: f64) -> SensorReader {
+        SensorReader::new(&self.models, &self.vibrations, rate_hz)
     }
 
     /// Takes one sample of what acts at the moments that it is asked for: now, where a chip converted before that moment,
     /// and where a magnetometer is sampled late that moment.
-    pub fn read(&mut self, reader: &mut Reader, mut at: impl FnMut(f64) -> Influence, now_s: f64) -> ImuSample {
+    pub fn read(&mut self, reader: &mut SensorReader, mut at: impl FnMut(f64) -> Influence, now_s: f64) -> ImuSample {
         let now = at(now_s);
         self.move_slowly(&now, now_s);
         let mut seen = |moment_s: f64| if moment_s == now_s { now } else { at(moment_s) };
         let mut chance = Chance { white: &mut self.white_dice, upset: &mut self.upset_dice };
         let mut codes =
-            |part: &mut Part, chip: &mut Chip| part.read(chip, &mut seen, now_s, &self.vibrations, &mut chance);
+            |part: &mut ChipPart, chip: &mut Chip| part.read(chip, &mut seen, now_s, &self.vibrations, &mut chance);
         let gyro = codes(&mut self.gyro, &mut reader.gyro);
         let accel = codes(&mut self.accel, &mut reader.accel);
         let mag = codes(&mut self.mag, &mut reader.mag);

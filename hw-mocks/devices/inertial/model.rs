@@ -23,7 +23,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::bandwidth::{Bandwidth, Order};
+use super::bandwidth::{Bandwidth, FilterOrder};
 use super::noise::AxisNoise;
 
 /// Temperature at which the fixed errors are stated.
@@ -39,7 +39,7 @@ const MAG_SLOW: f64 = 3e-6;
 const MAG_PER_K: f64 = 10e-6;
 
 /// Low-pass of the inertial chips.
-const INDUSTRIAL: Bandwidth = Bandwidth { cutoff_hz: 80.0, order: Order::Second };
+const INDUSTRIAL: Bandwidth = Bandwidth { cutoff_hz: 80.0, order: FilterOrder::Second };
 
 /// Bias stability and repeatability of a kind of sensors, X, Y, Z.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -27,7 +27,7 @@
 use nalgebra::Vector3;
 
 use super::model::TriadModel;
-use crate::noise::{Dice, GaussMarkov, Source};
+use crate::noise::{Dice, GaussMarkov, RandomStream};
 
 /// What is slow moves in steps of this: 0.7 % of the shortest correlation time.
 pub(crate) const STEP_S: f64 = 0.1;
@@ -146,7 +146,7 @@ impl NoiseSimulation {
     /// Sensors under a seed, just switched on.
     #[must_use]
     pub fn new(model: &TriadModel, seed: u64) -> Self {
-        let mut dice = Dice::new(seed, Source::Bootstrap);
+        let mut dice = Dice::new(seed, RandomStream::Bootstrap);
         let slow = model.noise.map(|noise| SlowNoise::new(&noise, &mut dice));
         let mut simulation = Self { model: *model, slow, turn_on: Vector3::zeros(), dice };
         simulation.power_on();

@@ -4,13 +4,13 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::faults::{MOST_VIBRATIONS, Vibration};
 use super::reader::Chip;
-use super::triad::Triad;
+use super::triad::SensorTriad;
 use crate::noise::Dice;
 use crate::world::{Influence, STANDARD_GRAVITY};
 
 /// What the sensors of a chip feel.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum SensorKind {
     /// Angular rate, and force by their g-sensitivity, deg/s per g.
     Gyro { per_g: Matrix3<f64> },
     /// Specific force.
@@ -21,9 +21,9 @@ pub(super) enum Kind {
 
 /// A chip, with what it gives as long as neither it nor what acts on it changes.
 #[derive(Debug, Clone)]
-pub(super) struct Part {
-    kind: Kind,
-    pub(super) triad: Triad,
+pub(super) struct ChipPart {
+    kind: SensorKind,
+    pub(super) triad: SensorTriad,
     held: Option<Held>,
 }
 
@@ -42,8 +42,8 @@ pub(super) struct Chance<'a> {
     pub(super) upset: &'a mut Dice,
 }
 
-impl Part {
-    pub(super) fn new(kind: Kind, triad: Triad) -> Self {
+impl ChipPart {
+    pub(super) fn new(kind: SensorKind, triad: SensorTriad) -> Self {
         Self { kind, triad, held: None }
     }
 
@@ -57,11 +57,11 @@ impl Part {
         let temperature_c = influence.temperature_c;
         let force_g = influence.force / STANDARD_GRAVITY;
         match self.kind {
-            Kind::Gyro { per_g } => {
+            SensorKind::Gyro { per_g } => {
                 self.triad.output(&influence.rate_rps.map(f64::to_degrees), temperature_c) + per_g * force_g
             }
-            Kind::Accel => self.triad.output(&force_g, temperature_c),
-            Kind::Mag { .. } => self.triad.output(&influence.field_gauss, temperature_c),
+            SensorKind::Accel => self.triad.output(&force_g, temperature_c),
+            SensorKind::Mag { .. } => self.triad.output(&influence.field_gauss, temperature_c),
         }
     }
 
@@ -69,9 +69,9 @@ impl Part {
     fn shaken(&self, vibration: &Vibration, temperature_c: f64) -> Vector3<f64> {
         let response = self.triad.response(temperature_c);
         match self.kind {
-            Kind::Gyro { per_g } => response * vibration.rate_dps + per_g * vibration.force_g,
-            Kind::Accel => response * vibration.force_g,
-            Kind::Mag { .. } => response * vibration.field_gauss,
+            SensorKind::Gyro { per_g } => response * vibration.rate_dps + per_g * vibration.force_g,
+            SensorKind::Accel => response * vibration.force_g,
+            SensorKind::Mag { .. } => response * vibration.field_gauss,
         }
     }
 
@@ -88,7 +88,7 @@ impl Part {
         if let Some(moment_s) = chip.due(now_s) {
             let influence = at(moment_s);
             let on_y = match self.kind {
-                Kind::Mag { y_skew_s } if y_skew_s != 0.0 => Some(at(moment_s + y_skew_s)),
+                SensorKind::Mag { y_skew_s } if y_skew_s != 0.0 => Some(at(moment_s + y_skew_s)),
                 _ => None,
             };
             if !self.held.as_ref().is_some_and(|held| held.influence == influence && held.on_y == on_y) {

@@ -15,14 +15,14 @@ use crate::noise::Dice;
 /// Gyroscopes, accelerometers and magnetometer are a chip each. A chip that converts less often than it is read gives its
 /// last conversion again; one that converts as often as that or more gives the mean over the interval.
 #[derive(Debug, Clone)]
-pub struct Reader {
+pub struct SensorReader {
     pub(super) rate_hz: f64,
     pub(super) gyro: Chip,
     pub(super) accel: Chip,
     pub(super) mag: Chip,
 }
 
-impl Reader {
+impl SensorReader {
     /// A reader of sensors of such models, shaken like this.
     pub(super) fn new(models: &SensorModels, vibrations: &[Vibration; MOST_VIBRATIONS], rate_hz: f64) -> Self {
         let chip = |model| Chip::new(model, vibrations, rate_hz);

@@ -11,7 +11,7 @@ use crate::noise::Dice;
 
 /// Three sensors of one kind.
 #[derive(Debug, Clone)]
-pub(super) struct Triad {
+pub(super) struct SensorTriad {
     model: TriadModel,
     faults: TriadFaults,
     lsb_per_unit: f64,
@@ -29,7 +29,7 @@ pub(super) struct Triad {
     failing: Option<Failing>,
 }
 
-impl Triad {
+impl SensorTriad {
     pub(super) fn new(
         model: TriadModel,
         faults: TriadFaults,

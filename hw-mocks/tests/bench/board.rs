@@ -10,7 +10,7 @@ use gnc_protocol::message::{
     TimerMeasure, event,
 };
 use gnc_protocol::wire::{List, Wire};
-use hw_mocks::{Options, Speed};
+use hw_mocks::{BenchOptions, Speed};
 
 use crate::host::{Host, options};
 
@@ -114,7 +114,7 @@ fn refusals_name_what_is_wrong() {
 /// 115200 baud carry.
 #[test]
 fn stream_that_does_not_fit_is_refused_with_the_arithmetic() {
-    let mut host = Host::with(&Options { rate_baud: 115_200, ..options("good", Speed::Max) });
+    let mut host = Host::with(&BenchOptions { rate_baud: 115_200, ..options("good", Speed::Max) });
     host.ask(&ModulePower { on: 1 });
     let (code, text) = host.refusal(&StreamStart { stream: 1, rate_hz: 1000, count: 0, samples_per_frame: 1 });
     assert_eq!(code, NakCode::DoesNotFit as u16);
@@ -379,7 +379,7 @@ fn the_account_of_a_stream_closes_after_power_off_and_make_safe() {
 #[test]
 fn answers_go_ahead_of_samples_that_wait() {
     for rate_baud in [115_200, 921_600] {
-        let mut host = Host::with(&Options { rate_baud, ..options("good", Speed::Times(1.0)) });
+        let mut host = Host::with(&BenchOptions { rate_baud, ..options("good", Speed::Times(1.0)) });
         host.ask(&ModulePower { on: 1 });
         let rate_hz = if rate_baud == 115_200 { 200 } else { 1000 };
         host.ask(&StreamStart { stream: 1, rate_hz, count: 0, samples_per_frame: 10 });

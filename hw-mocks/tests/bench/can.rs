@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use gnc_protocol::can::endpoint::{Endpoint, Role};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::frame::{Flags, Frame, Header, Kind, Payload};
 use gnc_protocol::message::{
@@ -12,7 +12,7 @@ use gnc_protocol::message::{
 use gnc_protocol::stream::StreamFrame;
 use gnc_protocol::wire::Wire;
 use gnc_protocol::{Call, NakCode};
-use hw_mocks::{Bench, Speed};
+use hw_mocks::{SimulatedBench, Speed};
 
 use crate::host::options;
 
@@ -20,7 +20,7 @@ use crate::host::options;
 const PATIENCE: u32 = 200_000;
 
 struct CanHost {
-    bench: Bench,
+    bench: SimulatedBench,
     now: Duration,
     endpoint: Endpoint,
     frames: Vec<Frame>,
@@ -32,9 +32,9 @@ struct CanHost {
 impl CanHost {
     fn new(personality: &str, speed: Speed) -> Self {
         let mut host = Self {
-            bench: Bench::new(&options(personality, speed)),
+            bench: SimulatedBench::new(&options(personality, speed)),
             now: Duration::ZERO,
-            endpoint: Endpoint::new(Role::Host),
+            endpoint: Endpoint::new(EndpointRole::Host),
             frames: Vec::new(),
             echoes: Vec::new(),
             keep_alive_at: Duration::ZERO,

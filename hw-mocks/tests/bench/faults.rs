@@ -12,7 +12,7 @@ use gnc_protocol::message::{
 use gnc_protocol::stream::ImuSample;
 use gnc_protocol::wire::{List, Wire};
 use gnc_protocol::{Call, Frame};
-use hw_mocks::{Axis, Options, Personality, Sign, Speed, boards};
+use hw_mocks::{BenchOptions, ModuleAxis, Personality, Sign, Speed, boards};
 
 use crate::host::{Host, options};
 
@@ -164,9 +164,9 @@ fn ad(host: &mut Host) -> Option<bool> {
         good &= (read(host)?[index + 3] - rail_v).abs() < 0.05 * rail_v + 0.06;
         host.bench.set_switch(index as u8 + 1, false);
     }
-    host.bench.set_axis_up(Axis::X, Sign::Plus);
+    host.bench.set_axis_up(ModuleAxis::X, Sign::Plus);
     let turned = read(host)?;
-    host.bench.set_axis_up(Axis::Z, Sign::Plus);
+    host.bench.set_axis_up(ModuleAxis::Z, Sign::Plus);
     Some(good && (0..3).all(|axis| (turned[axis] - off[axis]).abs() > 0.05))
 }
 
@@ -221,7 +221,7 @@ const PROBES: [(&str, Probe); 13] = [
 
 fn failing(personality: Personality) -> BTreeSet<String> {
     let base = options("good", Speed::Max);
-    let mut host = Host::with(&Options { personality, serial_number: Some(SERIAL_NUMBER.to_owned()), ..base });
+    let mut host = Host::with(&BenchOptions { personality, serial_number: Some(SERIAL_NUMBER.to_owned()), ..base });
     host.ask(&ModulePower { on: 1 });
     let wrong = PROBES.iter().filter(|(_, probe)| probe(&mut host) != Some(true));
     let wrong: BTreeSet<String> = wrong.map(|(item, _)| (*item).to_owned()).collect();

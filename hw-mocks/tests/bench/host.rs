@@ -5,19 +5,19 @@ use std::time::Duration;
 use gnc_protocol::Call;
 use gnc_protocol::frame::{Flags, Frame, Header, Kind, Payload};
 use gnc_protocol::message::{HostHello, MAGIC, ModulePower, Nak, ResultHead, event};
-use gnc_protocol::serial::{Decoder, encode};
+use gnc_protocol::serial::{FrameDecoder, encode};
 use gnc_protocol::stream::StreamFrame;
 use gnc_protocol::wire::Wire;
-use hw_mocks::{Bench, Options, Personality, Speed};
+use hw_mocks::{BenchOptions, Personality, SimulatedBench, Speed};
 
 /// Virtual link time after which a test gives up.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(crate) struct Host {
-    pub(crate) bench: Bench,
+    pub(crate) bench: SimulatedBench,
     pub(crate) now: Duration,
     pub(crate) frames: Vec<Frame>,
-    decoder: Decoder,
+    decoder: FrameDecoder,
     keep_alive_at: Duration,
     pub(crate) request: u16,
 }
@@ -25,13 +25,13 @@ pub(crate) struct Host {
 /// A RESULT: its head and the bytes after it, or a NAK.
 pub(crate) type Answer = Result<(ResultHead, Payload), Nak>;
 
-pub(crate) fn options(personality: &str, speed: Speed) -> Options {
+pub(crate) fn options(personality: &str, speed: Speed) -> BenchOptions {
     let personality = if personality.contains('\n') || personality.is_empty() {
         Personality::from_toml("test", personality).unwrap()
     } else {
         Personality::named(personality).unwrap()
     };
-    let options = Options { personality, speed, seed: 20_261_122, ..Options::default() };
+    let options = BenchOptions { personality, speed, seed: 20_261_122, ..BenchOptions::default() };
     println!("seed {}", options.seed);
     options
 }
@@ -48,18 +48,18 @@ impl Host {
         host
     }
 
-    pub(crate) fn with(options: &Options) -> Self {
+    pub(crate) fn with(options: &BenchOptions) -> Self {
         let mut host = Self::without_session(options);
         host.hello(1);
         host
     }
 
-    pub(crate) fn without_session(options: &Options) -> Self {
+    pub(crate) fn without_session(options: &BenchOptions) -> Self {
         Self {
-            bench: Bench::new(options),
+            bench: SimulatedBench::new(options),
             now: Duration::ZERO,
             frames: Vec::new(),
-            decoder: Decoder::default(),
+            decoder: FrameDecoder::default(),
             keep_alive_at: Duration::ZERO,
             request: 0,
         }

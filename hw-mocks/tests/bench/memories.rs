@@ -6,7 +6,7 @@ use gnc_protocol::message::{
 use gnc_protocol::pattern::Xorshift32;
 use hw_mocks::devices::flash::{FlashFaults, FlashMemory, SPI_FLASH};
 use hw_mocks::devices::memory::{Memory, MemoryFaults, PatternRun};
-use hw_mocks::noise::{Dice, Source};
+use hw_mocks::noise::{Dice, RandomStream};
 
 use crate::host::Host;
 
@@ -96,7 +96,7 @@ fn board_reports_the_first_mismatch_and_keeps_a_record() {
 }
 
 fn flash() -> FlashMemory {
-    FlashMemory::new(SPI_FLASH, FlashFaults::default(), Dice::new(1, Source::SpiFlash))
+    FlashMemory::new(SPI_FLASH, FlashFaults::default(), Dice::new(1, RandomStream::SpiFlash))
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use gnc_config::Mistake;
 use hw_mocks::devices::inertial::SensorModels;
-use hw_mocks::devices::inertial::bandwidth::Order;
+use hw_mocks::devices::inertial::bandwidth::FilterOrder;
 use hw_mocks::devices::inertial::model::PUBLISHED;
-use hw_mocks::{Options, Personality, boards};
+use hw_mocks::{BenchOptions, Personality, boards};
 
 use crate::host::Host;
 
@@ -292,7 +292,7 @@ fn what_real_sensors_do_is_checked() {
     refused(&five, &["9:1: more than 4 vibrations [remove some of them]"]);
     let bandwidth = |text: &str| {
         let personality = Personality::from_toml("mine", text).unwrap();
-        Host::with(&Options { personality, ..Options::default() })
+        Host::with(&BenchOptions { personality, ..BenchOptions::default() })
             .bench
             .truth()
             .sensors
@@ -300,10 +300,10 @@ fn what_real_sensors_do_is_checked() {
             .bandwidth
             .map(|known| (known.cutoff_hz, known.order))
     };
-    assert_eq!(bandwidth(""), Some((80.0, Order::Second)));
+    assert_eq!(bandwidth(""), Some((80.0, FilterOrder::Second)));
     assert_eq!(bandwidth("[gyro]\nbandwidth_hz = 0\n"), None);
-    assert_eq!(bandwidth("[gyro]\nbandwidth_order = 1\n"), Some((80.0, Order::First)));
-    assert_eq!(bandwidth("[gyro]\nbandwidth_hz = 25\n"), Some((25.0, Order::Second)));
+    assert_eq!(bandwidth("[gyro]\nbandwidth_order = 1\n"), Some((80.0, FilterOrder::First)));
+    assert_eq!(bandwidth("[gyro]\nbandwidth_hz = 25\n"), Some((25.0, FilterOrder::Second)));
 }
 
 #[test]

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use gnc_protocol::Call;
 use gnc_protocol::frame::{Flags, Frame, Header, Kind, Payload};
 use gnc_protocol::message::{HostHello, Identity, IoTest, MAGIC, ModulePower, RamTest, ResultHead, StreamStart, event};
-use gnc_protocol::serial::{Decoder, encode};
+use gnc_protocol::serial::{FrameDecoder, encode};
 use gnc_protocol::timing::KEEP_ALIVE_EVERY;
 use gnc_protocol::wire::Wire;
-use hw_mocks::noise::{Dice, Source};
+use hw_mocks::noise::{Dice, RandomStream};
 use hw_mocks::{RunningBench, Speed};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 struct PtyHost {
     port: std::fs::File,
-    decoder: Decoder,
+    decoder: FrameDecoder,
     request: u16,
     came: Vec<Frame>,
     keep_alive_at: Instant,
@@ -31,8 +31,13 @@ struct PtyHost {
 impl PtyHost {
     fn open(path: &std::path::Path) -> Self {
         let port = std::fs::OpenOptions::new().read(true).write(true).open(path).unwrap();
-        let mut host =
-            Self { port, decoder: Decoder::default(), request: 0, came: Vec::new(), keep_alive_at: Instant::now() };
+        let mut host = Self {
+            port,
+            decoder: FrameDecoder::default(),
+            request: 0,
+            came: Vec::new(),
+            keep_alive_at: Instant::now(),
+        };
         host.hello();
         host
     }
@@ -137,7 +142,7 @@ fn nothing_is_lost_when_the_host_reads_slowly() {
 fn hostile_bytes_never_end_the_bench() {
     let bench = RunningBench::start(&options("good", Speed::Max)).unwrap();
     let mut host = PtyHost::open(bench.port());
-    let mut dice = Dice::new(4, Source::Line);
+    let mut dice = Dice::new(4, RandomStream::Line);
     let mut bytes = Vec::new();
     for round in 0..400_u16 {
         let mut payload: Vec<u8> = (0..dice.word() % 60).map(|_| dice.word() as u8).collect();

@@ -5,8 +5,8 @@
 use std::f64::consts::{PI, TAU};
 
 use gnc_protocol::stream::ImuSample;
-use hw_mocks::Axis;
-use hw_mocks::devices::inertial::bandwidth::{Bandwidth, Order};
+use hw_mocks::ModuleAxis;
+use hw_mocks::devices::inertial::bandwidth::{Bandwidth, FilterOrder};
 use hw_mocks::devices::inertial::faults::{FailedReads, Spikes, Vibration};
 use hw_mocks::devices::inertial::noise::AxisNoise;
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadFaults};
@@ -23,11 +23,11 @@ const GAUSS: f64 = 1.25e6;
 /// White noise, deg/s sqrt(s): a thousand codes at 200 Hz, so that rounding is nothing beside it.
 const WHITE: f64 = 0.004;
 
-const FIRST: Bandwidth = Bandwidth { cutoff_hz: 25.0, order: Order::First };
-const SECOND: Bandwidth = Bandwidth { cutoff_hz: 80.0, order: Order::Second };
+const FIRST: Bandwidth = Bandwidth { cutoff_hz: 25.0, order: FilterOrder::First };
+const SECOND: Bandwidth = Bandwidth { cutoff_hz: 80.0, order: FilterOrder::Second };
 
 fn order(bandwidth: Bandwidth) -> i32 {
-    if bandwidth.order == Order::First { 1 } else { 2 }
+    if bandwidth.order == FilterOrder::First { 1 } else { 2 }
 }
 
 /// Perfect sensors; the gyroscopes have white noise and a bandwidth, if any.
@@ -186,7 +186,7 @@ fn a_stream_begins_with_the_noise_that_it_goes_on_with() {
 /// a straight line to 2e-4.
 #[test]
 fn motion_passes_the_filter() {
-    for order in [Order::First, Order::Second] {
+    for order in [FilterOrder::First, FilterOrder::Second] {
         let bandwidth = Bandwidth { cutoff_hz: 20.0, order };
         let mut sensors = Sensors::new(models(0.0, Some(bandwidth)), SensorFaults::default(), 1);
         let mut reader = sensors.reader(1000.0);
@@ -194,7 +194,7 @@ fn motion_passes_the_filter() {
             rate_rps: Vector3::new((30.0 * (TAU * 10.0 * now_s).sin()).to_radians(), 0.0, 0.0),
             ..still()
         };
-        let (ratio, power) = (0.5_f64, if order == Order::First { 1 } else { 2 });
+        let (ratio, power) = (0.5_f64, if order == FilterOrder::First { 1 } else { 2 });
         let gain = filtered::power(10.0, 20.0, power).sqrt();
         let phase = if power == 1 { ratio.atan() } else { (2.0_f64.sqrt() * ratio / (1.0 - ratio * ratio)).atan() };
         for index in 1..=3000 {
@@ -367,7 +367,7 @@ fn spikes_have_their_share_size_and_axis() {
         let spikes = |axis, sign| read.iter().filter(|sample| is_spike(sample, axis, sign)).count();
         [0, 1, 2].map(|axis| [spikes(axis, 1.0), spikes(axis, -1.0)])
     };
-    let y = upset(Some(Axis::Y));
+    let y = upset(Some(ModuleAxis::Y));
     assert_eq!((y[0], y[2]), ([0, 0], [0, 0]));
     assert_eq!(y[1][0] + y[1][1], COUNT / 64);
     assert_share(y[1][0], COUNT / 64, 0.5, "up");

@@ -2,8 +2,8 @@
 
 use gnc_rig::Along;
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadFaults};
-use hw_mocks::world::{Influence, Site, World};
-use hw_mocks::{Axis, Sign};
+use hw_mocks::world::{Influence, TrueSite, World};
+use hw_mocks::{ModuleAxis, Sign};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::host::Host;
@@ -99,7 +99,7 @@ fn steps_hide_what_is_smaller() {
     assert_eq!((at(&mut sensors, 0.0), at(&mut sensors, 0.001), at(&mut sensors, -0.001)), (0.0, 0.0, 0.0));
     assert!((at(&mut sensors, 0.004) - 0.006243).abs() < 1e-5);
     // Local gravity lies in the middle of a step.
-    let gravity = Site::default().gravity() / G;
+    let gravity = TrueSite::default().gravity() / G;
     assert!(((gravity / 0.006243).fract() - 1.0).abs() < 0.05 || (gravity / 0.006243).fract() < 0.05);
     assert_eq!(force_g(&mut sensors, 0.001, 1.0)[2], 1.0, "the others are as they were");
 }
@@ -127,8 +127,8 @@ fn what_is_new_at_each_power_on_has_its_deviation() {
 #[test]
 fn a_skew_is_an_angle_that_grows_with_the_rate() {
     let mut sensors = silent(SensorFaults { mag_y_skew_us: 100.0, ..SensorFaults::default() });
-    let mut world = World::new(Site::default(), std::time::Duration::ZERO, 25.0);
-    world.set_turn(Axis::Z, 5400.0, 0.0);
+    let mut world = World::new(TrueSite::default(), std::time::Duration::ZERO, 25.0);
+    world.set_turn(ModuleAxis::Z, 5400.0, 0.0);
     let mut reader = sensors.reader(1000.0);
     let (mut in_phase, mut across, mut x_square) = (0.0, 0.0, 0.0);
     for index in 0..1000 {
@@ -175,7 +175,7 @@ fn one_magnetometer_saturates_in_the_vertical_field_only() {
     }
     let mut most = 0.0_f64;
     for heading_deg in 0..36 {
-        host.bench.orient(Along::North, Axis::Z, Sign::Plus, f64::from(heading_deg) * 10.0).unwrap();
+        host.bench.orient(Along::North, ModuleAxis::Z, Sign::Plus, f64::from(heading_deg) * 10.0).unwrap();
         let (done, still) = std::sync::mpsc::channel();
         host.bench.wait_still(done);
         while still.try_recv().is_err() {

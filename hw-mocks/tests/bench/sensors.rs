@@ -6,8 +6,8 @@ use gnc_protocol::wire::Wire;
 use hw_mocks::devices::inertial::model::{PUBLISHED, Published};
 use hw_mocks::devices::inertial::noise::{AxisNoise, NoiseSimulation, variance_of_means};
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadModel};
-use hw_mocks::world::{Influence, Site, World, attitude};
-use hw_mocks::{Axis, Sign};
+use hw_mocks::world::{Influence, TrueSite, World, attitude};
+use hw_mocks::{ModuleAxis, Sign};
 use nalgebra::Vector3;
 
 use crate::filtered;
@@ -26,7 +26,7 @@ fn gravity_1980(latitude_deg: f64, height_m: f64) -> f64 {
 #[test]
 fn gravity_agrees_with_the_international_formula() {
     for (latitude_deg, height_m) in [(0.0, 0.0), (34.2321, 412.0), (-52.0, 30.0), (90.0, 1000.0)] {
-        let site = Site { latitude_deg, height_m, ..Site::default() };
+        let site = TrueSite { latitude_deg, height_m, ..TrueSite::default() };
         assert!((site.gravity() / gravity_1980(latitude_deg, height_m) - 1.0).abs() < 2e-6);
     }
 }
@@ -35,7 +35,7 @@ fn gravity_agrees_with_the_international_formula() {
 /// field's north component shows on X as cos(heading).
 #[test]
 fn attitude_resolves_earth_rate_gravity_and_field() {
-    let mut world = World::new(Site::default(), std::time::Duration::from_secs(1_795_329_015), 23.0);
+    let mut world = World::new(TrueSite::default(), std::time::Duration::from_secs(1_795_329_015), 23.0);
     let latitude = world.site.latitude_deg.to_radians();
     let (north_dph, up_dph) = (15.041_07 * latitude.cos(), 15.041_07 * latitude.sin());
     for heading_deg in [0.0, 90.0, 200.0] {
@@ -52,7 +52,7 @@ fn attitude_resolves_earth_rate_gravity_and_field() {
         let y = north * heading.sin() - east * heading.cos();
         assert!((seen.field_gauss - Vector3::new(x, y, -down)).norm() < 1e-12);
     }
-    for axis in Axis::ALL {
+    for axis in ModuleAxis::ALL {
         for sign in [Sign::Plus, Sign::Minus] {
             let rotation = attitude(axis, sign, 77.0);
             let matrix = rotation.matrix();
@@ -65,8 +65,8 @@ fn attitude_resolves_earth_rate_gravity_and_field() {
 
 #[test]
 fn turning_right_handed_reads_positive_and_turns_the_field_back() {
-    let mut world = World::new(Site::default(), std::time::Duration::ZERO, 23.0);
-    world.set_turn(Axis::Z, 30.0, 1.0);
+    let mut world = World::new(TrueSite::default(), std::time::Duration::ZERO, 23.0);
+    world.set_turn(ModuleAxis::Z, 30.0, 1.0);
     let seen = world.influence(4.0);
     assert!((seen.rate_rps.z.to_degrees() - 30.0).abs() < 0.01);
     // After 3 s at 30 deg/s X points west: the north field is on -Y.
@@ -107,7 +107,7 @@ fn mean_and_deviation(samples: &[ImuSample], pick: impl Fn(&ImuSample) -> i32) -
 #[test]
 fn sensors_at_rest_read_the_truth_within_their_noise() {
     let mut host = Host::powered("good");
-    host.bench.set_axis_up(Axis::X, Sign::Minus);
+    host.bench.set_axis_up(ModuleAxis::X, Sign::Minus);
     host.bench.set_heading_deg(123.0);
     let samples = imu(&mut host, 200, 4000);
     let truth = host.bench.truth();

@@ -6,7 +6,7 @@ use gnc_protocol::message::{StreamStart, StreamStop};
 use gnc_protocol::stream::ImuSample;
 use gnc_protocol::wire::Wire;
 use gnc_rig::Along;
-use hw_mocks::{Axis, RunningBench, Sign, Speed, TableError, TableModel, TableRefusal};
+use hw_mocks::{ModuleAxis, RunningBench, Sign, Speed, TableModel, TableRefusal, TurntableError};
 use nalgebra::Vector3;
 
 use crate::host::{Host, options};
@@ -32,7 +32,7 @@ fn settle(host: &mut Host) {
     panic!("the table never came to rest");
 }
 
-fn orient(host: &mut Host, along: Along, axis: Axis, sign: Sign, heading_deg: f64) {
+fn orient(host: &mut Host, along: Along, axis: ModuleAxis, sign: Sign, heading_deg: f64) {
     host.bench.orient(along, axis, sign, heading_deg).unwrap();
     settle(host);
 }
@@ -46,7 +46,7 @@ fn rate_dph(host: &Host) -> Vector3<f64> {
 fn orientations_point_where_they_say() {
     let mut host = Host::powered(PERFECT);
     let latitude = f64::to_radians(LATITUDE_DEG);
-    for axis in Axis::ALL {
+    for axis in ModuleAxis::ALL {
         for sign in [Sign::Plus, Sign::Minus] {
             let along = |v: Vector3<f64>| v[axis.index()] * sign.factor();
             orient(&mut host, Along::Polar, axis, sign, 77.0);
@@ -71,7 +71,7 @@ fn orientations_point_where_they_say() {
         }
     }
     // With Z to the pole, X at heading 0 lies in the meridian plane above: it sees cos(latitude) of gravity.
-    orient(&mut host, Along::Polar, Axis::Z, Sign::Plus, 0.0);
+    orient(&mut host, Along::Polar, ModuleAxis::Z, Sign::Plus, 0.0);
     let truth = host.bench.truth();
     assert!((truth.influence.force.x - truth.gravity * latitude.cos()).abs() < 1e-6, "{}", truth.influence.force);
 }
@@ -100,7 +100,7 @@ fn any_attitude_and_a_small_tilt() {
 fn rotations_turn_by_their_angle() {
     for (text, about) in [(PERFECT, 0.002), ("", 0.02)] {
         let mut host = Host::powered(text);
-        for axis in Axis::ALL {
+        for axis in ModuleAxis::ALL {
             orient(&mut host, Along::Polar, axis, Sign::Plus, 0.0);
             let before = host.bench.truth().attitude;
             for angle_deg in [1080.0, -1080.0] {
@@ -138,7 +138,7 @@ fn rotations_turn_by_their_angle() {
 fn the_mounting_shows_as_coupling() {
     let text = format!("{}\n", PERFECT.replace("mounting_deg = [0, 0, 0]", "mounting_deg = [0, 0, 0.1]"));
     let mut host = Host::powered(&text);
-    orient(&mut host, Along::Up, Axis::X, Sign::Plus, 0.0);
+    orient(&mut host, Along::Up, ModuleAxis::X, Sign::Plus, 0.0);
     let axis = host.bench.truth().table.axis_module;
     assert!((axis.y.abs() - 1.745e-3).abs() < 1e-6 && axis.x > 0.999, "{axis}");
     host.bench.spin(100.0).unwrap();
@@ -162,15 +162,15 @@ fn errors_are_small_and_belong_to_the_orientation() {
     };
     let fixed = PERFECT.replace("attitude_error_arcsec = 0", "attitude_error_arcsec = 20");
     let mut host = Host::powered(&fixed);
-    let tilts = Axis::ALL.map(|axis| arcsec(&mut host, axis));
+    let tilts = ModuleAxis::ALL.map(|axis| arcsec(&mut host, axis));
     assert!(tilts.iter().all(|tilt| (0.5..80.0).contains(tilt)), "{tilts:?}");
-    let again = Axis::ALL.map(|axis| arcsec(&mut host, axis));
+    let again = ModuleAxis::ALL.map(|axis| arcsec(&mut host, axis));
     assert!(tilts.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-3), "{tilts:?} {again:?}");
     let mut another = Host::powered(&fixed);
-    assert!((arcsec(&mut another, Axis::Y) - tilts[1]).abs() < 1e-3);
+    assert!((arcsec(&mut another, ModuleAxis::Y) - tilts[1]).abs() < 1e-3);
     // A tilted axis is tilted in every attitude.
     let mut tilted = Host::powered(&PERFECT.replace("axis_error_arcsec = [0, 0]", "axis_error_arcsec = [30, 0]"));
-    assert!(Axis::ALL.iter().all(|axis| (arcsec(&mut tilted, *axis) - 30.0).abs() < 1e-3));
+    assert!(ModuleAxis::ALL.iter().all(|axis| (arcsec(&mut tilted, *axis) - 30.0).abs() < 1e-3));
     assert!((tilted.bench.truth().table.axis_local.x - f64::to_radians(30.0 / 3600.0)).abs() < 1e-9);
 }
 
@@ -179,7 +179,7 @@ fn errors_are_small_and_belong_to_the_orientation() {
 fn a_spin_ramps_up_swings_and_stops() {
     let text = PERFECT.replace("lever_arm_mm = [0, 0, 0]", "lever_arm_mm = [10, 0, 0]");
     let mut host = Host::powered(&text);
-    orient(&mut host, Along::North, Axis::Z, Sign::Plus, 0.0);
+    orient(&mut host, Along::North, ModuleAxis::Z, Sign::Plus, 0.0);
     host.bench.spin(5400.0).unwrap();
     let pass = |host: &mut Host, span_s: f64| {
         let (done, awake) = std::sync::mpsc::channel();
@@ -217,19 +217,19 @@ fn the_table_refuses_what_it_cannot_do() {
     assert!(matches!(bench.spin(f64::INFINITY), Err(TableRefusal::NoNumber { what: "rate", .. })));
     assert!(matches!(bench.spin(-8000.0), Err(TableRefusal::TooFast { .. })));
     bench.rotate(1080.0, 5.0).unwrap();
-    assert_eq!(bench.orient(Along::Up, Axis::X, Sign::Plus, 0.0), Err(TableRefusal::Moving));
+    assert_eq!(bench.orient(Along::Up, ModuleAxis::X, Sign::Plus, 0.0), Err(TableRefusal::Moving));
     assert_eq!(bench.rotate(1080.0, 5.0), Err(TableRefusal::Moving));
     settle(&mut host);
-    host.bench.orient(Along::Up, Axis::X, Sign::Plus, 0.0).unwrap();
+    host.bench.orient(Along::Up, ModuleAxis::X, Sign::Plus, 0.0).unwrap();
     assert_eq!(host.bench.spin(10.0), Err(TableRefusal::Moving));
     host.bench.stop();
     settle(&mut host);
     // Stopped at the start of the way, with a hair moved: nobody knows how it lies.
     assert_eq!(host.bench.rotate(10.0, 5.0), Err(TableRefusal::NotOriented));
-    orient(&mut host, Along::Up, Axis::X, Sign::Plus, 0.0);
+    orient(&mut host, Along::Up, ModuleAxis::X, Sign::Plus, 0.0);
     host.bench.rotate(10.0, 5.0).unwrap();
     assert_eq!(
-        TableError::from(TableRefusal::TooFast { rate_dps: 9000.0 }).to_string(),
+        TurntableError::from(TableRefusal::TooFast { rate_dps: 9000.0 }).to_string(),
         "9000 deg/s are more than the 7200 deg/s of the turntable"
     );
 }
@@ -242,17 +242,17 @@ fn waiting_for_the_table_never_hangs() {
     let control = bench.control();
     let started = Instant::now();
     control.wait_still().unwrap();
-    for axis in Axis::ALL {
+    for axis in ModuleAxis::ALL {
         control.orient(Along::Polar, axis, Sign::Minus, 0.0).unwrap();
         assert!(control.moving().unwrap());
         control.wait_still().unwrap();
         assert!(!control.moving().unwrap());
         control.rotate(-1080.0, 5.0).unwrap();
-        assert_eq!(control.rotate(1.0, 5.0), Err(TableError::Refused(TableRefusal::Moving)));
+        assert_eq!(control.rotate(1.0, 5.0), Err(TurntableError::Refused(TableRefusal::Moving)));
         control.wait_still().unwrap();
     }
     control.spin(5400.0).unwrap();
-    assert_eq!(control.wait_still(), Err(TableError::Refused(TableRefusal::Spinning)));
+    assert_eq!(control.wait_still(), Err(TurntableError::Refused(TableRefusal::Spinning)));
     control.sleep(Duration::from_secs(180)).unwrap();
     // Somebody waits, somebody else stops.
     control.stop().unwrap();
@@ -263,7 +263,7 @@ fn waiting_for_the_table_never_hangs() {
     waiting.join().unwrap().unwrap();
     assert!(started.elapsed() < PATIENCE);
     drop(bench);
-    assert!(matches!(control.spin(1.0), Err(TableError::Gone(_))));
+    assert!(matches!(control.spin(1.0), Err(TurntableError::Gone(_))));
 }
 
 /// At true speed a rotation begins when it is ordered, not at the bench's last look.

@@ -2,20 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Part;
+use super::DetailsPart;
 
 /// What the accelerometers' fit left.
-pub const FORCE_RESIDUALS: Part<Vec<ForceResidual>> = Part::new("residuals");
+pub const FORCE_RESIDUALS: DetailsPart<Vec<ForceResidual>> = DetailsPart::new("residuals");
 /// What the gyroscopes' fit at rest left.
-pub const RATE_RESIDUALS: Part<Vec<RateResidual>> = Part::new("residuals");
+pub const RATE_RESIDUALS: DetailsPart<Vec<RateResidual>> = DetailsPart::new("residuals");
 /// The rates of the turns, thinned.
-pub const TURNS: Part<Vec<Turn>> = Part::new("records");
+pub const TURNS: DetailsPart<Vec<TableTurn>> = DetailsPart::new("records");
 /// The spans over which the turns were summed, in the order of [`TURNS`].
-pub const WINDOWS: Part<Vec<Window>> = Part::new("windows");
+pub const WINDOWS: DetailsPart<Vec<TurnWindow>> = DetailsPart::new("windows");
 /// The ellipse of each spin.
-pub const SPINS: Part<Vec<Spin>> = Part::new("spins");
+pub const SPINS: DetailsPart<Vec<FieldSpin>> = DetailsPart::new("spins");
 /// The field of each spin, thinned, in the order of [`SPINS`].
-pub const FIELD: Part<Vec<Field>> = Part::new("field");
+pub const FIELD: DetailsPart<Vec<FieldPoints>> = DetailsPart::new("field");
 
 /// Of a position, m/s^2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ pub struct RateResidual {
 
 /// A turn about an axis of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Turn {
+pub struct TableTurn {
     /// Label of its capture.
     pub capture: String,
     /// The sensor along the axis: x, y, z.
@@ -50,7 +50,7 @@ pub struct Turn {
 
 /// The span over which a turn was summed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Window {
+pub struct TurnWindow {
     /// Label of the turn.
     pub run: String,
     /// Since the begin of its capture.
@@ -65,7 +65,7 @@ pub struct Window {
 
 /// A spin about the vertical axis, and the ellipse that the field went along.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Spin {
+pub struct FieldSpin {
     /// Label of its capture.
     pub capture: String,
     /// The rate that the table was told.
@@ -144,7 +144,7 @@ pub struct SpinAsPrinted {
 
 /// Points of the raw field in the plane of rotation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Field {
+pub struct FieldPoints {
     /// Label of its capture.
     pub capture: String,
     /// At nominal scale.

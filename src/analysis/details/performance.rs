@@ -4,41 +4,41 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::Part;
+use super::DetailsPart;
 
 /// Allan deviations of the channels, `gyro_x` and so on.
-pub const CURVES: Part<BTreeMap<String, Curve>> = Part::new("curves");
+pub const CURVES: DetailsPart<BTreeMap<String, AllanCurve>> = DetailsPart::new("curves");
 /// Power spectra of the channels.
-pub const SPECTRA: Part<BTreeMap<String, Spectrum>> = Part::new("spectra");
+pub const SPECTRA: DetailsPart<BTreeMap<String, SpectrumDetails>> = DetailsPart::new("spectra");
 /// Means of blocks or of runs of the channels.
-pub const SERIES: Part<BTreeMap<String, Series>> = Part::new("series");
+pub const SERIES: DetailsPart<BTreeMap<String, BlockMeans>> = DetailsPart::new("series");
 /// Length of the blocks of [`SERIES`].
-pub const BLOCK_S: Part<f64> = Part::new("block_s");
+pub const BLOCK_S: DetailsPart<f64> = DetailsPart::new("block_s");
 /// Responses of the accelerometers in each calibration, counts per unit.
-pub const ACCEL_RESPONSES: Part<Vec<[[f64; 3]; 3]>> = Part::new("responses_accel");
+pub const ACCEL_RESPONSES: DetailsPart<Vec<[[f64; 3]; 3]>> = DetailsPart::new("responses_accel");
 /// Responses of the gyroscopes in each calibration, counts per unit.
-pub const GYRO_RESPONSES: Part<Vec<[[f64; 3]; 3]>> = Part::new("responses_gyro");
+pub const GYRO_RESPONSES: DetailsPart<Vec<[[f64; 3]; 3]>> = DetailsPart::new("responses_gyro");
 /// Responses to small steps of the channels.
-pub const STEPS: Part<Vec<Step>> = Part::new("steps");
+pub const STEPS: DetailsPart<Vec<StepResponse>> = DetailsPart::new("steps");
 /// Fixes about the surveyed antenna.
-pub const SCATTER: Part<Scatter> = Part::new("scatter");
+pub const SCATTER: DetailsPart<FixScatter> = DetailsPart::new("scatter");
 /// Mean of the fixes about the surveyed antenna.
-pub const MEAN_ERROR_M: Part<MeanError> = Part::new("mean_error_m");
+pub const MEAN_ERROR_M: DetailsPart<MeanError> = DetailsPart::new("mean_error_m");
 
 /// An Allan deviation and the noise coefficients it shows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Curve {
+pub struct AllanCurve {
     /// Of the deviation.
     pub unit: String,
     /// By rising averaging time.
-    pub points: Vec<Point>,
+    pub points: Vec<AllanPoint>,
     /// Why a coefficient is missing, by its letter.
     pub reasons: BTreeMap<String, String>,
     /// How well the fit of the noise terms holds.
     pub fit: Option<serde_json::Value>,
     /// N by the level part of the spectrum.
     #[serde(rename = "N_psd")]
-    pub n_psd: Option<Coefficient>,
+    pub n_psd: Option<CoefficientDetails>,
     /// The largest B that the record leaves open.
     #[serde(rename = "B_upper_bound")]
     pub b_upper_bound: Option<f64>,
@@ -47,24 +47,24 @@ pub struct Curve {
     pub b_upper_bound_label: String,
     /// Quantisation.
     #[serde(rename = "Q")]
-    pub q: Option<Coefficient>,
+    pub q: Option<CoefficientDetails>,
     /// Random walk of the angle or the velocity.
     #[serde(rename = "N")]
-    pub n: Option<Coefficient>,
+    pub n: Option<CoefficientDetails>,
     /// Bias instability.
     #[serde(rename = "B")]
-    pub b: Option<Coefficient>,
+    pub b: Option<CoefficientDetails>,
     /// Random walk of the rate or the acceleration.
     #[serde(rename = "K")]
-    pub k: Option<Coefficient>,
+    pub k: Option<CoefficientDetails>,
     /// Ramp.
     #[serde(rename = "R")]
-    pub r: Option<Coefficient>,
+    pub r: Option<CoefficientDetails>,
 }
 
 /// A deviation at one averaging time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Point {
+pub struct AllanPoint {
     /// Averaging time.
     pub tau_s: f64,
     /// The deviation.
@@ -83,7 +83,7 @@ pub struct Point {
 
 /// A noise coefficient with its interval.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Coefficient {
+pub struct CoefficientDetails {
     /// Its value.
     pub value: f64,
     /// Lower end of its interval.
@@ -94,7 +94,7 @@ pub struct Coefficient {
 
 /// A power spectrum with its level part and its strongest line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Spectrum {
+pub struct SpectrumDetails {
     /// Of the density.
     pub unit: String,
     /// Segments averaged.
@@ -110,12 +110,12 @@ pub struct Spectrum {
     /// Where that ends.
     pub white_to_hz: Option<f64>,
     /// What stands out most.
-    pub strongest_line: Line,
+    pub strongest_line: SpectralLine,
 }
 
 /// A line of a spectrum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub struct SpectralLine {
     /// Where it is.
     pub frequency_hz: f64,
     /// Its density over that of its neighbours.
@@ -124,7 +124,7 @@ pub struct Line {
 
 /// Means of a channel's blocks or runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Series {
+pub struct BlockMeans {
     /// Of the means.
     pub unit: String,
     /// Of the means.
@@ -140,7 +140,7 @@ pub struct Series {
 
 /// How a channel followed a small step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Step {
+pub struct StepResponse {
     /// Triad and axis.
     pub channel: String,
     /// Size of the step.
@@ -157,7 +157,7 @@ pub struct Step {
 
 /// Fixes about the surveyed antenna, thinned evenly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Scatter {
+pub struct FixScatter {
     /// One epoch of so many is kept.
     pub every: usize,
     /// Its number from 0.

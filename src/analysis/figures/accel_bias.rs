@@ -11,19 +11,19 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::{Calibration, Force};
+use super::calibration::{Force, ModuleCalibration};
 use super::captures::{self, AXES, Triad};
 use super::mean::{self, BLOCKS};
-use super::{FigureError, Findings, Question, place};
+use super::{AnalysisInput, FigureError, Findings, place};
 use crate::capture::Capture;
 
 const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;
 
 type Lying<'c> = (&'c Capture, Vector3<f64>, f64);
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
-    let force = Calibration::of(question.earlier)?.force()?;
+    let force = ModuleCalibration::of(question.earlier)?.force()?;
     let gravity = place::gravity(question.site)?;
     let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
     let lying: Vec<Lying<'_>> = captures::lying(question.captures).collect();

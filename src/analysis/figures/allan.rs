@@ -5,16 +5,16 @@ use std::collections::BTreeMap;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
-use gnc_metrology::allan::{self, Absence, Coefficient, Fit, Input, Kind, Taus};
+use gnc_metrology::allan::{self, Coefficient, DeviationKind, FitQuality, Input, MissingCoefficient, Taus};
 use gnc_metrology::{earth, stats};
 use serde_json::json;
 
 use super::captures::{AXES, Triad};
 use super::stability::{Compensation, unit};
-use super::{FigureError, Findings, Question};
+use super::{AnalysisInput, FigureError, Findings};
 use crate::details::performance::{self as details, CURVES};
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let compensation = Compensation::of(question)?;
     let capture = compensation.at_rest(question)?;
     let rate_hz = f64::from(capture.about.rate_hz);
@@ -29,7 +29,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let found = [0, 1, 2].map(|axis| {
             let values: Vec<f64> = series.iter().map(|value| value[axis]).collect();
             // One thread: the sums, and so the bits of the figures, do not depend on the machine.
-            allan::analyse(&values, Input::Rate, rate_hz, Kind::Oadev, &Taus::Octave, 1)
+            allan::analyse(&values, Input::Rate, rate_hz, DeviationKind::Oadev, &Taus::Octave, 1)
         });
         let found = found.into_iter().collect::<Result<Vec<_>, _>>().map_err(FigureError::refused(triad.name()))?;
         for (axis, analysis) in AXES.iter().zip(&found) {
@@ -42,8 +42,8 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     Ok(findings)
 }
 
-fn curve(analysis: &allan::Analysis, unit: Unit) -> details::Curve {
-    let point = |point: &allan::Point| details::Point {
+fn curve(analysis: &allan::Analysis, unit: Unit) -> details::AllanCurve {
+    let point = |point: &allan::DeviationPoint| details::AllanPoint {
         tau_s: point.tau_s,
         dev: point.dev,
         low: point.low,
@@ -52,10 +52,11 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> details::Curve {
         n: point.n,
         noise: point.noise.map(|noise| noise.to_string()),
     };
-    let interval = |c: Coefficient| details::Coefficient { value: c.value, low: Some(c.low), high: Some(c.high) };
+    let interval =
+        |c: Coefficient| details::CoefficientDetails { value: c.value, low: Some(c.low), high: Some(c.high) };
     let c = &analysis.coefficients;
     let reasons = [("Q", c.q), ("N", c.n), ("B", c.b), ("K", c.k), ("R", c.r)];
-    details::Curve {
+    details::AllanCurve {
         unit: unit.symbol().to_owned(),
         points: analysis.points.iter().map(point).collect(),
         reasons: reasons.iter().filter_map(|(name, c)| Some(((*name).to_owned(), c.err()?.to_string()))).collect(),
@@ -74,7 +75,7 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> details::Curve {
 }
 
 /// How well a fit of noise terms holds, in the form that records and `compute` share.
-pub fn fit_json(fit: &Fit) -> serde_json::Value {
+pub fn fit_json(fit: &FitQuality) -> serde_json::Value {
     let lines: Vec<_> = fit
         .lines
         .iter()
@@ -92,7 +93,7 @@ fn estimate(coefficient: Coefficient, factor: f64, unit: Unit) -> Value {
     Value::estimate(value * factor, unit, Uncertainty::interval(low * factor, high * factor, stats::ONE_SIGMA))
 }
 
-fn absent(what: &str, why: Absence) -> Value {
+fn absent(what: &str, why: MissingCoefficient) -> Value {
     Value::NotAvailable(format!("the record shows no {what}: {why}"))
 }
 

@@ -4,7 +4,7 @@
 //! small rotation `C`, so that `M_table = M_seat C`. A coupling is relative to one of these frames; the angles between
 //! the sensors' own axes are the same in both.
 
-use gnc_executive::bench::Fixture;
+use gnc_executive::bench::BenchImperfections;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::triad::{coupling, nonorthogonality_rad};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -16,13 +16,13 @@ use super::json::rows;
 use crate::details::{self, FRAMES};
 
 /// A triad's response relative to the axes of the table, and where the seat is on it.
-pub(super) struct Frames<'r> {
+pub(super) struct TriadFrames<'r> {
     /// Rows are sensors, columns axes of the table.
     pub(super) response: &'r Matrix3<f64>,
-    pub(super) fixture: Fixture,
+    pub(super) fixture: BenchImperfections,
 }
 
-impl Frames<'_> {
+impl TriadFrames<'_> {
     /// The response relative to the axes of the seat. Without a measured mounting it equals that of the table.
     fn in_seat(&self) -> Matrix3<f64> {
         let mounting = Vector3::from(self.fixture.mounting_rad.unwrap_or_default());
@@ -51,7 +51,7 @@ impl Frames<'_> {
         } else {
             "the mounting of the seat was not measured and counts as zero; coefficients are relative to the table"
         };
-        let frames = details::Frames {
+        let frames = details::AxesDetails {
             coupling_to_table: rows(&coupling(self.response)),
             coupling_to_seat: rows(&seated),
             nonorthogonality_rad: angles_rad.into(),

@@ -107,10 +107,10 @@ impl Budget {
     }
 
     /// As the record holds it, with its sum.
-    pub(super) fn written(&self, probability: f64) -> details::Budget {
+    pub(super) fn written(&self, probability: f64) -> details::BudgetDetails {
         let (u, dof) = self.combined();
         let k = self.shape.coverage_factor(probability, dof);
-        let row = |row: &Contribution| details::Contribution {
+        let row = |row: &Contribution| details::ContributionDetails {
             name: row.name.to_owned(),
             kind: row.kind.to_string(),
             value: row.value,
@@ -120,7 +120,7 @@ impl Budget {
             sensitivity: row.sensitivity,
             u: row.value * row.sensitivity.abs(),
         };
-        details::Budget {
+        details::BudgetDetails {
             unit: self.unit.symbol().to_owned(),
             contributions: self.rows.iter().map(row).collect(),
             u,

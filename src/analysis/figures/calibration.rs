@@ -6,24 +6,24 @@ use serde::{Deserialize, Serialize};
 
 use super::json::{of_rows, rows};
 use super::{FigureError, Findings};
-use crate::details::Part;
+use crate::details::DetailsPart;
 
 /// What an item found of a module's calibration.
-pub const CALIBRATION: Part<Calibration> = Part::new("calibration");
+pub const CALIBRATION: DetailsPart<ModuleCalibration> = DetailsPart::new("calibration");
 /// What goes to the module.
-pub const COEFFICIENTS: Part<Coefficients> = Part::new("coefficients");
+pub const COEFFICIENTS: DetailsPart<ModuleCoefficients> = DetailsPart::new("coefficients");
 
 /// What is known of a module so far. Matrices lie row by row: rows are sensors, columns axes. N is the raw output in
 /// counts, f the specific force in m/s^2, w the angular rate in rad/s.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Calibration {
+pub struct ModuleCalibration {
     /// From `six-position`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub accel: Option<Accel>,
+    pub accel: Option<AccelCalibration>,
     /// From `gyro-still`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gyro_still: Option<GyroStill>,
+    pub gyro_still: Option<GyroStillCalibration>,
     /// From `rotation`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro_scale: Option<GyroScale>,
@@ -35,7 +35,7 @@ pub struct Calibration {
 /// Accelerometers: `f = Ka N + nabla`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Accel {
+pub struct AccelCalibration {
     /// Ka, m/s^2 per count.
     pub matrix: [[f64; 3]; 3],
     /// nabla, m/s^2.
@@ -45,7 +45,7 @@ pub struct Accel {
 /// Gyroscopes at rest: b and G of `N = S w + b + G f`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GyroStill {
+pub struct GyroStillCalibration {
     /// b, counts.
     pub bias: [f64; 3],
     /// G, counts per m/s^2.
@@ -77,7 +77,7 @@ pub struct Mag {
     pub sin_alpha: f64,
 }
 
-impl Calibration {
+impl ModuleCalibration {
     /// What all items so far found; of each part the newest counts.
     ///
     /// # Errors
@@ -109,12 +109,12 @@ impl Calibration {
     ///
     /// # Errors
     /// [`FigureError::NotCalibrated`] names the item to run first.
-    pub(super) fn rate(&self) -> Result<Rate, FigureError> {
+    pub(super) fn rate(&self) -> Result<RateModel, FigureError> {
         let still = self.gyro_still.ok_or(FigureError::NotCalibrated { item: ItemId::GyroStill })?;
         let scale = self.gyro_scale.ok_or(FigureError::NotCalibrated { item: ItemId::Rotation })?;
         let matrix = of_rows(&scale.matrix);
         let (epsilon, gamma) = (matrix * Vector3::from(still.bias), matrix * of_rows(&still.per_force));
-        Ok(Rate { force: self.force()?, matrix, epsilon, gamma })
+        Ok(RateModel { force: self.force()?, matrix, epsilon, gamma })
     }
 }
 
@@ -134,14 +134,14 @@ impl Force {
 
 /// `w = Kg N - epsilon - Gamma f`, with `epsilon = Kg b`, `Gamma = Kg G`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rate {
+pub(super) struct RateModel {
     force: Force,
     pub(super) matrix: Matrix3<f64>,
     pub(super) epsilon: Vector3<f64>,
     pub(super) gamma: Matrix3<f64>,
 }
 
-impl Rate {
+impl RateModel {
     /// Angular rate, rad/s, of raw outputs of the same instant or their means.
     pub(super) fn of(&self, gyro: &Vector3<f64>, accel: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * gyro - self.epsilon - self.gamma * self.force.of(accel)
@@ -151,7 +151,7 @@ impl Rate {
 /// What a module keeps, in the order of its message.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Coefficients {
+pub struct ModuleCoefficients {
     /// Ka of `f = Ka N + nabla`, m/s^2 per count.
     pub accel_matrix: [[f64; 3]; 3],
     /// nabla, m/s^2.
@@ -166,12 +166,12 @@ pub struct Coefficients {
     pub mag: Mag,
 }
 
-impl Coefficients {
+impl ModuleCoefficients {
     /// From a calibration of accelerometers and gyroscopes at least.
     ///
     /// # Errors
     /// [`FigureError::NotCalibrated`] names the item to run first.
-    pub fn of(calibration: &Calibration) -> Result<Self, FigureError> {
+    pub fn of(calibration: &ModuleCalibration) -> Result<Self, FigureError> {
         let (force, rate) = (calibration.force()?, calibration.rate()?);
         Ok(Self {
             accel_matrix: rows(&force.matrix),

@@ -5,7 +5,7 @@ pub(super) use gnc_metrology::AXES;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS, SATURATION};
 use nalgebra::Vector3;
 
-use super::{FigureError, Question};
+use super::{AnalysisInput, FigureError};
 use crate::capture::{Capture, Pose};
 
 /// Parts of a still capture whose means are compared to see motion.
@@ -162,7 +162,7 @@ pub(super) fn lying(captures: &[Capture]) -> impl Iterator<Item = (&Capture, Vec
     })
 }
 
-impl Question<'_> {
+impl AnalysisInput<'_> {
     /// The only capture, as long as the parameter `span` says where the item captures by itself.
     pub(super) fn one(&self, span: &str) -> Result<&Capture, FigureError> {
         let capture =

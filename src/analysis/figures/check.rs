@@ -13,7 +13,7 @@ use super::calibration::COEFFICIENTS;
 use super::captures::{self, AXES};
 use super::json::vector;
 use super::mean::{self, BLOCKS};
-use super::{FigureError, Findings, Question, clock, place};
+use super::{AnalysisInput, FigureError, Findings, clock, place};
 use crate::capture::{Capture, Pose};
 
 /// Fewest samples of a capture.
@@ -22,7 +22,7 @@ const FEWEST: usize = 8;
 const CHANNELS: [&str; 6] = ["gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z"];
 const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     if !question.earlier.iter().any(|(_, findings)| findings.details.get(COEFFICIENTS.key()).is_some()) {
         return Err(FigureError::NotCalibrated { item: ItemId::CalibrationDownload });
@@ -74,7 +74,7 @@ fn blocks(samples: &[CompensatedSample], of: fn(&CompensatedSample) -> Vector3<f
     samples.chunks_exact((samples.len() / BLOCKS).max(1)).map(|part| mean_of(part, of)).collect()
 }
 
-fn position(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
+fn position(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
     let missing = || FigureError::Missing { what: "a position".into() };
     let (capture, up, heading_deg) = captures::lying(question.captures).next().ok_or_else(missing)?;
     let needed = (question.params.quantity("dwell", Unit::Second)? * f64::from(capture.about.rate_hz)).floor() as usize;
@@ -119,13 +119,13 @@ fn position(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<
     Ok(())
 }
 
-fn turn(question: &Question<'_>, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
+fn turn(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Result<(), FigureError> {
     let turning = question.captures.iter().find_map(|capture| match capture.about.pose {
         Pose::Rotating { axis, angle_deg, .. } if axis < 3 => Some((capture, usize::from(axis), angle_deg)),
         _ => None,
     });
     let (capture, axis, angle_deg) = turning.ok_or_else(|| FigureError::Missing { what: "a turn".into() })?;
-    let clock = clock::Known::of(question)?;
+    let clock = clock::ClockTerms::of(question)?;
     let turned = integrate(capture, axis, &clock)?;
     let noise_rad = turned.noise_rad(question);
     let told_rad = angle_deg.to_radians();
@@ -172,7 +172,7 @@ struct Turned {
 impl Turned {
     /// Standard deviation of the angle about each axis from the noise of the rate, and its degrees of freedom: as means over
     /// the time of the turn scatter in the position.
-    fn noise_rad(&self, question: &Question<'_>) -> [(f64, f64); 3] {
+    fn noise_rad(&self, question: &AnalysisInput<'_>) -> [(f64, f64); 3] {
         let Some((still, ..)) = captures::lying(question.captures).next() else { return [(f64::NAN, 1.0); 3] };
         let wanted = self.span_s * f64::from(still.about.rate_hz);
         let block = (wanted.round() as usize).min(still.compensated.len() / FEWEST).max(1);
@@ -187,7 +187,7 @@ impl Turned {
 }
 
 /// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
-fn integrate(capture: &Capture, axis: usize, clock: &clock::Known) -> Result<Turned, FigureError> {
+fn integrate(capture: &Capture, axis: usize, clock: &clock::ClockTerms) -> Result<Turned, FigureError> {
     // Windows go by the rate that was asked for; time goes by the clock as it is known.
     let asked_hz = f64::from(capture.about.rate_hz);
     let rate_hz = clock.rate_hz(asked_hz);

@@ -4,7 +4,7 @@
 //! receiver's 1PPS, where an item before this one had it; else it is a crystal of the tolerance that the bench file states,
 //! or, where that is silent, the plan.
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::BenchSite;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -13,12 +13,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::budget::Budget;
-use super::{FigureError, Findings, Question};
+use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::{Capture, HostView};
-use crate::details::Part;
+use crate::details::DetailsPart;
 
 /// What an item measured of it.
-pub(super) const BOARD_CLOCK: Part<BoardClock> = Part::new("board_clock");
+pub(super) const BOARD_CLOCK: DetailsPart<BoardClock> = DetailsPart::new("board_clock");
 /// Pulses farther apart than a second by this are others: one is missing, or one is a bounce.
 pub(super) const SECOND_NS: (f64, f64) = (0.99e9, 1.01e9);
 /// Scatter of a pulse that is assumed at least, whatever so few of them show: receivers state 20 to 100 ns.
@@ -82,7 +82,7 @@ fn estimate(error_ppm: f64, u_ppm: f64, probability: f64) -> Value {
 
 /// The sample clock against true time, as a figure uses it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Known {
+pub(super) struct ClockTerms {
     /// What it runs too fast, as far as that was measured: samples come at `1 + error` times their rate.
     error: f64,
     u_ppm: f64,
@@ -97,11 +97,11 @@ enum Basis {
     Plan,
 }
 
-impl Known {
+impl ClockTerms {
     /// By the newest pulses before this item, else by the bench file, else by the plan.
-    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+    pub(super) fn of(question: &AnalysisInput<'_>) -> Result<Self, FigureError> {
         let by_plan_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
-        let by_bench_ppm = Site::fixture(question.site).board_clock_u_ppm;
+        let by_bench_ppm = BenchSite::fixture(question.site).board_clock_u_ppm;
         Ok(match (measured(question.earlier), by_bench_ppm) {
             (Some(clock), _) => Self { error: clock.error_ppm * 1e-6, u_ppm: with_drift(&clock), basis: Basis::Pulses },
             (None, Some(u_ppm)) => Self { error: 0.0, u_ppm, basis: Basis::Bench },

@@ -11,10 +11,10 @@ use super::axes::of_angle;
 use super::budget::Budget;
 use super::captures::AXES;
 use super::json::{matrix, vector};
-use super::repeated::{self, Series};
-use super::{FigureError, Findings, Question};
+use super::repeated::{self, CalibrationSeries};
+use super::{AnalysisInput, FigureError, Findings};
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let all = repeated::calibrations(question)?;
     let mut findings = Findings::new(json!({
@@ -60,12 +60,12 @@ fn sort_by_catalogue(measured: &mut [(String, Value)]) {
 
 /// The calibrations after the first, with its coefficients.
 struct Judged<'s> {
-    series: &'s Series,
+    series: &'s CalibrationSeries,
     left: Vec<Matrix3<f64>>,
 }
 
 impl<'s> Judged<'s> {
-    fn of(series: &'s Series) -> Result<Self, FigureError> {
+    fn of(series: &'s CalibrationSeries) -> Result<Self, FigureError> {
         let responses = series.responses();
         let inverse = responses.first().and_then(|first| first.try_inverse());
         let inverse = inverse.ok_or_else(|| FigureError::Missing { what: "a first calibration".into() })?;
@@ -82,8 +82,8 @@ impl<'s> Judged<'s> {
     /// if it were not shared.
     fn budget(&self, q: usize, i: usize, j: usize) -> Budget {
         let of = |k: usize| match self.series {
-            Series::Accel(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
-            Series::Gyro(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
+            CalibrationSeries::Accel(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
+            CalibrationSeries::Gyro(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),
         };
         let parts = [of(0), of(q)].map(|budget| budget.map_or((f64::NAN, 1.0), |budget| budget.combined()));
         Budget::new(Unit::PartsPerMillion).a("first calibration", parts[0].0, parts[0].1).a(

@@ -3,13 +3,13 @@
 use gnc_executive::measurement::Value;
 use serde_json::json;
 
-use super::calibration::{COEFFICIENTS, Calibration, Coefficients};
-use super::{FigureError, Findings, Question};
+use super::calibration::{COEFFICIENTS, ModuleCalibration, ModuleCoefficients};
+use super::{AnalysisInput, FigureError, Findings};
 
 /// What the items before found, as the module takes it. Writing and reading back is the procedure's.
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
-    let calibration = Calibration::of(question.earlier)?;
-    let coefficients = Coefficients::of(&calibration)?;
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
+    let calibration = ModuleCalibration::of(question.earlier)?;
+    let coefficients = ModuleCoefficients::of(&calibration)?;
     let mut findings = Findings::new(json!({
         "equation": "f = Ka N + nabla, w = Kg N - epsilon - Gamma f, y' = ky (y - dy), x' = ((x - dx) - y' sin(alpha)) / cos(alpha)",
         "label": if calibration.mag.is_some() {

@@ -1,6 +1,6 @@
 //! The magnetometer in its plane of rotation: ellipse, correction to a circle, roll angle.
 
-use gnc_executive::bench::{Fixture, Site};
+use gnc_executive::bench::{BenchImperfections, BenchSite};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::ellipse::{self, Correction, Ellipse};
@@ -9,13 +9,13 @@ use gnc_protocol::stream::{MAG_LSB_PER_GAUSS, SATURATION};
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::{CALIBRATION, Calibration, Mag};
+use super::calibration::{CALIBRATION, Mag, ModuleCalibration};
 use super::captures::{self, Triad};
 use super::mean::MeanVariance;
 use super::roll::{self, Roll};
 use super::spin_blocks::{self, FIGURES};
 use super::still_fit::rare_ratio;
-use super::{FigureError, Findings, Question, thin};
+use super::{AnalysisInput, FigureError, Findings, thin};
 use crate::capture::{Capture, Pose};
 use crate::details::calibrating::{self as details, FIELD, SPINS};
 
@@ -39,7 +39,7 @@ struct Spin<'c> {
     shown: Vec<(f64, f64)>,
 }
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let spins: Vec<Spin<'_>> = question.captures.iter().map(Spin::of).collect::<Result<_, _>>()?;
     if spins.is_empty() {
@@ -84,7 +84,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     findings.number("rejected", 100.0 * rejected as f64 / (rejected + used) as f64, Unit::Percent);
     findings.number("turns", spins.iter().map(|spin| spin.roll.turns.abs()).fold(f64::INFINITY, f64::min), Unit::Count);
     let mag = Mag { dx, dy, ky, sin_alpha: skew.alpha.sin() };
-    findings.part(&CALIBRATION, Calibration { mag: Some(mag), ..Calibration::default() });
+    findings.part(&CALIBRATION, ModuleCalibration { mag: Some(mag), ..ModuleCalibration::default() });
     Ok(findings)
 }
 
@@ -150,7 +150,7 @@ enum Figure {
 struct Known {
     /// Of the figures of one spin.
     noise: [MeanVariance; FIGURES],
-    fixture: Fixture,
+    fixture: BenchImperfections,
     /// Change of the sensor's temperature over all spins, K.
     drift_k: f64,
     /// The field along the axis of the turn, and the one across it, gauss.
@@ -168,13 +168,13 @@ const ZERO_PER_K_GAUSS: f64 = 20e-6;
 const QUANTUM_GAUSS: f64 = 0.288_675_134_594_812_9 / MAG_LSB_PER_GAUSS;
 
 impl Known {
-    fn of(spins: &[Spin<'_>], question: &Question<'_>) -> Self {
+    fn of(spins: &[Spin<'_>], question: &AnalysisInput<'_>) -> Self {
         let blocks: Vec<&[[f64; FIGURES]]> = spins.iter().map(|spin| spin.blocks.as_slice()).collect();
         let across_gauss = stats::mean(&spins.iter().map(|spin| spin.found.radius).collect::<Vec<_>>());
         let total = question.site.and_then(|site| site.field_gauss).unwrap_or(STRONGEST_GAUSS);
         Self {
             noise: spin_blocks::variances(&blocks).unwrap_or_else(|| of_fits(spins)),
-            fixture: Site::fixture(question.site),
+            fixture: BenchSite::fixture(question.site),
             drift_k: captures::temperature(question.captures, Triad::Mag).1,
             axial_gauss: (total * total - across_gauss * across_gauss).max(0.0).sqrt(),
             across_gauss,
@@ -311,10 +311,10 @@ impl Skew {
 }
 
 impl Spin<'_> {
-    fn detail(&self) -> details::Spin {
+    fn detail(&self) -> details::FieldSpin {
         let (e, c, sd) = (&self.found, &self.found.correction, &self.found.sd.correction);
         let degrees = |rad: [f64; 2]| rad.map(|rad| Some(rad.to_degrees()));
-        details::Spin {
+        details::FieldSpin {
             capture: self.capture.about.label.clone(),
             told_dps: self.told_rps.to_degrees(),
             rate_dps: self.roll.rate_rps.to_degrees(),
@@ -348,8 +348,8 @@ impl Spin<'_> {
     }
 
     /// The field that the ellipse was fitted to, thinned.
-    fn field(&self) -> details::Field {
-        details::Field {
+    fn field(&self) -> details::FieldPoints {
+        details::FieldPoints {
             capture: self.capture.about.label.clone(),
             x_gauss: thin::rounded(self.shown.iter().map(|(x, _)| *x), 6),
             y_gauss: thin::rounded(self.shown.iter().map(|(_, y)| *y), 6),

@@ -1,6 +1,6 @@
 //! The magnetometer over many attitudes: hard and soft iron.
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::BenchSite;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::stream::{MAG_LSB_PER_GAUSS, SATURATION};
@@ -12,19 +12,19 @@ use super::captures::{self, AXES, Triad};
 use super::json::{matrix, vector};
 use super::mean::MeanVariance;
 use super::still_fit::rare_ratio;
-use super::{FigureError, Findings, Question};
+use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::Capture;
 
 /// Parts of each attitude, whose means are fitted.
 const PARTS: usize = 20;
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     for capture in question.captures {
         captures::sound([capture], &[Triad::Mag])?;
         question.long_enough(capture, "dwell")?;
     }
-    let fixture = Site::fixture(question.site);
+    let fixture = BenchSite::fixture(question.site);
     let attitudes = question.captures.iter().map(attitude).collect();
     let top = f64::from(SATURATION) / MAG_LSB_PER_GAUSS;
     let field = Field::of(attitudes, fixture.ambient_u_gauss, top)?;

@@ -9,8 +9,8 @@ use gnc_nmea::{Epoch, Sentences};
 use serde_json::json;
 
 use super::clock::{BOARD_CLOCK, BoardClock, SECOND_NS};
-use super::{FigureError, Findings, Question, mean, thin};
-use crate::details::performance::{MEAN_ERROR_M, MeanError, SCATTER, Scatter};
+use super::{AnalysisInput, FigureError, Findings, mean, thin};
+use crate::details::performance::{FixScatter, MEAN_ERROR_M, MeanError, SCATTER};
 
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
@@ -20,7 +20,7 @@ const LEAST: usize = 10;
 /// Step of the board's capture timer.
 const TIMER_NS: f64 = 10.0;
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let place = question.site.and_then(|site| site.place).ok_or(FigureError::NoPlace)?;
     let survey_u = question.params.quantity("survey_u", Unit::Metre)?;
@@ -95,14 +95,14 @@ fn no_height(fixes: &[&Epoch]) -> String {
 }
 
 /// Errors over the epochs, thinned evenly, with the epoch farthest off in any case.
-fn scatter(errors: &[[f64; 3]]) -> Scatter {
+fn scatter(errors: &[[f64; 3]]) -> FixScatter {
     let every = thin::stride(errors.len());
     let off = |error: &[f64; 3]| error[0].hypot(error[1]);
     let worst = errors.iter().enumerate().max_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(place, _)| place);
     let kept: Vec<usize> = (0..errors.len()).filter(|place| place % every == 0 || Some(*place) == worst).collect();
     let of = |axis: usize| thin::rounded(kept.iter().map(|place| errors[*place][axis]), 3);
     let up_m = of(2).into_iter().map(|up| Some(up).filter(|up| up.is_finite())).collect();
-    Scatter { every, east_m: of(0), north_m: of(1), up_m, epoch: kept }
+    FixScatter { every, east_m: of(0), north_m: of(1), up_m, epoch: kept }
 }
 
 /// A root mean square with its interval: chi-square, and what the surveyed place may be off.
@@ -131,7 +131,7 @@ fn east_north_up(epoch: &Epoch, place: &SitePlace) -> [f64; 3] {
 }
 
 /// The board's clock against the pulses.
-fn board_clock(question: &Question<'_>, findings: &mut Findings, probability: f64) {
+fn board_clock(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f64) {
     let pulses: Vec<u64> = question.captures.iter().flat_map(|capture| capture.receiver.pulses_ns.clone()).collect();
     match BoardClock::of_pulses(&pulses) {
         Ok(clock) => {
@@ -143,7 +143,7 @@ fn board_clock(question: &Question<'_>, findings: &mut Findings, probability: f6
 }
 
 /// Standard deviation of the intervals between pulses, on the board's clock: its rate drops out with the mean.
-fn pulses(question: &Question<'_>, findings: &mut Findings, probability: f64) {
+fn pulses(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f64) {
     let intervals: Vec<f64> = question
         .captures
         .iter()

@@ -7,11 +7,11 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::Calibration;
+use super::calibration::ModuleCalibration;
 use super::captures::{self, AXES, Triad};
 use super::json::vector;
 use super::mean::{self, BLOCKS};
-use super::{FigureError, Findings, Question, place};
+use super::{AnalysisInput, FigureError, Findings, place};
 use crate::capture::Pose;
 
 /// What is taken out of the rotation of the earth, and what is left.
@@ -27,7 +27,7 @@ struct Earth {
 }
 
 impl Earth {
-    fn of(question: &Question<'_>, up: &Vector3<f64>, heading_deg: f64) -> Result<Self, FigureError> {
+    fn of(question: &AnalysisInput<'_>, up: &Vector3<f64>, heading_deg: f64) -> Result<Self, FigureError> {
         let nothing = Vector3::zeros();
         let heading_u_rad = question.params.quantity("heading_u", Unit::Radian)?;
         let Ok((vertical, level)) = place::earth_rate(question.site) else {
@@ -51,9 +51,9 @@ impl Earth {
     }
 }
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
-    let rate = Calibration::of(question.earlier)?.rate()?;
+    let rate = ModuleCalibration::of(question.earlier)?.rate()?;
     let capture = question.one("dwell")?;
     captures::sound([capture], &[Triad::Gyro, Triad::Accel])?;
     captures::still(capture, Triad::Gyro)?;

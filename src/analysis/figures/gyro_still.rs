@@ -8,18 +8,18 @@ use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
 
 use super::budget::Budget;
-use super::calibration::{CALIBRATION, Calibration, GyroStill};
+use super::calibration::{CALIBRATION, GyroStillCalibration, ModuleCalibration};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, of_rows, rows, vector};
 use super::mean::MeanVariance;
 use super::six_position::temperatures;
 use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
-use super::{FigureError, Findings, Question, place};
+use super::{AnalysisInput, FigureError, Findings, place};
 use crate::details::calibrating::{RATE_RESIDUALS, RateResidual};
 
 /// Before a rotation the scale factors and axes are known to this part only.
 const NOMINAL_BAND: f64 = 0.01;
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let own = question.params.source("of")?.is_none();
     if own {
         for capture in question.captures {
@@ -29,7 +29,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     let expected = if own { question.params.choice("positions")?.parse().ok() } else { None };
     let lying = attitudes(question.captures, expected, Triad::Gyro)?;
     let site = Site::of(question)?;
-    let scale = Calibration::of(question.earlier)?.gyro_scale;
+    let scale = ModuleCalibration::of(question.earlier)?.gyro_scale;
     let response = scale.map_or_else(nominal, |scale| of_rows(&scale.response));
     let inverse = scale.map_or_else(|| Matrix3::identity() / nominal()[(0, 0)], |scale| of_rows(&scale.matrix));
     let positions: Vec<Position> = lying
@@ -70,7 +70,7 @@ struct Site {
 }
 
 impl Site {
-    fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+    fn of(question: &AnalysisInput<'_>) -> Result<Self, FigureError> {
         let known = question.params.choice("heading")? == "known";
         Ok(Self {
             gravity_mps2: place::gravity(question.site)?.mps2,
@@ -160,7 +160,7 @@ impl Fit {
 }
 
 fn findings(
-    question: &Question<'_>,
+    question: &AnalysisInput<'_>,
     fit: &Fit,
     found: &gyro_still::StillGyro,
     response: &Matrix3<f64>,
@@ -188,8 +188,8 @@ fn findings(
     findings.number("residual_rms", found.residual_rms_rps.to_degrees() * 3600.0, Unit::DegreePerHour);
     temperatures(&mut findings, question.captures, Triad::Gyro);
     let bias = response * found.bias_rps;
-    let still = GyroStill { bias: bias.into(), per_force: rows(&(response * found.g_sensitivity)) };
-    findings.part(&CALIBRATION, Calibration { gyro_still: Some(still), ..Calibration::default() });
+    let still = GyroStillCalibration { bias: bias.into(), per_force: rows(&(response * found.g_sensitivity)) };
+    findings.part(&CALIBRATION, ModuleCalibration { gyro_still: Some(still), ..ModuleCalibration::default() });
     findings
 }
 

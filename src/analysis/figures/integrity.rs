@@ -10,13 +10,13 @@ use gnc_executive::catalogue::{FAILED_READS, ItemId, SPIKES, STALE_SAMPLES};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::Refusal;
-use gnc_metrology::gate::{Fault, Layout, LeftOut, Rows, Screening, one_stretch};
+use gnc_metrology::gate::{LeftOut, RecordLayout, RowFault, RowMeaning, Screening, one_stretch};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::{ImuSample, SATURATION};
 use serde_json::json;
 
 use super::captures::{AXES, Triad};
-use super::{FigureError, Findings, Question};
+use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::{Capture, Pose};
 
 /// Names of the measurements, in the order of the catalogue.
@@ -39,7 +39,7 @@ pub(super) struct Integrity<'c> {
 /// Shares of bad samples in the captures of an item, judged beside a refusal: a fault of the module stays its fault where
 /// no figure can be had.
 #[must_use]
-pub fn integrity(item: ItemId, question: &Question<'_>) -> Vec<(String, Value)> {
+pub fn integrity(item: ItemId, question: &AnalysisInput<'_>) -> Vec<(String, Value)> {
     Integrity::of(item, question).measured()
 }
 
@@ -49,7 +49,7 @@ fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
 }
 
 impl<'c> Integrity<'c> {
-    pub(super) fn of(item: ItemId, question: &Question<'c>) -> Self {
+    pub(super) fn of(item: ItemId, question: &AnalysisInput<'c>) -> Self {
         let mut found = Self {
             captures: Cow::Borrowed(question.captures),
             refused: None,
@@ -84,7 +84,7 @@ impl<'c> Integrity<'c> {
     fn take<'s>(&mut self, capture: &Capture, parts: impl Iterator<Item = (&'static str, &'s Screening)>) {
         let mut whole: Option<Screening> = None;
         for (name, part) in parts {
-            self.keep(capture, name, part.admit(Rows::ClockedSteps));
+            self.keep(capture, name, part.admit(RowMeaning::ClockedSteps));
             whole = Some(match whole {
                 Some(whole) => whole.and(part.clone()),
                 None => part.clone(),
@@ -142,7 +142,7 @@ impl<'c> Integrity<'c> {
 }
 
 /// The triads of a capture that an item works with.
-fn used(item: ItemId, question: &Question<'_>, capture: &Capture) -> Vec<Triad> {
+fn used(item: ItemId, question: &AnalysisInput<'_>, capture: &Capture) -> Vec<Triad> {
     let wanted = |sensor: &str| question.params.choices("sensors").is_ok_and(|list| list.contains(&sensor));
     let still = matches!(capture.about.pose, Pose::Still { .. });
     match item {
@@ -182,8 +182,8 @@ pub fn sound_at_rest(samples: &[ImuSample]) -> (Vec<ImuSample>, [f64; 3]) {
 }
 
 /// A clipped sample stays: what is cut is told by the channel's saturation and noise.
-fn left_out(fault: Option<Fault>) -> bool {
-    !matches!(fault, None | Some(Fault::Clipped))
+fn left_out(fault: Option<RowFault>) -> bool {
+    !matches!(fault, None | Some(RowFault::Clipped))
 }
 
 /// Screens one triad, which is one chip.
@@ -194,7 +194,7 @@ fn screen(samples: &[ImuSample], triad: Triad, still: bool) -> Screening {
 }
 
 fn screen_channels(channels: &[Vec<f64>; 3], still: bool, range_end: Option<f64>) -> Screening {
-    let layout = Layout { blocks: &one_stretch(channels[0].len()), still, range_end };
+    let layout = RecordLayout { blocks: &one_stretch(channels[0].len()), still, range_end };
     Screening::of(&AXES, &[&channels[0], &channels[1], &channels[2]], &layout)
 }
 

@@ -1,6 +1,6 @@
 //! Gravity and rotation of the earth at the bench, and where a module looks.
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::BenchSite;
 use gnc_metrology::earth;
 use nalgebra::Vector3;
 
@@ -15,7 +15,7 @@ pub(super) struct Gravity {
 }
 
 /// As measured on the bench, or normal gravity of its place.
-pub(super) fn gravity(site: Option<&Site>) -> Result<Gravity, FigureError> {
+pub(super) fn gravity(site: Option<&BenchSite>) -> Result<Gravity, FigureError> {
     let site = site.ok_or(FigureError::NoPlace)?;
     if let Some(mps2) = site.gravity_mps2 {
         return Ok(Gravity { mps2, from: "measured, from the bench file" });
@@ -27,14 +27,14 @@ pub(super) fn gravity(site: Option<&Site>) -> Result<Gravity, FigureError> {
 }
 
 /// Rotation of the earth, rad/s: along up and along north.
-pub(super) fn earth_rate(site: Option<&Site>) -> Result<(f64, f64), FigureError> {
+pub(super) fn earth_rate(site: Option<&BenchSite>) -> Result<(f64, f64), FigureError> {
     let latitude_deg = latitude(site)?;
     let rate = |rate: Result<f64, gnc_metrology::Refusal>| rate.map_err(FigureError::refused("latitude"));
     Ok((rate(earth::vertical_rate_rps(latitude_deg))?, rate(earth::north_rate_rps(latitude_deg))?))
 }
 
 /// Latitude of the bench.
-pub(super) fn latitude(site: Option<&Site>) -> Result<f64, FigureError> {
+pub(super) fn latitude(site: Option<&BenchSite>) -> Result<f64, FigureError> {
     Ok(site.and_then(|site| site.place).ok_or(FigureError::NoPlace)?.latitude_deg)
 }
 

@@ -10,13 +10,13 @@ use serde_json::json;
 
 use super::captures::{AXES, Triad};
 use super::stability::{self, Compensation};
-use super::{FigureError, Findings, Question};
+use super::{AnalysisInput, FigureError, Findings};
 use crate::details::performance::{self as details, SPECTRA};
 
 /// Neighbouring frequencies that a line is compared with.
 const NEIGHBOURS: usize = 32;
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
     let capture = compensation.at_rest(question)?;
@@ -35,7 +35,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             let channel = format!("{}_{axis}", triad.name());
             let found = psd::welch(&values, rate_hz, segment).map_err(FigureError::refused(channel.clone()))?;
             // The level part below the sensor's low-pass and above the wander of the bias.
-            let level = psd::Spectrum::of_welch(&found).without_lines().plateau_above_flicker();
+            let level = psd::RobustSpectrum::of_welch(&found).without_lines().plateau_above_flicker();
             let (line_hz, line) = strongest_line(&found);
             findings.put(format!("density_{channel}"), density(level, *triad, probability));
             lines.push((format!("line_{channel}"), line));
@@ -70,7 +70,7 @@ fn density(level: Option<psd::Plateau>, triad: Triad, probability: f64) -> Value
 }
 
 /// Largest density over the median of its neighbours, and its frequency.
-fn strongest_line(found: &psd::Psd) -> (f64, f64) {
+fn strongest_line(found: &psd::SpectralDensity) -> (f64, f64) {
     let n = found.density.len();
     let mut best = (0.0, 0.0);
     // The lowest bins hold the wander of the bias and what is left of the mean.
@@ -87,12 +87,12 @@ fn strongest_line(found: &psd::Psd) -> (f64, f64) {
 
 /// Its densities are those of 0, 1, 2 ... times the step.
 fn spectrum(
-    found: &psd::Psd,
+    found: &psd::SpectralDensity,
     unit: Unit,
     white: Option<psd::Plateau>,
     (line_hz, line): (f64, f64),
-) -> details::Spectrum {
-    details::Spectrum {
+) -> details::SpectrumDetails {
+    details::SpectrumDetails {
         unit: format!("({})^2/Hz", unit.symbol()),
         segments: found.segments,
         frequency_step_hz: found.frequency_hz.get(1).copied(),
@@ -100,6 +100,6 @@ fn spectrum(
         white: white.map(|white| white.density),
         white_from_hz: white.map(|white| white.from_hz),
         white_to_hz: white.map(|white| white.to_hz),
-        strongest_line: details::Line { frequency_hz: line_hz, over_neighbours: Some(line) },
+        strongest_line: details::SpectralLine { frequency_hz: line_hz, over_neighbours: Some(line) },
     }
 }

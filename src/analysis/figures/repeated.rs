@@ -10,36 +10,36 @@ use serde_json::json;
 use super::captures::{AXES, Triad};
 use super::json::rows;
 use super::six_position::temperatures;
-use super::{FigureError, Findings, Question, clock, rotation, six_position};
+use super::{AnalysisInput, FigureError, Findings, clock, rotation, six_position};
 use crate::capture::{Capture, Pose};
 use crate::details::performance::{ACCEL_RESPONSES, GYRO_RESPONSES};
 
 /// The calibrations of one triad, oldest first.
 #[derive(Debug)]
-pub(super) enum Series {
-    Accel(Vec<six_position::Solved>),
-    Gyro(Vec<rotation::Solved>),
+pub(super) enum CalibrationSeries {
+    Accel(Vec<six_position::SixPositionSolution>),
+    Gyro(Vec<rotation::RotationSolution>),
 }
 
-impl Series {
+impl CalibrationSeries {
     pub(super) fn triad(&self) -> Triad {
         match self {
-            Series::Accel(_) => Triad::Accel,
-            Series::Gyro(_) => Triad::Gyro,
+            CalibrationSeries::Accel(_) => Triad::Accel,
+            CalibrationSeries::Gyro(_) => Triad::Gyro,
         }
     }
 
     /// M or S of each calibration.
     pub(super) fn responses(&self) -> Vec<Matrix3<f64>> {
         match self {
-            Series::Accel(solved) => solved.iter().map(|solved| solved.found.response).collect(),
-            Series::Gyro(solved) => solved.iter().map(|solved| solved.found.response).collect(),
+            CalibrationSeries::Accel(solved) => solved.iter().map(|solved| solved.found.response).collect(),
+            CalibrationSeries::Gyro(solved) => solved.iter().map(|solved| solved.found.response).collect(),
         }
     }
 }
 
 /// Calibrates each series of the captures, for the triads that the plan wants.
-pub(super) fn calibrations(question: &Question<'_>) -> Result<Vec<Series>, FigureError> {
+pub(super) fn calibrations(question: &AnalysisInput<'_>) -> Result<Vec<CalibrationSeries>, FigureError> {
     let own = !matches!(question.params.source("of"), Ok(Some(_)));
     let needed = usize::try_from(question.params.integer("calibrations")?).unwrap_or(usize::MAX);
     let mut numbers: Vec<u32> = question.captures.iter().map(|capture| capture.about.series).collect();
@@ -53,12 +53,12 @@ pub(super) fn calibrations(question: &Question<'_>) -> Result<Vec<Series>, Figur
     let sensors = question.params.choices("sensors")?;
     let mut all = Vec::new();
     if sensors.contains(&"gyro") {
-        let known = rotation::Known::of(question)?;
+        let known = rotation::RotationTerms::of(question)?;
         let solved = numbers.iter().map(|number| rotation::solve(of_series(question.captures, *number), known));
-        all.push(Series::Gyro(solved.collect::<Result<_, _>>()?));
+        all.push(CalibrationSeries::Gyro(solved.collect::<Result<_, _>>()?));
     }
     if sensors.contains(&"accel") {
-        let known = six_position::Known::of(question)?;
+        let known = six_position::SixPositionTerms::of(question)?;
         let still = |capture: &&Capture| matches!(capture.about.pose, Pose::Still { .. });
         if own {
             for capture in question.captures.iter().filter(still) {
@@ -68,7 +68,7 @@ pub(super) fn calibrations(question: &Question<'_>) -> Result<Vec<Series>, Figur
         let solved = numbers
             .iter()
             .map(|number| six_position::solve(of_series(question.captures, *number).filter(still), expected, known));
-        all.push(Series::Accel(solved.collect::<Result<_, _>>()?));
+        all.push(CalibrationSeries::Accel(solved.collect::<Result<_, _>>()?));
     }
     Ok(all)
 }
@@ -77,7 +77,7 @@ fn of_series(captures: &[Capture], number: u32) -> impl Iterator<Item = &Capture
     captures.iter().filter(move |capture| capture.about.series == number)
 }
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let all = calibrations(question)?;
     let mut findings = Findings::new(json!({
@@ -116,6 +116,6 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
             findings.put(name, Value::estimate(found.sd * ppm, Unit::PartsPerMillion, interval));
         }
     }
-    temperatures(&mut findings, question.captures, all.first().map_or(Triad::Accel, Series::triad));
+    temperatures(&mut findings, question.captures, all.first().map_or(Triad::Accel, CalibrationSeries::triad));
     Ok(findings)
 }

@@ -9,9 +9,9 @@ use serde_json::json;
 use super::budget::{Budget, finite};
 use super::captures::{self, AXES, Triad};
 use super::stability::{Compensation, unit};
-use super::{FigureError, Findings, Question, place};
+use super::{AnalysisInput, FigureError, Findings, place};
 use crate::capture::{Capture, Pose};
-use crate::details::performance::{STEPS, Step};
+use crate::details::performance::{STEPS, StepResponse};
 
 /// Fewest steps of a sense, so that their scatter says something.
 const FEWEST: usize = 2;
@@ -21,7 +21,7 @@ const BITS: f64 = 18.0;
 /// Published ranges, deg/s, g and gauss; codes reach a little farther.
 const RANGES: [(Triad, f64); 3] = [(Triad::Gyro, 400.0), (Triad::Accel, 50.0), (Triad::Mag, 6.0)];
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
     let pose_rad = question.params.quantity("pose_u", Unit::Radian)?;
@@ -52,7 +52,7 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
                 pose_mg / step * 100.0,
             );
             findings.figure(format!("step_response_{}_{name}", triad.name()), worse.mean * 100.0, &budget, probability);
-            shown.push(Step {
+            shown.push(StepResponse {
                 channel: format!("{} {name}", triad.name()),
                 step,
                 unit: unit(*triad).symbol().to_owned(),
@@ -115,7 +115,7 @@ struct Response {
 }
 
 fn steps(
-    question: &Question<'_>,
+    question: &AnalysisInput<'_>,
     compensation: &Compensation,
     triad: Triad,
     axis: usize,

@@ -1,6 +1,6 @@
 //! Scale factors and couplings of the gyroscopes from turns by a known angle.
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::BenchSite;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::rotation;
 use gnc_protocol::stream::{GYRO_LSB_PER_DPS, SATURATION};
@@ -8,33 +8,33 @@ use gnc_rig::Along;
 use nalgebra::Vector3;
 use serde_json::json;
 
-use super::axes::Frames;
+use super::axes::TriadFrames;
 use super::budget::Budget;
-use super::calibration::{CALIBRATION, Calibration, GyroScale};
+use super::calibration::{CALIBRATION, GyroScale, ModuleCalibration};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::rest_noise::{Rest, RestNoise};
 use super::six_position::temperatures;
-use super::{FigureError, Findings, Question, clock, place, thin};
+use super::{AnalysisInput, FigureError, Findings, clock, place, thin};
 use crate::capture::{Capture, Pose};
-use crate::details::calibrating::{TURNS, Turn, WINDOWS, Window};
+use crate::details::calibrating::{TURNS, TableTurn, TurnWindow, WINDOWS};
 
 /// What the budgets need from the plan.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Known {
+pub(super) struct RotationTerms {
     angle_rad: f64,
-    clock: clock::Known,
+    clock: clock::ClockTerms,
     pose_rad: f64,
     band_percent: f64,
     latitude_deg: Option<f64>,
 }
 
-impl Known {
-    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+impl RotationTerms {
+    pub(super) fn of(question: &AnalysisInput<'_>) -> Result<Self, FigureError> {
         let params = question.params;
         Ok(Self {
             angle_rad: params.quantity("angle_u", Unit::Radian)?,
-            clock: clock::Known::of(question)?,
+            clock: clock::ClockTerms::of(question)?,
             pose_rad: params.quantity("pose_u", Unit::Radian)?,
             band_percent: params.quantity("band", Unit::Percent)?,
             latitude_deg: question.site.and_then(|site| site.place).map(|place| place.latitude_deg),
@@ -44,15 +44,15 @@ impl Known {
 
 /// A calibration with what its budgets rest on.
 #[derive(Debug)]
-pub(super) struct Solved {
-    pub(super) found: rotation::Calibration,
+pub(super) struct RotationSolution {
+    pub(super) found: rotation::RotationCalibration,
     turned_rad: f64,
     /// Time of the longest window, s.
     window_s: f64,
     along: Along,
     /// Noise of the sensors at rest, counts; `None` where the residuals of the fit tell it.
     noise: Option<[RestNoise; 3]>,
-    known: Known,
+    known: RotationTerms,
 }
 
 /// A turn among captures: axis, angle, where the axis points.
@@ -64,7 +64,10 @@ fn turn_of(capture: &Capture) -> Option<(usize, f64, Along)> {
 }
 
 /// Calibrates from the turns among the captures.
-pub(super) fn solve<'c>(captures: impl IntoIterator<Item = &'c Capture>, known: Known) -> Result<Solved, FigureError> {
+pub(super) fn solve<'c>(
+    captures: impl IntoIterator<Item = &'c Capture>,
+    known: RotationTerms,
+) -> Result<RotationSolution, FigureError> {
     let turns: Vec<(&Capture, usize, f64, Along)> = captures
         .into_iter()
         .filter_map(|capture| turn_of(capture).map(|(axis, angle, along)| (capture, axis, angle, along)))
@@ -90,20 +93,22 @@ pub(super) fn solve<'c>(captures: impl IntoIterator<Item = &'c Capture>, known: 
             (label, [0, 1, 2].map(|i| captures::channel(capture, Triad::Gyro, i)))
         })
         .collect();
-    let runs: Vec<rotation::Run<'_>> = data
+    let runs: Vec<rotation::RotationRun<'_>> = data
         .iter()
-        .map(|(label, channels)| rotation::Run {
+        .map(|(label, channels)| rotation::RotationRun {
             label: label.clone(),
             channels: [&channels[0], &channels[1], &channels[2]],
         })
         .collect();
-    let options = rotation::Options {
+    let options = rotation::RotationOptions {
         rate_hz: known.clock.rate_hz(f64::from(rate_hz)),
         turns: angle_deg / 360.0,
         axis: match along {
-            Along::Polar => rotation::Axis::Polar,
-            Along::Up => rotation::Axis::Vertical { latitude_deg: known.latitude_deg.ok_or(FigureError::NoPlace)? },
-            Along::North => rotation::Axis::Unknown,
+            Along::Polar => rotation::RotationAxis::Polar,
+            Along::Up => {
+                rotation::RotationAxis::Vertical { latitude_deg: known.latitude_deg.ok_or(FigureError::NoPlace)? }
+            }
+            Along::North => rotation::RotationAxis::Unknown,
         },
         saturation: Some(f64::from(SATURATION)),
         nominal: Some((nominal(), known.band_percent)),
@@ -116,11 +121,11 @@ pub(super) fn solve<'c>(captures: impl IntoIterator<Item = &'c Capture>, known: 
     };
     let longest = found.windows.iter().map(|window| window.end - window.start).max().unwrap_or(0);
     let window_s = longest as f64 / options.rate_hz;
-    Ok(Solved { found, turned_rad: angle_deg.to_radians(), window_s, along, noise, known })
+    Ok(RotationSolution { found, turned_rad: angle_deg.to_radians(), window_s, along, noise, known })
 }
 
 /// What lies before and after the window of each turn.
-fn rests(data: &[(String, [Vec<f64>; 3])], windows: &[rotation::Window]) -> Vec<Rest> {
+fn rests(data: &[(String, [Vec<f64>; 3])], windows: &[rotation::RotationWindow]) -> Vec<Rest> {
     let turns = data
         .iter()
         .filter_map(|(label, channels)| Some((windows.iter().find(|window| window.label == *label)?, channels)));
@@ -139,7 +144,7 @@ fn nominal() -> f64 {
     GYRO_LSB_PER_DPS * 1.0_f64.to_degrees()
 }
 
-impl Solved {
+impl RotationSolution {
     /// Of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale factor.
     pub(super) fn response_budget(&self, i: usize, j: usize) -> Budget {
         let own = self.found.response[(i, i)];
@@ -180,19 +185,19 @@ impl Solved {
     }
 }
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     if question.params.choice("geometry")? == "vertical" {
         place::latitude(question.site)?;
     }
-    let solved = solve(question.captures, Known::of(question)?)?;
+    let solved = solve(question.captures, RotationTerms::of(question)?)?;
     let c = &solved.found;
     let mut findings = Findings::new(details(&solved));
     for (i, axis) in AXES.iter().enumerate() {
         let error_ppm = (c.response[(i, i)] / nominal() - 1.0) * 1e6;
         findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
     }
-    let frames = Frames { response: &c.response, fixture: Site::fixture(question.site) };
+    let frames = TriadFrames { response: &c.response, fixture: BenchSite::fixture(question.site) };
     frames.report(&mut findings, |i, j| solved.response_budget(i, j), probability);
     for (i, axis) in AXES.iter().enumerate() {
         let bias_dph = c.bias_rps()[i].to_degrees() * 3600.0;
@@ -205,12 +210,12 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
     findings.part(&TURNS, turns(question.captures));
     findings.part(&WINDOWS, windows(question.captures, c));
     let scale = GyroScale { response: rows(&c.response), matrix: rows(&c.matrix) };
-    findings.part(&CALIBRATION, Calibration { gyro_scale: Some(scale), ..Calibration::default() });
+    findings.part(&CALIBRATION, ModuleCalibration { gyro_scale: Some(scale), ..ModuleCalibration::default() });
     Ok(findings)
 }
 
 /// The rate about the turned axis over time, thinned, of every turn.
-fn turns(captures: &[Capture]) -> Vec<Turn> {
+fn turns(captures: &[Capture]) -> Vec<TableTurn> {
     let turns = captures.iter().filter_map(|capture| turn_of(capture).map(|(axis, ..)| (capture, axis)));
     turns
         .map(|(capture, axis)| {
@@ -218,7 +223,7 @@ fn turns(captures: &[Capture]) -> Vec<Turn> {
                 captures::channel(capture, Triad::Gyro, axis).iter().map(|code| code / GYRO_LSB_PER_DPS).collect();
             let kept = thin::extremes(&rates);
             let rate_hz = f64::from(capture.about.rate_hz);
-            Turn {
+            TableTurn {
                 capture: capture.about.label.clone(),
                 axis: AXES[axis].to_owned(),
                 time_s: thin::rounded(kept.iter().map(|place| *place as f64 / rate_hz), 4),
@@ -229,9 +234,9 @@ fn turns(captures: &[Capture]) -> Vec<Turn> {
 }
 
 /// The span over which each turn was summed.
-fn windows(captures: &[Capture], found: &rotation::Calibration) -> Vec<Window> {
+fn windows(captures: &[Capture], found: &rotation::RotationCalibration) -> Vec<TurnWindow> {
     let rate_hz = captures.first().map_or(f64::NAN, |capture| f64::from(capture.about.rate_hz));
-    let window = |window: &rotation::Window| Window {
+    let window = |window: &rotation::RotationWindow| TurnWindow {
         run: window.label.clone(),
         start_s: window.start as f64 / rate_hz,
         span_s: (window.end - window.start) as f64 / rate_hz,
@@ -241,7 +246,7 @@ fn windows(captures: &[Capture], found: &rotation::Calibration) -> Vec<Window> {
     found.windows.iter().map(window).collect()
 }
 
-fn details(solved: &Solved) -> serde_json::Value {
+fn details(solved: &RotationSolution) -> serde_json::Value {
     let c = &solved.found;
     json!({
         "equation": "w = Kg N - epsilon, Kg = S^-1, epsilon = Kg b, from six integrals I = S (theta e_j + earth) + b T per sensor",

@@ -1,6 +1,6 @@
 //! Calibration of the accelerometers from still positions.
 
-use gnc_executive::bench::Site;
+use gnc_executive::bench::BenchSite;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::position::Position;
 use gnc_metrology::{earth, six_position};
@@ -8,28 +8,28 @@ use gnc_protocol::stream::ACCEL_LSB_PER_G;
 use nalgebra::Vector3;
 use serde_json::json;
 
-use super::axes::Frames;
+use super::axes::TriadFrames;
 use super::budget::Budget;
-use super::calibration::{Accel, CALIBRATION, Calibration};
+use super::calibration::{AccelCalibration, CALIBRATION, ModuleCalibration};
 use super::captures::{self, AXES, Triad};
 use super::json::{matrix, rows, vector};
 use super::mean::MeanVariance;
 use super::place::{self, Gravity};
 use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
-use super::{FigureError, Findings, Question};
+use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::Capture;
 use crate::details::calibrating::{FORCE_RESIDUALS, ForceResidual};
 
 /// What the budgets need from the plan.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Known {
+pub(super) struct SixPositionTerms {
     pub(super) gravity: Gravity,
     pub(super) gravity_ppm: f64,
     pub(super) pose_rad: f64,
 }
 
-impl Known {
-    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+impl SixPositionTerms {
+    pub(super) fn of(question: &AnalysisInput<'_>) -> Result<Self, FigureError> {
         Ok(Self {
             gravity: place::gravity(question.site)?,
             gravity_ppm: question.params.quantity("gravity_u", Unit::PartsPerMillion)?,
@@ -40,12 +40,12 @@ impl Known {
 
 /// A calibration with what its budgets rest on.
 #[derive(Debug)]
-pub(super) struct Solved {
-    pub(super) found: six_position::Calibration,
+pub(super) struct SixPositionSolution {
+    pub(super) found: six_position::SixPositionCalibration,
     design: Design,
     /// Of the mean of a position, square counts.
     noise: [MeanVariance; 3],
-    known: Known,
+    known: SixPositionTerms,
     /// Sum of squared residuals over its expectation.
     residual_ratio: f64,
     /// The residuals are larger than noise and attitudes explain, so their own scatter is taken.
@@ -56,16 +56,22 @@ pub(super) struct Solved {
 pub(super) fn solve<'c>(
     captures: impl IntoIterator<Item = &'c Capture>,
     expected: Option<usize>,
-    known: Known,
-) -> Result<Solved, FigureError> {
+    known: SixPositionTerms,
+) -> Result<SixPositionSolution, FigureError> {
     let lying = attitudes(captures, expected, Triad::Accel)?;
     let positions: Vec<Position> = lying.iter().map(|attitude| position(attitude, Triad::Accel)).collect();
     let refused = || FigureError::refused("accelerometer calibration");
     let found = six_position::calibrate(&positions, known.gravity.mps2).map_err(refused())?;
     let design = Design::new(lying.iter().map(|attitude| attitude.up).collect(), known.gravity.mps2)
         .ok_or_else(|| FigureError::Missing { what: "attitudes that span space".into() })?;
-    let mut solved =
-        Solved { found, design, noise: scatter(&lying, Triad::Accel), known, residual_ratio: 0.0, excess: false };
+    let mut solved = SixPositionSolution {
+        found,
+        design,
+        noise: scatter(&lying, Triad::Accel),
+        known,
+        residual_ratio: 0.0,
+        excess: false,
+    };
     solved.judge_residuals();
     Ok(solved)
 }
@@ -81,7 +87,7 @@ pub(super) fn position(attitude: &Attitude<'_>, triad: Triad) -> Position {
     }
 }
 
-impl Solved {
+impl SixPositionSolution {
     fn own(&self, i: usize) -> f64 {
         self.found.response[(i, i)]
     }
@@ -146,16 +152,16 @@ impl Solved {
     }
 }
 
-pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
-    let known = Known::of(question)?;
+    let known = SixPositionTerms::of(question)?;
     for capture in question.captures {
         question.long_enough(capture, "dwell")?;
     }
     let expected = question.params.choice("positions")?.parse().ok();
     let solved = solve(question.captures, expected, known)?;
     let c = &solved.found;
-    let accel = Accel { matrix: rows(&c.matrix), offset: c.nabla_mps2.into() };
+    let accel = AccelCalibration { matrix: rows(&c.matrix), offset: c.nabla_mps2.into() };
     let mut findings = Findings::new(details(&solved));
     let residuals = question.captures.iter().zip(&c.residuals_mps2).map(|(capture, residual)| ForceResidual {
         position: capture.about.label.clone(),
@@ -170,12 +176,12 @@ pub(super) fn analyse(question: &Question<'_>) -> Result<Findings, FigureError> 
         let error_ppm = solved.scale_error(i) * 1e6;
         findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
     }
-    let frames = Frames { response: &c.response, fixture: Site::fixture(question.site) };
+    let frames = TriadFrames { response: &c.response, fixture: BenchSite::fixture(question.site) };
     frames.report(&mut findings, |i, j| solved.response_budget(i, j), probability);
     let rms_mg = c.residual_rms_mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
     findings.number("residual_rms", rms_mg, Unit::Milligravity);
     temperatures(&mut findings, question.captures, Triad::Accel);
-    findings.part(&CALIBRATION, Calibration { accel: Some(accel), ..Calibration::default() });
+    findings.part(&CALIBRATION, ModuleCalibration { accel: Some(accel), ..ModuleCalibration::default() });
     Ok(findings)
 }
 
@@ -186,7 +192,7 @@ pub(super) fn temperatures(findings: &mut Findings, captures: &[Capture], triad:
     findings.number("temperature_drift", drift_k, Unit::DegreeCelsius);
 }
 
-fn details(solved: &Solved) -> serde_json::Value {
+fn details(solved: &SixPositionSolution) -> serde_json::Value {
     let c = &solved.found;
     json!({
         "equation": "f = Ka N + nabla, from N = M f + b by least squares; f in m/s^2, +g on the axis that points up; N in counts",

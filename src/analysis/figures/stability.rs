@@ -9,24 +9,24 @@ use gnc_metrology::{earth, stability, stats};
 use nalgebra::Vector3;
 use serde_json::json;
 
-use super::calibration::{Calibration, Force, Rate};
+use super::calibration::{Force, ModuleCalibration, RateModel};
 use super::captures::{self, AXES, Triad};
 use super::six_position::temperatures;
-use super::{FigureError, Findings, Question, mean};
+use super::{AnalysisInput, FigureError, Findings, mean};
 use crate::capture::Capture;
-use crate::details::performance::{BLOCK_S, SERIES, Series};
+use crate::details::performance::{BLOCK_S, BlockMeans, SERIES};
 
 /// Compensation of the triads that the plan wants.
 pub(super) struct Compensation {
     force: Force,
-    rate: Option<Rate>,
+    rate: Option<RateModel>,
     pub(super) triads: Vec<Triad>,
 }
 
 impl Compensation {
-    pub(super) fn of(question: &Question<'_>) -> Result<Self, FigureError> {
+    pub(super) fn of(question: &AnalysisInput<'_>) -> Result<Self, FigureError> {
         let sensors = question.params.choices("sensors")?;
-        let calibration = Calibration::of(question.earlier)?;
+        let calibration = ModuleCalibration::of(question.earlier)?;
         let gyro = sensors.contains(&"gyro");
         let mut triads = Vec::new();
         triads.extend(gyro.then_some(Triad::Gyro));
@@ -41,7 +41,7 @@ impl Compensation {
     }
 
     /// The one capture of an item at rest: nothing is missing from it, and the triads that are used work and lay still.
-    pub(super) fn at_rest<'q>(&self, question: &'q Question<'_>) -> Result<&'q Capture, FigureError> {
+    pub(super) fn at_rest<'q>(&self, question: &'q AnalysisInput<'_>) -> Result<&'q Capture, FigureError> {
         let capture = question.one("duration")?;
         captures::sound([capture], self.used())?;
         self.used().iter().try_for_each(|triad| captures::still(capture, *triad))?;
@@ -72,7 +72,7 @@ pub(super) fn unit(triad: Triad) -> Unit {
 }
 
 /// Standard deviation (n - 1) of disjoint means, tail dropped, no detrending.
-pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn stability(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
     let capture = compensation.at_rest(question)?;
@@ -100,7 +100,7 @@ pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError
             let (low, high) = stats::sd_interval(found.sd, dof, probability);
             series.insert(
                 format!("{}_{axis}", triad.name()),
-                Series {
+                BlockMeans {
                     unit: unit(*triad).symbol().to_owned(),
                     mean: found.mean,
                     sd: Some(found.sd),
@@ -118,7 +118,7 @@ pub(super) fn stability(question: &Question<'_>) -> Result<Findings, FigureError
 }
 
 /// Standard deviation (n - 1) of the means of runs, each after its own power-on.
-pub(super) fn repeatability(question: &Question<'_>) -> Result<Findings, FigureError> {
+pub(super) fn repeatability(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
     let runs = usize::try_from(question.params.integer("runs")?).unwrap_or(usize::MAX);
@@ -158,7 +158,7 @@ pub(super) fn repeatability(question: &Question<'_>) -> Result<Findings, FigureE
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             each.insert(
                 format!("{}_{axis}", triad.name()),
-                Series {
+                BlockMeans {
                     unit: unit(*triad).symbol().to_owned(),
                     mean: found.mean,
                     sd: Some(found.sd),

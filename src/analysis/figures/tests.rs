@@ -19,7 +19,7 @@ mod refusals;
 mod sky;
 pub(super) mod world;
 
-use gnc_executive::bench::{Fixture, Site, SitePlace};
+use gnc_executive::bench::{BenchImperfections, BenchSite, SitePlace};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;
@@ -43,7 +43,7 @@ fn params(item: ItemId, params: &str) -> Params {
 }
 
 /// A bench without errors of its own, so that what is left is the method's.
-const PERFECT: Fixture = Fixture {
+const PERFECT: BenchImperfections = BenchImperfections {
     mounting_rad: None,
     mounting_u_rad: 0.0,
     axis_u_rad: 0.0,
@@ -53,8 +53,8 @@ const PERFECT: Fixture = Fixture {
     board_clock_u_ppm: None,
 };
 
-fn site() -> Site {
-    Site {
+fn site() -> BenchSite {
+    BenchSite {
         name: None,
         place: Some(SitePlace { latitude_deg: world::LATITUDE_DEG, longitude_deg: 108.9, height_m: 412.0 }),
         gravity_mps2: Some(world::GRAVITY),
@@ -70,7 +70,7 @@ fn ask(
     earlier: &[(String, Findings)],
 ) -> Result<Findings, FigureError> {
     let (params, site) = (params(item, text), site());
-    analyse(item, &Question { params: &params, site: Some(&site), captures, earlier })
+    analyse(item, &AnalysisInput { params: &params, site: Some(&site), captures, earlier })
 }
 
 /// Value, unit and interval of a figure.

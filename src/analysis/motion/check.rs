@@ -3,7 +3,7 @@
 use gnc_executive::plan::{Params, PlanItem};
 use gnc_executive::quantity::Unit;
 
-use super::{Span, Step, program};
+use super::{DisplayDuration, MotionStep, program};
 use crate::capture::Pose;
 
 /// Published range of the gyroscopes.
@@ -15,7 +15,7 @@ pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
     // An item without these parameters has no motion to check.
     let Ok(Some(program)) = program(item.id, &item.params) else { return Vec::new() };
     let mut found = Vec::new();
-    let turns = program.steps.iter().any(|step| matches!(step, Step::Turn { .. }));
+    let turns = program.steps.iter().any(|step| matches!(step, MotionStep::Turn { .. }));
     if turns && let Some(mistake) = too_fast(&item.params) {
         found.push(mistake);
     }
@@ -23,13 +23,13 @@ pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
         let what = format!(
             "{} takes {} of bench time at least, and its timeout is {}",
             item.id,
-            Span(program.span_s()),
-            Span(item.timeout_s)
+            DisplayDuration(program.span_s()),
+            DisplayDuration(item.timeout_s)
         );
         found.push((what, "raise its timeout, or make its captures shorter"));
     }
     let most = program.steps.iter().filter_map(|step| match step {
-        Step::Capture { about, .. } => match about.pose {
+        MotionStep::Capture { about, .. } => match about.pose {
             Pose::Spinning { rate_dps, .. } => Some((about, rate_dps)),
             _ => None,
         },

@@ -6,8 +6,8 @@ use gnc_executive::quantity::Unit;
 use gnc_metrology::AXES;
 use gnc_rig::{Along, Orientation};
 
-use super::{Program, Step, Uses};
-use crate::capture::{About, Pose};
+use super::{MotionProgram, MotionStep, Uses};
+use crate::capture::{CaptureHead, Pose};
 
 /// Time without power where an item has none of its own: capacitors are empty and every register is forgotten.
 pub const OFF_S: f64 = 10.0;
@@ -16,7 +16,7 @@ pub const OFF_S: f64 = 10.0;
 ///
 /// # Errors
 /// The catalogue has no such parameter: a mistake in this program.
-pub fn program(item: ItemId, params: &Params) -> Result<Option<Program>, ParamError> {
+pub fn program(item: ItemId, params: &Params) -> Result<Option<MotionProgram>, ParamError> {
     if matches!(item, ItemId::GyroStill | ItemId::CrossCoupling | ItemId::Allan | ItemId::Psd)
         && params.source("of")?.is_some()
     {
@@ -37,7 +37,7 @@ pub fn program(item: ItemId, params: &Params) -> Result<Option<Program>, ParamEr
         ItemId::CalibrationCheck => check(params)?,
         _ => return Ok(None),
     };
-    Ok(Some(Program { steps }))
+    Ok(Some(MotionProgram { steps }))
 }
 
 fn seconds(params: &Params, name: &str) -> Result<f64, ParamError> {
@@ -63,14 +63,14 @@ fn still(
     label: String,
     series: u32,
     span_s: f64,
-) -> Result<[Step; 3], ParamError> {
-    let about = About { label, series, pose, rate_hz: hertz(params, "rate")? };
-    let settle = Step::Settle { span_s: seconds(params, "settle")? };
-    Ok([Step::Lay(orientation), settle, Step::Capture { about, span_s, uses: Uses::Inertial }])
+) -> Result<[MotionStep; 3], ParamError> {
+    let about = CaptureHead { label, series, pose, rate_hz: hertz(params, "rate")? };
+    let settle = MotionStep::Settle { span_s: seconds(params, "settle")? };
+    Ok([MotionStep::Lay(orientation), settle, MotionStep::Capture { about, span_s, uses: Uses::Inertial }])
 }
 
 /// Each axis up and down, at one heading, two or four.
-fn positions(params: &Params, series: u32, prefix: &str, uses: Uses) -> Result<Vec<Step>, ParamError> {
+fn positions(params: &Params, series: u32, prefix: &str, uses: Uses) -> Result<Vec<MotionStep>, ParamError> {
     let headings: &[f64] = match params.choice("positions")? {
         "12" => &[0.0, 180.0],
         "24" => &[0.0, 90.0, 180.0, 270.0],
@@ -88,7 +88,7 @@ fn positions(params: &Params, series: u32, prefix: &str, uses: Uses) -> Result<V
         }
     }
     for step in &mut steps {
-        if let Step::Capture { uses: used, .. } = step {
+        if let MotionStep::Capture { uses: used, .. } = step {
             *used = uses;
         }
     }
@@ -96,15 +96,15 @@ fn positions(params: &Params, series: u32, prefix: &str, uses: Uses) -> Result<V
 }
 
 /// Each axis along the table's, turned forth and back.
-fn rotations(params: &Params, series: u32, prefix: &str) -> Result<Vec<Step>, ParamError> {
+fn rotations(params: &Params, series: u32, prefix: &str) -> Result<Vec<MotionStep>, ParamError> {
     let along = match params.choice("geometry")? {
         "polar" => Along::Polar,
         _ => Along::Up,
     };
     let mut steps = Vec::new();
     for axis in 0..AXES.len() {
-        steps.push(Step::Lay(Orientation::Axis { axis: axis as u8, positive: true, along, heading_deg: 0.0 }));
-        steps.push(Step::Settle { span_s: seconds(params, "settle")? });
+        steps.push(MotionStep::Lay(Orientation::Axis { axis: axis as u8, positive: true, along, heading_deg: 0.0 }));
+        steps.push(MotionStep::Settle { span_s: seconds(params, "settle")? });
         for positive in [true, false] {
             steps.push(turn(params, axis, positive, along, series, prefix)?);
         }
@@ -119,7 +119,7 @@ fn turn(
     along: Along,
     series: u32,
     prefix: &str,
-) -> Result<Step, ParamError> {
+) -> Result<MotionStep, ParamError> {
     let (factor, sign) = if positive { (1.0, '+') } else { (-1.0, '-') };
     let pose = Pose::Rotating {
         axis: axis as u8,
@@ -128,17 +128,17 @@ fn turn(
         along,
     };
     let label = format!("{prefix}{}{sign} rotation", AXES[axis % 3]);
-    let about = About { label, series, pose, rate_hz: hertz(params, "turn_rate")? };
-    Ok(Step::Turn { about, rest_s: seconds(params, "rest")?, uses: Uses::Gyro })
+    let about = CaptureHead { label, series, pose, rate_hz: hertz(params, "turn_rate")? };
+    Ok(MotionStep::Turn { about, rest_s: seconds(params, "rest")?, uses: Uses::Gyro })
 }
 
 /// Z up for so long as a parameter says.
-fn level(params: &Params, span: &str) -> Result<Vec<Step>, ParamError> {
+fn level(params: &Params, span: &str) -> Result<Vec<MotionStep>, ParamError> {
     Ok(still(params, orientation(2, true, 0.0), "still".into(), 1, seconds(params, span)?)?.into())
 }
 
 /// Each axis level, and again after the module was turned upside down about the third axis, which stays where it is.
-fn accel_bias(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn accel_bias(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let dwell_s = seconds(params, "dwell")?;
     let mut steps = Vec::new();
     for name in params.choices("axes")? {
@@ -159,7 +159,7 @@ fn accel_bias(params: &Params) -> Result<Vec<Step>, ParamError> {
     Ok(steps)
 }
 
-fn bias_repeatability(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn bias_repeatability(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let (off_s, dwell_s) = (seconds(params, "gap")?, seconds(params, "dwell")?);
     let mut steps = Vec::new();
     for run in 1..=u32::try_from(params.integer("runs")?).unwrap_or(1) {
@@ -168,17 +168,17 @@ fn bias_repeatability(params: &Params) -> Result<Vec<Step>, ParamError> {
             steps.push(lay);
         }
         // The first one too, so that all begin alike.
-        steps.extend([Step::PowerCycle { off_s }, settle, capture]);
+        steps.extend([MotionStep::PowerCycle { off_s }, settle, capture]);
     }
     Ok(steps)
 }
 
-fn calibrations(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn calibrations(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let sensors = params.choices("sensors")?;
     let mut steps = Vec::new();
     for series in 1..=u32::try_from(params.integer("calibrations")?).unwrap_or(1) {
         let prefix = format!("calibration {series} ");
-        steps.push(Step::PowerCycle { off_s: OFF_S });
+        steps.push(MotionStep::PowerCycle { off_s: OFF_S });
         if sensors.contains(&"accel") {
             steps.extend(positions(params, series, &prefix, Uses::Inertial)?);
         }
@@ -191,7 +191,7 @@ fn calibrations(params: &Params) -> Result<Vec<Step>, ParamError> {
 
 /// Each gyroscope at small rates in both senses in turn, each accelerometer tilted a little both ways, and before and
 /// after each step the same without it.
-fn resolution(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn resolution(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let sensors = params.choices("sensors")?;
     let mut steps = Vec::new();
     for (axis, name) in AXES.iter().enumerate() {
@@ -217,25 +217,25 @@ fn levels(params: &Params, cycles: &str) -> Result<impl Iterator<Item = (usize, 
     }))
 }
 
-fn rate_steps(steps: &mut Vec<Step>, params: &Params, axis: usize, name: &str) -> Result<(), ParamError> {
+fn rate_steps(steps: &mut Vec<MotionStep>, params: &Params, axis: usize, name: &str) -> Result<(), ParamError> {
     let (dwell_s, settle_s) = (seconds(params, "dwell")?, seconds(params, "settle")?);
     let (rate_hz, step_dps) = (hertz(params, "rate")?, params.quantity("gyro_step", Unit::DegreePerSecond)?);
     let (orientation, still) = orientation(axis, true, 0.0);
-    steps.push(Step::Lay(orientation));
+    steps.push(MotionStep::Lay(orientation));
     for (number, sense, sign) in levels(params, "gyro_cycles")? {
         let rate_dps = sense * step_dps;
         let spins = rate_dps != 0.0;
         let pose = if spins { Pose::Spinning { axis: axis as u8, rate_dps, along: Along::Up } } else { still.clone() };
-        let about = About { label: format!("gyro {name} {number}: {sign}"), series: 1, pose, rate_hz };
-        steps.extend(spins.then_some(Step::Spin { rate_dps }));
-        steps.push(Step::Settle { span_s: settle_s });
-        steps.push(Step::Capture { about, span_s: dwell_s, uses: Uses::Inertial });
-        steps.extend(spins.then_some(Step::Stop));
+        let about = CaptureHead { label: format!("gyro {name} {number}: {sign}"), series: 1, pose, rate_hz };
+        steps.extend(spins.then_some(MotionStep::Spin { rate_dps }));
+        steps.push(MotionStep::Settle { span_s: settle_s });
+        steps.push(MotionStep::Capture { about, span_s: dwell_s, uses: Uses::Inertial });
+        steps.extend(spins.then_some(MotionStep::Stop));
     }
     Ok(())
 }
 
-fn tilt_steps(steps: &mut Vec<Step>, params: &Params, axis: usize, name: &str) -> Result<(), ParamError> {
+fn tilt_steps(steps: &mut Vec<MotionStep>, params: &Params, axis: usize, name: &str) -> Result<(), ParamError> {
     let (dwell_s, step_g) = (seconds(params, "dwell")?, params.quantity("accel_step", Unit::Gravity)?);
     let top = if axis == 2 { 0 } else { 2 };
     for (number, sense, sign) in levels(params, "accel_cycles")? {
@@ -249,40 +249,45 @@ fn tilt_steps(steps: &mut Vec<Step>, params: &Params, axis: usize, name: &str) -
 }
 
 /// Z to the north, spinning about it, slow and fast, in each sense.
-fn spins(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn spins(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let rate_hz = hertz(params, "turn_rate")?;
     let (span_s, settle_s) = (seconds(params, "duration")?, seconds(params, "settle")?);
     let along = Along::North;
-    let mut steps = vec![Step::Lay(Orientation::Axis { axis: 2, positive: true, along, heading_deg: 0.0 })];
+    let mut steps = vec![MotionStep::Lay(Orientation::Axis { axis: 2, positive: true, along, heading_deg: 0.0 })];
     for (name, param) in [("spin", "spin"), ("slow spin", "slow_spin")] {
         for sense in params.choices("senses")? {
             let factor = if *sense == "-" { -1.0 } else { 1.0 };
             let rate_dps = factor * params.quantity(param, Unit::DegreePerSecond)?;
             let pose = Pose::Spinning { axis: 2, rate_dps, along };
-            let about = About { label: format!("{name} {sense}"), series: 1, pose, rate_hz };
-            let capture = Step::Capture { about, span_s, uses: Uses::Magnetometer };
-            steps.extend([Step::Spin { rate_dps }, Step::Settle { span_s: settle_s }, capture, Step::Stop]);
+            let about = CaptureHead { label: format!("{name} {sense}"), series: 1, pose, rate_hz };
+            let capture = MotionStep::Capture { about, span_s, uses: Uses::Magnetometer };
+            steps.extend([
+                MotionStep::Spin { rate_dps },
+                MotionStep::Settle { span_s: settle_s },
+                capture,
+                MotionStep::Stop,
+            ]);
         }
     }
     Ok(steps)
 }
 
-fn receiver(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn receiver(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let pose = Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 };
-    let about = About { label: "sky".into(), series: 1, pose, rate_hz: 0 };
+    let about = CaptureHead { label: "sky".into(), series: 1, pose, rate_hz: 0 };
     let (timeout_s, span_s) = (seconds(params, "timeout")?, seconds(params, "duration")?);
-    Ok(vec![Step::Receiver { about, timeout_s, span_s }])
+    Ok(vec![MotionStep::Receiver { about, timeout_s, span_s }])
 }
 
 /// One position and one rotation about the axis that is up, as the module's user gets them.
-fn check(params: &Params) -> Result<Vec<Step>, ParamError> {
+fn check(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let name = params.choice("axis")?;
     let axis = AXES.iter().position(|axis| *axis == name).unwrap_or(2);
     let mut steps =
         still(params, orientation(axis, true, 0.0), format!("{name}+"), 1, seconds(params, "dwell")?)?.to_vec();
     steps.push(turn(params, axis, true, Along::Up, 1, "")?);
     for step in &mut steps {
-        if let Step::Capture { uses, .. } | Step::Turn { uses, .. } = step {
+        if let MotionStep::Capture { uses, .. } | MotionStep::Turn { uses, .. } = step {
             *uses = Uses::Compensated;
         }
     }

@@ -1,48 +1,48 @@
 //! What is left of a program whose first captures were made before.
 
-use super::{Program, Step};
-use crate::capture::About;
+use super::{MotionProgram, MotionStep};
+use crate::capture::CaptureHead;
 
 /// What becomes of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Action<'a> {
+pub enum ResumeAction<'a> {
     /// It is carried out.
-    Do(&'a Step),
+    Do(&'a MotionStep),
     /// Its capture is there already.
-    Take(&'a Step),
+    Take(&'a MotionStep),
 }
 
-impl<'a> Action<'a> {
+impl<'a> ResumeAction<'a> {
     /// The step.
     #[must_use]
-    pub fn step(self) -> &'a Step {
+    pub fn step(self) -> &'a MotionStep {
         let (Self::Do(step) | Self::Take(step)) = self;
         step
     }
 }
 
-impl Program {
+impl MotionProgram {
     /// The actions that are left where `has` knows of captures. They are taken up to the first that is missing; from
     /// there on the module is laid down again, and where it is switched off between series, the series that broke off
     /// begins anew: its captures belong to one power-on.
-    pub fn after(&self, has: impl Fn(&About) -> bool) -> Vec<Action<'_>> {
+    pub fn after(&self, has: impl Fn(&CaptureHead) -> bool) -> Vec<ResumeAction<'_>> {
         let missing = self.steps.iter().position(|step| step.about().is_some_and(|about| !has(about)));
         let Some(missing) = missing else {
-            return self.steps.iter().filter(|step| step.about().is_some()).map(Action::Take).collect();
+            return self.steps.iter().filter(|step| step.about().is_some()).map(ResumeAction::Take).collect();
         };
         let before = &self.steps[..missing];
-        let last = |wanted: fn(&Step) -> bool| before.iter().rposition(wanted);
-        let is_lay = |step: &Step| matches!(step, Step::Lay(_));
-        let cycle = last(|step| matches!(step, Step::PowerCycle { .. }));
+        let last = |wanted: fn(&MotionStep) -> bool| before.iter().rposition(wanted);
+        let is_lay = |step: &MotionStep| matches!(step, MotionStep::Lay(_));
+        let cycle = last(|step| matches!(step, MotionStep::PowerCycle { .. }));
         let start = cycle.or(last(is_lay)).unwrap_or(0);
         let (done, left) = self.steps.split_at(start);
-        let taken = done.iter().filter(|step| step.about().is_some()).map(Action::Take);
+        let taken = done.iter().filter(|step| step.about().is_some()).map(ResumeAction::Take);
         // Nobody knows how the module lies now.
         let lay = done.iter().rfind(|step| is_lay(step)).filter(|_| start > 0 && !left.first().is_some_and(is_lay));
         let left = left.iter().map(|step| match step.about() {
-            Some(about) if cycle.is_none() && has(about) => Action::Take(step),
-            _ => Action::Do(step),
+            Some(about) if cycle.is_none() && has(about) => ResumeAction::Take(step),
+            _ => ResumeAction::Do(step),
         });
-        taken.chain(lay.map(Action::Do)).chain(left).collect()
+        taken.chain(lay.map(ResumeAction::Do)).chain(left).collect()
     }
 }

@@ -21,19 +21,21 @@ fn plan(id: &str, params: &str) -> Plan {
     plan.unwrap_or_else(|mistakes| panic!("{mistakes}"))
 }
 
-fn of(id: ItemId, with: &str) -> Program {
+fn of(id: ItemId, with: &str) -> MotionProgram {
     program(id, &params(id.as_str(), with)).unwrap().unwrap()
 }
 
-fn captures(program: &Program) -> Vec<About> {
+fn captures(program: &MotionProgram) -> Vec<CaptureHead> {
     let about = program.steps.iter().filter_map(|step| match step {
-        Step::Capture { about, .. } | Step::Turn { about, .. } | Step::Receiver { about, .. } => Some(about.clone()),
+        MotionStep::Capture { about, .. } | MotionStep::Turn { about, .. } | MotionStep::Receiver { about, .. } => {
+            Some(about.clone())
+        }
         _ => None,
     });
     about.collect()
 }
 
-fn labels(program: &Program) -> Vec<String> {
+fn labels(program: &MotionProgram) -> Vec<String> {
     captures(program).into_iter().map(|about| about.label).collect()
 }
 
@@ -112,11 +114,11 @@ fn repeated_items_cycle_the_power_before_each_series() {
     let mut powered = 0;
     for step in &runs.steps {
         match step {
-            Step::PowerCycle { off_s } => {
+            MotionStep::PowerCycle { off_s } => {
                 powered += 1;
                 assert_eq!(*off_s, 600.0);
             }
-            Step::Capture { about, .. } => assert_eq!(about.series, powered),
+            MotionStep::Capture { about, .. } => assert_eq!(about.series, powered),
             _ => {}
         }
     }
@@ -150,10 +152,10 @@ fn the_magnetometer_spins_in_both_senses_at_two_speeds() {
     let rates: Vec<f64> = program
         .steps
         .iter()
-        .filter_map(|step| if let Step::Spin { rate_dps } = step { Some(*rate_dps) } else { None })
+        .filter_map(|step| if let MotionStep::Spin { rate_dps } = step { Some(*rate_dps) } else { None })
         .collect();
     assert_eq!(rates, [5400.0, -5400.0, 1800.0, -1800.0]);
-    assert_eq!(program.steps.last(), Some(&Step::Stop), "nothing spins afterwards");
+    assert_eq!(program.steps.last(), Some(&MotionStep::Stop), "nothing spins afterwards");
 }
 
 fn still(count: usize) -> Vec<ImuSample> {
@@ -300,15 +302,15 @@ fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
 /// By hand: what a program still does when some of its captures are there.
 #[test]
 fn a_program_goes_on_where_it_broke_off() {
-    let left = |program: &Program, labels: &[&str]| -> Vec<String> {
+    let left = |program: &MotionProgram, labels: &[&str]| -> Vec<String> {
         let actions = program.after(|about| labels.contains(&about.label.as_str()));
-        let word = |action: &Action| match action {
-            Action::Take(step) => format!("take {}", step.about().unwrap().label),
-            Action::Do(step) => match step {
-                Step::Lay(orientation) => {
+        let word = |action: &ResumeAction| match action {
+            ResumeAction::Take(step) => format!("take {}", step.about().unwrap().label),
+            ResumeAction::Do(step) => match step {
+                MotionStep::Lay(orientation) => {
                     format!("lay {}", orientation.to_string().split_whitespace().nth(4).unwrap_or_default())
                 }
-                Step::PowerCycle { .. } => "cycle".into(),
+                MotionStep::PowerCycle { .. } => "cycle".into(),
                 step => step.about().map(|about| about.label.clone()).unwrap_or_default(),
             },
         };

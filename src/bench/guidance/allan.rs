@@ -13,7 +13,7 @@ const FEWEST: u64 = 4;
 
 /// Deviations of the three gyroscopes and the three accelerometers so far, at nominal scale.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Allan {
+pub struct AllanView {
     /// Averaging time in seconds and deviation in deg/h, for each axis.
     pub gyro_dph: [Vec<(f64, f64)>; 3],
     /// The same in mg.
@@ -98,13 +98,13 @@ impl AllanSoFar {
 
     /// The curve so far.
     #[must_use]
-    pub fn look(&self) -> Allan {
+    pub fn look(&self) -> AllanView {
         let curves = |channels: &[Channel; 3], scale: f64| {
             channels.each_ref().map(|channel| {
                 channel.deviations().map(|(samples, dev)| (samples / self.rate_hz, dev * scale)).collect()
             })
         };
-        Allan {
+        AllanView {
             gyro_dph: curves(&self.gyro, 3600.0 / GYRO_LSB_PER_DPS),
             accel_mg: curves(&self.accel, 1e3 / ACCEL_LSB_PER_G),
         }
@@ -114,7 +114,7 @@ impl AllanSoFar {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gnc_metrology::allan::{Input, Kind, Taus, analyse};
+    use gnc_metrology::allan::{DeviationKind, Input, Taus, analyse};
 
     /// What grows sample by sample is what the whole record gives, which the metrology's own tests hold against an
     /// outside program.
@@ -139,9 +139,9 @@ mod tests {
         let found = so_far.look();
         let record = |pick: &dyn Fn(&ImuSample) -> i32, scale: f64| {
             let values: Vec<f64> = samples.iter().map(|sample| f64::from(pick(sample)) * scale).collect();
-            analyse(&values, Input::Rate, 200.0, Kind::Adev, &Taus::Octave, 1).expect("deviations").points
+            analyse(&values, Input::Rate, 200.0, DeviationKind::Adev, &Taus::Octave, 1).expect("deviations").points
         };
-        let check = |curve: &[(f64, f64)], points: &[gnc_metrology::allan::Point]| {
+        let check = |curve: &[(f64, f64)], points: &[gnc_metrology::allan::DeviationPoint]| {
             // At 512 samples 9 means have 8 differences, at 1024 samples 4 means have 3: too few.
             assert_eq!(curve.len(), 10, "{curve:?}");
             for ((tau_s, dev), point) in curve.iter().zip(points) {

@@ -9,7 +9,7 @@ pub(crate) const POINTS: usize = 4096;
 
 /// What is seen of a spin so far.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Field {
+pub struct FieldView {
     /// X and Y of points spread over the spin, gauss at nominal scale, in the order in which they came.
     pub points: Vec<[f64; 2]>,
     /// The newest point.
@@ -17,12 +17,12 @@ pub struct Field {
     /// Samples so far.
     pub samples: usize,
     /// The ellipse through the points, once there is one.
-    pub ellipse: Option<Ellipse>,
+    pub ellipse: Option<RoughEllipse>,
 }
 
 /// An ellipse by an algebraic fit: a look at what the analysis will find, without its robustness.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ellipse {
+pub struct RoughEllipse {
     /// Centre, gauss.
     pub centre: [f64; 2],
     /// Semi-axes, the major one first, gauss.
@@ -35,7 +35,7 @@ pub struct Ellipse {
     pub radius: f64,
 }
 
-impl Ellipse {
+impl RoughEllipse {
     fn through(points: &[[f64; 2]]) -> Option<Self> {
         let [x, y] = [0, 1].map(|axis| points.iter().map(|point| point[axis]).collect::<Vec<f64>>());
         // Too few points, or a curve that is not closed yet.
@@ -120,9 +120,9 @@ impl FieldSoFar {
 
     /// The field so far.
     #[must_use]
-    pub fn look(&self) -> Field {
-        let ellipse = Ellipse::through(&self.points);
-        Field { points: self.points.clone(), newest: self.newest, samples: self.samples, ellipse }
+    pub fn look(&self) -> FieldView {
+        let ellipse = RoughEllipse::through(&self.points);
+        FieldView { points: self.points.clone(), newest: self.newest, samples: self.samples, ellipse }
     }
 }
 

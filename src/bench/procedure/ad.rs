@@ -5,7 +5,7 @@ use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::AdRead;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// Channels behind DIP switches 1 to 5.
 const CHANNELS: std::ops::RangeInclusive<u8> = 4..=8;
@@ -13,14 +13,18 @@ const CHANNELS: std::ops::RangeInclusive<u8> = 4..=8;
 const MAG_ZERO_V: f64 = gnc_protocol::analogue::MAG_ZERO_V;
 const MAG_V_PER_GAUSS: f64 = gnc_protocol::analogue::MAG_V_PER_GAUSS;
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let samples = u16::try_from(params.integer("samples")?).unwrap_or(u16::MAX);
     switches(bench, samples, recorder).await?;
     magnetometer(bench, samples, params.integer("headings")?, recorder).await
 }
 
 /// One switch on at a time; its reading follows and no other moves.
-async fn switches(bench: &Bench<'_>, samples: u16, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+async fn switches(bench: &ProcedureContext<'_>, samples: u16, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     bench.fixture.only_switch(None, recorder).await?;
     let off = read(bench, samples).await?;
     let mut crosstalk_v: f64 = 0.0;
@@ -40,7 +44,7 @@ async fn switches(bench: &Bench<'_>, samples: u16, recorder: &Recorder<'_>) -> R
 
 /// The horizontal field turns once round the module, so that X and Y sweep twice its strength; Z stays.
 async fn magnetometer(
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     samples: u16,
     headings: i64,
     recorder: &Recorder<'_>,
@@ -63,7 +67,7 @@ async fn magnetometer(
 }
 
 /// All eight channels, in volts.
-async fn read(bench: &Bench<'_>, samples: u16) -> Result<[f64; 8], ProcedureError> {
+async fn read(bench: &ProcedureContext<'_>, samples: u16) -> Result<[f64; 8], ProcedureError> {
     let reply = bench.board.call(&AdRead { channels: 0xff, samples }).await?;
     let mut volts = [f64::NAN; 8];
     for channel in &reply.channels {

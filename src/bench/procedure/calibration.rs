@@ -1,16 +1,16 @@
 //! Items of calibration and performance: they capture, and what the samples say is worked out from the captures alone.
 
 use gnc_analysis::capture::Capture;
-use gnc_analysis::figures::{self, Findings, Question};
+use gnc_analysis::figures::{self, AnalysisInput, Findings};
 use gnc_analysis::motion;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
 
-use super::{Bench, ProcedureError, Recorder, capturing};
+use super::{ProcedureContext, ProcedureError, Recorder, capturing};
 
 pub(super) async fn run(
     item: ItemId,
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     params: &Params,
     recorder: &Recorder<'_>,
 ) -> Result<(), ProcedureError> {
@@ -24,14 +24,14 @@ pub(super) async fn run(
 /// gives them fails by its limit, and the refusal stands beside it.
 pub(super) async fn analyse(
     item: ItemId,
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     params: &Params,
     captures: Vec<Capture>,
     recorder: &Recorder<'_>,
 ) -> Result<Findings, ProcedureError> {
     let (params, site, earlier) = (params.clone(), bench.site.cloned(), bench.earlier.clone());
     let worked_out = tokio::task::spawn_blocking(move || {
-        let question = Question { params: &params, site: site.as_ref(), captures: &captures, earlier: &earlier };
+        let question = AnalysisInput { params: &params, site: site.as_ref(), captures: &captures, earlier: &earlier };
         figures::analyse(item, &question).map_err(|refused| (figures::integrity(item, &question), refused))
     });
     match worked_out.await {
@@ -47,7 +47,7 @@ pub(super) async fn analyse(
 /// Its own, or those of the item that its parameters name.
 async fn captures(
     item: ItemId,
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     params: &Params,
     recorder: &Recorder<'_>,
 ) -> Result<Vec<Capture>, ProcedureError> {

@@ -18,11 +18,11 @@ use gnc_link::NoFrame;
 use gnc_link::can::{CanLink, Tap};
 use gnc_protocol::message::{CanCounters, CanState};
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 use exchange::observe;
 use frames::Mark;
 
-pub(super) async fn run(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     if let Some(tap) = bench.board.tap() {
         return measure(bench, tap, recorder).await;
     }
@@ -54,7 +54,7 @@ fn went_away(name: &str) -> io::Error {
     io::Error::new(io::ErrorKind::NotConnected, format!("{name} went away in the middle of the test"))
 }
 
-async fn measure(bench: &Bench<'_>, tap: &Tap, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+async fn measure(bench: &ProcedureContext<'_>, tap: &Tap, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let (lost_before, absences) = (tap.lost_by_host(), tap.absences());
     // Another one each time, so that what comes late is of no other exchange.
     let mark = Mark(RandomState::new().hash_one(()) as u32);

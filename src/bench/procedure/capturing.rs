@@ -6,20 +6,20 @@ mod receiver;
 
 use std::time::Duration;
 
-use gnc_analysis::capture::{About, Capture, Pose, Receiver, Timing};
+use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use gnc_analysis::motion::{Action, Count, Program, REST_BEFORE_S, Step, Uses};
+use gnc_analysis::motion::{Count, MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
 use gnc_board::stream::{Closed, Stream};
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{ModulePower, StreamStart};
 use gnc_protocol::stream::{ImuSample, Losses, StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Wire};
+use gnc_protocol::wire::{FieldReader, Wire};
 use gnc_records::raw::{Piece, pieces};
 use gnc_records::store::RawFile;
 
 use super::sampling::{ClockWatch, samples_per_frame};
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
 
@@ -34,18 +34,25 @@ const TURN_ROOM: usize = 1 << 14;
 /// # Errors
 /// [`ProcedureError`]; what was captured up to then is on disk.
 pub(super) async fn run(
-    program: &Program,
-    bench: &Bench<'_>,
+    program: &MotionProgram,
+    bench: &ProcedureContext<'_>,
     recorder: &Recorder<'_>,
 ) -> Result<Vec<Capture>, ProcedureError> {
     let table = turntable::of(bench.fixture, recorder);
     let table = table.as_ref();
     let taken = taken(bench, recorder).await?;
     let course = Course::new(program, bench.board, bench.guide);
-    let mut captor =
-        Captor { bench, recorder, table, moving: false, raw: recorder.raw().await?, captures: Vec::new(), course };
-    let followed = captor.follow(program, &taken).await;
-    if followed.is_err() && captor.moving {
+    let mut capture = ProgramCapture {
+        bench,
+        recorder,
+        table,
+        moving: false,
+        raw: recorder.raw().await?,
+        captures: Vec::new(),
+        course,
+    };
+    let followed = capture.follow(program, &taken).await;
+    if followed.is_err() && capture.moving {
         // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.
         let _ = table.stop().await;
     }
@@ -53,13 +60,13 @@ pub(super) async fn run(
     if over > 0 {
         recorder.note(&format!("taken over from the run that broke off: {}", Count(over, "capture"))).await?;
     }
-    captor.course.works_out();
-    captor.raw.finish().await?;
-    Ok(captor.captures)
+    capture.course.works_out();
+    capture.raw.finish().await?;
+    Ok(capture.captures)
 }
 
 /// What an earlier run captured of this item, read beside the conversation with the board.
-async fn taken(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<Vec<Capture>, ProcedureError> {
+async fn taken(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<Vec<Capture>, ProcedureError> {
     let Some(resumed) = bench.resumed else { return Ok(Vec::new()) };
     let (resumed, item) = (resumed.clone(), recorder.item().to_owned());
     match tokio::task::spawn_blocking(move || resumed.captures(&item)).await {
@@ -68,8 +75,8 @@ async fn taken(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<Vec<Capture
     }
 }
 
-struct Captor<'a> {
-    bench: &'a Bench<'a>,
+struct ProgramCapture<'a> {
+    bench: &'a ProcedureContext<'a>,
     recorder: &'a Recorder<'a>,
     table: &'a (dyn Turntable + 'a),
     /// Whether the table spins or turns.
@@ -79,14 +86,14 @@ struct Captor<'a> {
     course: Course<'a>,
 }
 
-impl Captor<'_> {
+impl ProgramCapture<'_> {
     /// Carries out what the run that broke off has not; gives how many captures it had.
-    async fn follow(&mut self, program: &Program, taken: &[Capture]) -> Result<usize, ProcedureError> {
+    async fn follow(&mut self, program: &MotionProgram, taken: &[Capture]) -> Result<usize, ProcedureError> {
         let mut over = 0;
         for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
             match action {
-                Action::Do(step) => self.carry_out(step).await?,
-                Action::Take(step) => {
+                ResumeAction::Do(step) => self.carry_out(step).await?,
+                ResumeAction::Take(step) => {
                     let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
                     self.take_over(found).await?;
                     over += 1;
@@ -97,31 +104,33 @@ impl Captor<'_> {
         Ok(over)
     }
 
-    async fn carry_out(&mut self, step: &Step) -> Result<(), ProcedureError> {
+    async fn carry_out(&mut self, step: &MotionStep) -> Result<(), ProcedureError> {
         self.course.begins(step);
         match step {
-            Step::Lay(orientation) => Ok(self.table.lay(*orientation).await?),
-            Step::Settle { span_s } => Ok(self.table.pause(Duration::from_secs_f64(*span_s)).await?),
-            Step::Spin { rate_dps } => {
+            MotionStep::Lay(orientation) => Ok(self.table.lay(*orientation).await?),
+            MotionStep::Settle { span_s } => Ok(self.table.pause(Duration::from_secs_f64(*span_s)).await?),
+            MotionStep::Spin { rate_dps } => {
                 self.moving = true;
                 Ok(self.table.spin(*rate_dps).await?)
             }
-            Step::Stop => {
+            MotionStep::Stop => {
                 self.table.stop().await?;
                 self.moving = false;
                 Ok(())
             }
-            Step::Capture { about, span_s, uses } => {
+            MotionStep::Capture { about, span_s, uses } => {
                 let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
                 self.capture(about, *uses, Until::Count(wanted)).await
             }
-            Step::Turn { about, rest_s, uses } => {
+            MotionStep::Turn { about, rest_s, uses } => {
                 let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
                 let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
                 self.capture(about, *uses, Until::Turned { before, after }).await
             }
-            Step::PowerCycle { off_s } => power_cycle(self.bench, self.recorder, self.table, *off_s).await,
-            Step::Receiver { about, timeout_s, span_s } => receiver::capture(self, about, *timeout_s, *span_s).await,
+            MotionStep::PowerCycle { off_s } => power_cycle(self.bench, self.recorder, self.table, *off_s).await,
+            MotionStep::Receiver { about, timeout_s, span_s } => {
+                receiver::capture(self, about, *timeout_s, *span_s).await
+            }
         }
     }
 
@@ -139,7 +148,7 @@ impl Captor<'_> {
         Ok(())
     }
 
-    async fn capture(&mut self, about: &About, uses: Uses, until: Until) -> Result<(), ProcedureError> {
+    async fn capture(&mut self, about: &CaptureHead, uses: Uses, until: Until) -> Result<(), ProcedureError> {
         let board = self.bench.board;
         let id = if uses == Uses::Compensated { StreamId::Compensated } else { StreamId::Imu };
         let mut stream = board.listen(id).await?;
@@ -149,7 +158,7 @@ impl Captor<'_> {
         board.call(&start).await?;
         let still = matches!(about.pose, Pose::Still { .. });
         let room = if count > 0 { count as usize } else { TURN_ROOM };
-        let mut taker = Taker {
+        let mut buffer = CaptureBuffer {
             about,
             watch: Watch::new(uses, still, about.rate_hz),
             samples: Vec::with_capacity(room),
@@ -157,7 +166,7 @@ impl Captor<'_> {
             first_us: None,
             clock: ClockWatch::new(about.rate_hz, self.bench),
         };
-        let taken = self.take(&mut taker, &mut stream, until).await;
+        let taken = self.take(&mut buffer, &mut stream, until).await;
         let end_us = stream.board_time_us();
         let losses = stream.losses();
         let closed = match &taken {
@@ -165,9 +174,9 @@ impl Captor<'_> {
             Err(ProcedureError::Board(_)) => Ok(Closed { produced: 0, losses }),
             _ => board.stop_stream(stream).await,
         };
-        let span_s = taker.samples.len() as f64 / f64::from(about.rate_hz.max(1));
+        let span_s = buffer.samples.len() as f64 / f64::from(about.rate_hz.max(1));
         board.spent(Duration::from_secs_f64(span_s));
-        let Taker { samples, compensated, first_us, clock, .. } = taker;
+        let CaptureBuffer { samples, compensated, first_us, clock, .. } = buffer;
         let (taken, timing) = match (taken, clock.end()) {
             (Ok(()), Ok(timing)) => (Ok(()), timing),
             // A rate that cannot be known is no evidence; it is told by its own words.
@@ -190,29 +199,34 @@ impl Captor<'_> {
             Some(compensated) => (Vec::new(), compensated),
             None => (samples, Vec::new()),
         };
-        let receiver = Receiver::default();
+        let receiver = ReceiverCapture::default();
         self.captures.push(Capture { about, first_us, samples, compensated, losses, receiver, timing });
         Ok(())
     }
 
     /// Takes samples until there are enough, or something is wrong with them.
-    async fn take(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, until: Until) -> Result<(), ProcedureError> {
-        let rate_hz = taker.about.rate_hz;
+    async fn take(
+        &mut self,
+        buffer: &mut CaptureBuffer<'_>,
+        stream: &mut Stream,
+        until: Until,
+    ) -> Result<(), ProcedureError> {
+        let rate_hz = buffer.about.rate_hz;
         let table = self.table;
         let (before, after) = match until {
             Until::Count(count) => {
-                while taker.samples.len() < count as usize {
-                    self.frame(taker, stream, count).await?;
+                while buffer.samples.len() < count as usize {
+                    self.frame(buffer, stream, count).await?;
                 }
                 return Ok(());
             }
             Until::Turned { before, after } => (before, after),
         };
-        let Pose::Rotating { axis, angle_deg, span_s, .. } = taker.about.pose else { return Ok(()) };
-        while taker.samples.len() < before {
-            self.frame(taker, stream, 0).await?;
+        let Pose::Rotating { axis, angle_deg, span_s, .. } = buffer.about.pose else { return Ok(()) };
+        while buffer.samples.len() < before {
+            self.frame(buffer, stream, 0).await?;
         }
-        let mut rest = TurnWatch::new(axis, rate_hz, &taker.samples);
+        let mut rest = TurnWatch::new(axis, rate_hz, &buffer.samples);
         // The samples come later than the motion, so that they say when it is over; but not before the table does.
         let longest = ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
         let turn = table.rotate(angle_deg, span_s);
@@ -220,13 +234,13 @@ impl Captor<'_> {
         self.moving = true;
         let mut done_at = None;
         while !(done_at.is_some()
-            && rest.look(&taker.samples).is_some_and(|still| taker.samples.len() >= still + after))
+            && rest.look(&buffer.samples).is_some_and(|still| buffer.samples.len() >= still + after))
         {
             {
                 // A frame that is being filed is never given up for the word that the turn is over. The table comes
                 // first, so that frames that lie ready never keep it from being told.
-                let had = taker.samples.len();
-                let frame = self.frame(taker, stream, 0);
+                let had = buffer.samples.len();
+                let frame = self.frame(buffer, stream, 0);
                 tokio::pin!(frame);
                 tokio::select! {
                     biased;
@@ -238,30 +252,35 @@ impl Captor<'_> {
                     taken = &mut frame => taken?,
                 }
             }
-            if done_at.is_some_and(|had| taker.samples.len() > had + longest + after) {
+            if done_at.is_some_and(|had| buffer.samples.len() > had + longest + after) {
                 // What was seen instead is told by its angle.
                 break;
             }
         }
         self.moving = false;
-        turned(taker.about, &taker.samples, before)
+        turned(buffer.about, &buffer.samples, before)
     }
 
     /// Takes the next frame: files it, looks at it.
-    async fn frame(&mut self, taker: &mut Taker<'_>, stream: &mut Stream, wanted: u32) -> Result<(), ProcedureError> {
-        let about = taker.about;
+    async fn frame(
+        &mut self,
+        buffer: &mut CaptureBuffer<'_>,
+        stream: &mut Stream,
+        wanted: u32,
+    ) -> Result<(), ProcedureError> {
+        let about = buffer.about;
         let Some(frame) = stream.next().await? else {
-            return Err(losses::silent(about, taker.samples.len(), wanted, stream.losses()));
+            return Err(losses::silent(about, buffer.samples.len(), wanted, stream.losses()));
         };
         let board_time_us = frame.head.board_time_us;
-        if taker.first_us.is_none() {
-            taker.first_us = Some(board_time_us);
+        if buffer.first_us.is_none() {
+            buffer.first_us = Some(board_time_us);
             self.raw.write(Piece::Begin { about: about.clone(), board_time_us }).await?;
         }
-        let room = if wanted > 0 { (wanted as usize).saturating_sub(taker.samples.len()) } else { usize::MAX };
+        let room = if wanted > 0 { (wanted as usize).saturating_sub(buffer.samples.len()) } else { usize::MAX };
         // What comes behind a gap is evidence of it.
         let (first, rate_hz) = (frame.head.first, about.rate_hz);
-        let (samples, piece) = if let Some(all) = &mut taker.compensated {
+        let (samples, piece) = if let Some(all) = &mut buffer.compensated {
             let samples: Vec<CompensatedSample> = samples_of(&frame, room)?;
             all.extend_from_slice(&samples);
             let nominal = samples.iter().map(compensated::nominal).collect();
@@ -272,14 +291,14 @@ impl Captor<'_> {
         };
         self.raw.write(piece).await?;
         if stream.losses().any() {
-            return Err(losses::gap(about, taker.samples.len(), stream.losses()));
+            return Err(losses::gap(about, buffer.samples.len(), stream.losses()));
         }
-        taker.clock.frame(&frame.head, samples.len()).map_err(|fault| clock_fault(about, fault))?;
-        let looked = taker.watch.look(&samples);
-        let had = taker.samples.len();
+        buffer.clock.frame(&frame.head, samples.len()).map_err(|fault| clock_fault(about, fault))?;
+        let looked = buffer.watch.look(&samples);
+        let had = buffer.samples.len();
         self.course.took(&samples);
-        taker.samples.extend(samples);
-        self.course.captured(taker.samples.len() as f64 / f64::from(rate_hz.max(1)));
+        buffer.samples.extend(samples);
+        self.course.captured(buffer.samples.len() as f64 / f64::from(rate_hz.max(1)));
         looked.map_err(|(index, spoilt)| {
             let at_s = (had + index) as f64 / f64::from(rate_hz.max(1));
             ProcedureError::Spoilt { label: about.label.clone(), at_s, spoilt }
@@ -288,7 +307,7 @@ impl Captor<'_> {
 }
 
 /// Whether the module turned as it should, by the gyroscope of the axis.
-fn turned(about: &About, samples: &[ImuSample], before: usize) -> Result<(), ProcedureError> {
+fn turned(about: &CaptureHead, samples: &[ImuSample], before: usize) -> Result<(), ProcedureError> {
     let Pose::Rotating { axis, angle_deg, .. } = about.pose else { return Ok(()) };
     let seen_deg = turned_deg(samples, axis, about.rate_hz, before);
     if (seen_deg - angle_deg).abs() <= TURN_PART * angle_deg.abs() {
@@ -298,13 +317,13 @@ fn turned(about: &About, samples: &[ImuSample], before: usize) -> Result<(), Pro
 }
 
 /// The board's clock spoils a capture.
-fn clock_fault(about: &About, fault: ClockFault) -> ProcedureError {
+fn clock_fault(about: &CaptureHead, fault: ClockFault) -> ProcedureError {
     ProcedureError::Clock { what: format!("capture `{}`", about.label), fault }
 }
 
 /// Takes the module's power away for so long.
 pub(super) async fn power_cycle(
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     recorder: &Recorder<'_>,
     table: &dyn Turntable,
     off_s: f64,
@@ -328,8 +347,8 @@ enum Until {
 }
 
 /// What was taken of the capture that goes on.
-struct Taker<'a> {
-    about: &'a About,
+struct CaptureBuffer<'a> {
+    about: &'a CaptureHead,
     watch: Watch,
     /// Raw samples; or the compensated ones as a perfect sensor would tell them, for those who watch.
     samples: Vec<ImuSample>,
@@ -341,7 +360,7 @@ struct Taker<'a> {
 
 /// The samples of a frame, as many as there is room for.
 fn samples_of<S: Wire>(frame: &StreamFrame, room: usize) -> Result<Vec<S>, ProcedureError> {
-    let mut reader = Reader::new(&frame.samples);
+    let mut reader = FieldReader::new(&frame.samples);
     (0..usize::from(frame.head.count).min(room))
         .map(|_| S::get(&mut reader))
         .collect::<Result<Vec<_>, _>>()

@@ -6,7 +6,7 @@ use gnc_protocol::message::{CpuFloats, CpuIntegers, CpuWords, WordTarget};
 use gnc_protocol::pattern::Xorshift32;
 use gnc_protocol::wire::List;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// Fixed, so that every module gets the same operands and a record can be repeated by hand.
 const OPERAND_SEED: u32 = 0x9e37_79b9;
@@ -32,7 +32,11 @@ const FLOAT_CORNERS: [[f64; 2]; 8] = [
     [-2.5, 1e-308],
 ];
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let sets = usize::try_from(params.integer("operand_sets")?).unwrap_or(1);
     for (core, of_core) in (1..).zip(&CORES) {
         let registers = words(bench, core, WordTarget::Registers).await?;
@@ -46,7 +50,7 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
 }
 
 /// Every bit high and low, alone and beside its neighbours.
-async fn words(bench: &Bench<'_>, core: u8, target: WordTarget) -> Result<u64, ProcedureError> {
+async fn words(bench: &ProcedureContext<'_>, core: u8, target: WordTarget) -> Result<u64, ProcedureError> {
     let fixed = [0, u32::MAX, 0x5555_5555, 0xaaaa_aaaa];
     let words: List<u32, 64> =
         fixed.into_iter().chain((0..32).map(|bit| 1 << bit)).chain(Xorshift32::new(OPERAND_SEED).take(28)).collect();
@@ -56,7 +60,7 @@ async fn words(bench: &Bench<'_>, core: u8, target: WordTarget) -> Result<u64, P
     Ok(request.words.iter().zip(&read).filter(|(wrote, read)| wrote != read).count() as u64)
 }
 
-async fn integers(bench: &Bench<'_>, core: u8, sets: usize) -> Result<u64, ProcedureError> {
+async fn integers(bench: &ProcedureContext<'_>, core: u8, sets: usize) -> Result<u64, ProcedureError> {
     let mut random = Xorshift32::new(OPERAND_SEED).map(u32::cast_signed);
     let random = std::iter::from_fn(|| Some([random.next()?, random.next().filter(|b| *b != 0).unwrap_or(1)]));
     let operands: Vec<[i32; 2]> = INTEGER_CORNERS.into_iter().chain(random).take(sets).collect();
@@ -74,7 +78,7 @@ async fn integers(bench: &Bench<'_>, core: u8, sets: usize) -> Result<u64, Proce
     Ok(errors)
 }
 
-async fn floats(bench: &Bench<'_>, core: u8, sets: usize) -> Result<u64, ProcedureError> {
+async fn floats(bench: &ProcedureContext<'_>, core: u8, sets: usize) -> Result<u64, ProcedureError> {
     let mut words = Xorshift32::new(OPERAND_SEED.rotate_left(16));
     let mut double = move || {
         let high = u64::from(words.next()?) << 32;

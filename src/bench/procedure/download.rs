@@ -1,7 +1,7 @@
 //! The coefficients go to the module, are stored there, and are read back after the module was without power.
 
 use chrono::Utc;
-use gnc_analysis::figures::calibration::{COEFFICIENTS, Coefficients};
+use gnc_analysis::figures::calibration::{COEFFICIENTS, ModuleCoefficients};
 use gnc_analysis::motion::OFF_S;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::catalogue::calibration::{CHECKSUM, COEFFICIENTS_ALTERED, STORE_TIME};
@@ -12,7 +12,7 @@ use gnc_protocol::calibration::{
 };
 use gnc_protocol::wire::Wire as _;
 
-use super::{Bench, ProcedureError, Recorder, calibration, capturing};
+use super::{ProcedureContext, ProcedureError, Recorder, calibration, capturing};
 use crate::turntable;
 
 /// Bytes of a coefficient on the wire.
@@ -20,7 +20,11 @@ const COEFFICIENT: usize = size_of::<f64>();
 /// Bytes of the calibration's number, which stands before them.
 const NUMBER: usize = size_of::<u32>();
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let findings = calibration::analyse(ItemId::CalibrationDownload, bench, params, Vec::new(), recorder).await?;
     let coefficients = COEFFICIENTS
         .of(&findings.details)
@@ -37,8 +41,9 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
     Ok(recorder.number(&STORE_TIME, f64::from(stored.duration_us) * 1e-3, Unit::Millisecond).await?)
 }
 
-fn message(coefficients: &Coefficients) -> Calibration {
-    let Coefficients { accel_matrix, accel_offset, gyro_matrix, gyro_offset, gyro_per_force, mag } = *coefficients;
+fn message(coefficients: &ModuleCoefficients) -> Calibration {
+    let ModuleCoefficients { accel_matrix, accel_offset, gyro_matrix, gyro_offset, gyro_per_force, mag } =
+        *coefficients;
     Calibration {
         // Never 0 from now on, and another one for each calibration of a module.
         id: u32::try_from(Utc::now().timestamp()).unwrap_or(u32::MAX).max(1),

@@ -5,14 +5,14 @@ use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{Flash, FlashBlankCheck, FlashErase, FlashId, FlashVerify, FlashWrite, MismatchReply};
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// Fixed, so that a sector can be compared by hand; another one than after the test before would only hide a
 /// sector that was never erased, which the blank check finds.
 const PATTERN_SEED: u32 = 0x2545_f491;
 
 pub(super) async fn run(
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     flash: Flash,
     params: &Params,
     recorder: &Recorder<'_>,

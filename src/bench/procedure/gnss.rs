@@ -10,10 +10,10 @@ use gnc_executive::quantity::Unit;
 use gnc_nmea::{DIMENSIONS_AFTER, Epoch, Fix, Sentences};
 use gnc_protocol::message::{GnssRestart, GnssStart, StreamStart};
 use gnc_protocol::stream::{PpsCapture, StreamId};
-use gnc_protocol::wire::{Reader, Wire as _};
+use gnc_protocol::wire::{FieldReader, Wire as _};
 use tokio::time::Instant;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// Longest time beyond the window for a GSA, which some receivers say with every fifth epoch or so.
 const DIMENSIONS_WITHIN_S: f64 = 10.0;
@@ -21,7 +21,11 @@ const DIMENSIONS_WITHIN_S: f64 = 10.0;
 /// A receiver's slowest pace.
 const RECEIVER_SPEAKS_EVERY: Duration = Duration::from_secs(1);
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let window_s = params.quantity("window", Unit::Second)?;
     let timeout_s = params.quantity("timeout", Unit::Second)?;
     let restarted = match params.choice("start")? {
@@ -121,7 +125,7 @@ async fn listen(
             biased;
             frame = pulses.next() => {
                 let Some(frame) = frame? else { continue };
-                let mut reader = Reader::new(&frame.samples);
+                let mut reader = FieldReader::new(&frame.samples);
                 for _ in 0..frame.head.count {
                     let capture = PpsCapture::get(&mut reader)
                         .map_err(|error| ProcedureError::Nonsense { what: "the PPS stream", why: error.to_string() })?;

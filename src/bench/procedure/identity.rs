@@ -6,9 +6,9 @@ use gnc_executive::catalogue::processor::{
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{Identity, ModulePower};
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
-pub(super) async fn run(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let identity = bench.board.call(&Identity {}).await?;
     recorder.text(&SERIAL_NUMBER, &identity.serial_number).await?;
     recorder.text(&PART, &identity.part).await?;

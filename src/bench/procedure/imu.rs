@@ -16,12 +16,16 @@ use gnc_executive::quantity::Unit;
 use gnc_metrology::stats::{mean, mean_sd};
 use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION, StreamId};
-use gnc_protocol::wire::{Reader, Wire as _};
+use gnc_protocol::wire::{FieldReader, Wire as _};
 
 use super::sampling::{ClockWatch, samples_per_frame};
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let wanted = u32::try_from(params.integer("samples")?).unwrap_or(u32::MAX);
     let rate_hz = params.quantity("rate", Unit::Hertz)?.round() as u16;
     let (samples, timing) = capture(bench, rate_hz, wanted).await?;
@@ -62,7 +66,11 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
 }
 
 /// Captures so many samples without a gap, on the grid of the board's clock.
-async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<(Vec<ImuSample>, Timing), ProcedureError> {
+async fn capture(
+    bench: &ProcedureContext<'_>,
+    rate_hz: u16,
+    wanted: u32,
+) -> Result<(Vec<ImuSample>, Timing), ProcedureError> {
     let mut stream = bench.board.listen(StreamId::Imu).await?;
     let samples_per_frame = samples_per_frame(wanted);
     let start = StreamStart { stream: StreamId::Imu as u8, rate_hz, count: wanted, samples_per_frame };
@@ -71,7 +79,7 @@ async fn capture(bench: &Bench<'_>, rate_hz: u16, wanted: u32) -> Result<(Vec<Im
     let mut clock = ClockWatch::new(rate_hz, bench);
     let mut fault = None;
     while let Some(frame) = stream.next().await? {
-        let mut reader = Reader::new(&frame.samples);
+        let mut reader = FieldReader::new(&frame.samples);
         for _ in 0..frame.head.count {
             let sample = ImuSample::get(&mut reader)
                 .map_err(|error| ProcedureError::Nonsense { what: "the IMU stream", why: error.to_string() })?;

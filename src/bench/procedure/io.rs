@@ -3,7 +3,7 @@
 use gnc_executive::catalogue::ports::{FAULTY_PAIRS, SHORTED_LINES, WRONG_READS};
 use gnc_protocol::message::IoTest;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 const LINES: u8 = 4;
 
@@ -26,7 +26,7 @@ impl Observation {
     }
 }
 
-pub(super) async fn run(bench: &Bench<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let mut seen = Vec::new();
     for driver in 0..LINES {
         for reader in (0..LINES).filter(|reader| *reader != driver) {

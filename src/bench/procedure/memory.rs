@@ -8,10 +8,10 @@ use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{Ram, RamPattern, RamTest};
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 pub(super) async fn run(
-    bench: &Bench<'_>,
+    bench: &ProcedureContext<'_>,
     ram: Ram,
     params: &Params,
     recorder: &Recorder<'_>,

@@ -22,7 +22,7 @@ use gnc_protocol::message::{Identity, IdentityReply, ModulePower, PowerReply};
 use gnc_protocol::{FaultCode, NakCode};
 use serde_json::json;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::turntable::{self, Turntable};
 
 /// Between two requests to a module that does not answer yet: one that is refused at once is not asked without a pause.
@@ -59,7 +59,11 @@ struct Cycle {
     start: Result<f64, BoardError>,
 }
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let wanted = usize::try_from(params.integer("cycles")?).unwrap_or(1);
     let seconds = |name| params.quantity(name, Unit::Second);
     let (off_s, settling_s, timeout_s) =
@@ -88,7 +92,7 @@ pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<
 }
 
 struct Switch<'a> {
-    bench: &'a Bench<'a>,
+    bench: &'a ProcedureContext<'a>,
     recorder: &'a Recorder<'a>,
     table: &'a (dyn Turntable + 'a),
     off_s: f64,

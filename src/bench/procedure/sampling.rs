@@ -7,7 +7,7 @@ use gnc_protocol::can::stream::MARK_EVERY;
 use gnc_protocol::stream::{MAX_COMPENSATED_SAMPLES, StreamHead};
 use tokio::time::Instant;
 
-use super::Bench;
+use super::ProcedureContext;
 
 /// A rate is judged from so many seconds on, and at the end: a fault is known to a ppm then, and an hour with a wrong clock
 /// is not waited for.
@@ -33,7 +33,7 @@ pub(super) struct ClockWatch {
 }
 
 impl ClockWatch {
-    pub(super) fn new(rate_hz: u16, bench: &Bench<'_>) -> Self {
+    pub(super) fn new(rate_hz: u16, bench: &ProcedureContext<'_>) -> Self {
         Self {
             rate_hz,
             board: SampleClock::new(rate_hz),

@@ -9,12 +9,16 @@ use gnc_protocol::message::SciEcho;
 use gnc_protocol::pattern::Xorshift32;
 use gnc_protocol::wire::List;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// One byte, around the depth of a 16-byte FIFO, odd, and the longest block.
 const LENGTHS: [usize; 6] = [1, 15, 16, 17, 101, 256];
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let rate_baud = params.quantity("rate", Unit::BitPerSecond)? as u32;
     let every_byte: List<u8, 256> = (0..=u8::MAX).collect();
     let mixed = LENGTHS.map(|length| Xorshift32::new(length as u32).map(|word| word as u8).take(length).collect());

@@ -6,9 +6,13 @@ use gnc_executive::quantity::Unit;
 use gnc_protocol::message::{SpiDirection, SpiTransfer};
 use gnc_protocol::wire::List;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let clock_hz = params.quantity("clock", Unit::Hertz)? as u32;
     // Level and alternating lines, each bit alone, and every value of a byte.
     let lone_bits = (0..8).flat_map(|bit| [1 << bit, !(1 << bit)]);

@@ -6,12 +6,16 @@ use gnc_executive::quantity::Unit;
 use gnc_metrology::stats::mean_sd;
 use gnc_protocol::message::TimerMeasure;
 
-use super::{Bench, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// In the order of the catalogue.
 const PERIODS_US: [u32; 4] = [500, 1000, 2000, 5000];
 
-pub(super) async fn run(bench: &Bench<'_>, params: &Params, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
+pub(super) async fn run(
+    bench: &ProcedureContext<'_>,
+    params: &Params,
+    recorder: &Recorder<'_>,
+) -> Result<(), ProcedureError> {
     let count = u16::try_from(params.integer("repeats")?).unwrap_or(u16::MAX);
     for &timer in params.integers("timers")? {
         let timer = u8::try_from(timer).unwrap_or(u8::MAX);

@@ -3,7 +3,7 @@
 use gnc_analysis::figures::Findings;
 use gnc_analysis::host_clock::HostClock;
 use gnc_board::latest::Follower;
-use gnc_board::{Advance, Board, Desk, Pulse};
+use gnc_board::{Advance, BoardClient, BoardLease, BoardTime};
 use gnc_executive::catalogue::Resource;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_protocol::message::ModulePower;
@@ -13,14 +13,14 @@ use tokio::time::Instant;
 use super::recovery::session_lives;
 use super::{Doing, End, Landed, Run};
 use crate::guidance::Guide;
-use crate::procedure::{self, Bench, ProcedureError};
+use crate::procedure::{self, ProcedureContext, ProcedureError};
 use crate::recorder::Recorder;
 use crate::turntable;
 
 impl Run<'_> {
     pub(super) async fn attempt(
         &self,
-        board: &Board,
+        board: &BoardClient,
         position: usize,
         item: &PlanItem,
         attempt: u32,
@@ -30,7 +30,7 @@ impl Run<'_> {
         let (guide, guidance) = Guide::new(self.live.readings.receiver_count() > 0);
         let doing = Doing { item: item.name.clone(), attempt, began: Instant::now(), advance, guidance };
         self.live.doing.send_modify(|live| live.push(doing));
-        let desk = Desk::new(board, sender);
+        let lease = BoardLease::new(board, sender);
         let recorder = Recorder::new(self.journal, item, attempt, &self.order.header.serial_number);
         // After a stop only teardown items run, and those may be ended by a second one alone.
         let may_stop = item.phase != Phase::Teardown;
@@ -38,7 +38,7 @@ impl Run<'_> {
             biased;
             asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
             () = self.control.given_up(&item.name) => End::GivenUp,
-            done = self.procedure((&desk, &guide), board, item, attempt, &recorder, earlier) => End::Done(done),
+            done = self.procedure((&lease, &guide), board, item, attempt, &recorder, earlier) => End::Done(done),
         };
         let uses = |resource| item.id.spec().resources.contains(&resource);
         if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
@@ -54,15 +54,15 @@ impl Run<'_> {
             tokio::select! {
                 biased;
                 _ = self.control.asked_times(1) => {}
-                () = desk.clear() => {}
+                () = lease.clear() => {}
             }
             if uses(Resource::Power) {
                 // It may have been left without; whoever comes next finds out if it stays so.
-                let _ = desk.call(&ModulePower { on: 1 }).await;
+                let _ = lease.call(&ModulePower { on: 1 }).await;
             }
         }
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
-        let (requests, busy) = (desk.requests(), desk.busy());
+        let (requests, busy) = (lease.requests(), lease.busy());
         let (measured, findings) = recorder.into_measured();
         if let Some(findings) = findings {
             self.findings.borrow_mut().insert(position, findings);
@@ -72,15 +72,15 @@ impl Run<'_> {
 
     async fn procedure(
         &self,
-        (desk, guide): (&Desk<'_>, &Guide),
-        board: &Board,
+        (lease, guide): (&BoardLease<'_>, &Guide),
+        board: &BoardClient,
         item: &PlanItem,
         attempt: u32,
         recorder: &Recorder<'_>,
         earlier: Vec<(String, Findings)>,
     ) -> Result<(), ProcedureError> {
-        let bench = Bench {
-            board: desk,
+        let bench = ProcedureContext {
+            board: lease,
             fixture: &self.order.fixture,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
@@ -102,7 +102,7 @@ impl Run<'_> {
         tokio::select! {
             biased;
             done = all_repeats => done,
-            () = board_time(board.pulse(), item.timeout_s) => Err(ProcedureError::TookTooLong { limit_s: item.timeout_s }),
+            () = board_time_up(board.board_time(), item.timeout_s) => Err(ProcedureError::TookTooLong { limit_s: item.timeout_s }),
         }
     }
 
@@ -122,7 +122,7 @@ impl Run<'_> {
 }
 
 /// A simulated bench runs as the host's clock does only at true speed.
-fn host_clock(bench: &gnc_executive::event::Bench) -> HostClock {
+fn host_clock(bench: &gnc_executive::event::BenchInfo) -> HostClock {
     match bench.speed.as_deref() {
         None => Ok(()),
         Some(speed) if speed.parse() == Ok(1.0) => Ok(()),
@@ -132,10 +132,10 @@ fn host_clock(bench: &gnc_executive::event::Bench) -> HostClock {
 
 /// Ends when the board's clock has gone on by so much since its next heartbeat. The last one says nothing of now: at full
 /// speed the simulated board has gone on by many minutes since.
-async fn board_time(mut pulse: Follower<Pulse>, limit_s: f64) {
+async fn board_time_up(mut board_time: Follower<BoardTime>, limit_s: f64) {
     let mut began_us = None;
     loop {
-        let Some(now) = pulse.changed().await else {
+        let Some(now) = board_time.changed().await else {
             // The conversation has ended; the procedure hears of it by itself.
             return std::future::pending().await;
         };

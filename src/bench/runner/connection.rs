@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use chrono::Utc;
-use gnc_board::{Board, BoardError, Desk, Readings};
-use gnc_executive::event::{Board as BoardEvent, EventKind, Level, Power};
+use gnc_board::{BoardClient, BoardError, BoardLease, Readings};
+use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power};
 use gnc_link::{Link, LinkError, Target};
 use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
@@ -42,9 +42,9 @@ pub(super) async fn connect(
     target: &Target,
     nonce: u32,
     readings: &watch::Sender<Readings>,
-) -> Result<Board, ConnectError> {
+) -> Result<BoardClient, ConnectError> {
     let link = Link::open(target)?;
-    Ok(Board::connect(link, nonce, readings.clone()).await?)
+    Ok(BoardClient::connect(link, nonce, readings.clone()).await?)
 }
 
 /// Another number each time, so that a board never takes a new session for the old one.
@@ -54,8 +54,8 @@ pub(super) fn by_chance() -> u32 {
 }
 
 /// The calibration that the module keeps. A board that knows of none, or cannot say, is no worse for it.
-async fn calibration(desk: &Desk<'_>) -> Option<String> {
-    let reply = desk.call(&CalibrationRead {}).await.ok()?;
+async fn calibration(lease: &BoardLease<'_>) -> Option<String> {
+    let reply = lease.call(&CalibrationRead {}).await.ok()?;
     let state = CalibrationState::from_number(reply.state)?;
     Some(match state {
         CalibrationState::None => "none".to_owned(),
@@ -71,7 +71,7 @@ impl Run<'_> {
         self.order.nonce.map_or_else(by_chance, |first| first.wrapping_add(begun))
     }
 
-    pub(super) async fn found(&self, board: &Board) -> Result<(), StoreError> {
+    pub(super) async fn found(&self, board: &BoardClient) -> Result<(), StoreError> {
         let hello = board.hello();
         let link = self.order.target.to_string();
         self.journal
@@ -88,15 +88,15 @@ impl Run<'_> {
         }
         let text = "the board says that its sensors have an oscillator of their own: readings come twice or are left out, and \
                     figures of noise hold that (interface document, section 10)";
-        self.note(Level::Warning, text.into(), None).await
+        self.note(NoteLevel::Warning, text.into(), None).await
     }
 
-    pub(super) async fn power_on(&self, board: &Board, item: Option<&str>) -> Result<bool, StoreError> {
-        let desk = self.own_desk(board);
+    pub(super) async fn power_on(&self, board: &BoardClient, item: Option<&str>) -> Result<bool, StoreError> {
+        let lease = self.own_desk(board);
         let switched = tokio::select! {
             biased;
             asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
-            switched = desk.call(&ModulePower { on: 1 }) => Ok(switched),
+            switched = lease.call(&ModulePower { on: 1 }) => Ok(switched),
         };
         match switched {
             Err(asked) => {
@@ -109,17 +109,17 @@ impl Run<'_> {
                     supply: "slave board".into(),
                     voltage_v: Some(f64::from(supply.supply_uv) * 1e-6),
                     current_a: Some(f64::from(supply.supply_ua) * 1e-6),
-                    calibration: calibration(&desk).await,
+                    calibration: calibration(&lease).await,
                 };
                 let fits = self.takes_up(&power);
                 self.journal.emit(EventKind::Power(power)).await?;
                 let Err(unlike) = fits else { return Ok(true) };
-                self.note(Level::Error, format!("{}; {}", with_causes(&unlike), unlike.try_this()), item).await?;
+                self.note(NoteLevel::Error, format!("{}; {}", with_causes(&unlike), unlike.try_this()), item).await?;
                 Ok(false)
             }
             Ok(Err(error)) => {
                 let text = format!("the module cannot be switched on: {}; {}", with_causes(&error), error.try_this());
-                self.note(Level::Error, text, item).await?;
+                self.note(NoteLevel::Error, text, item).await?;
                 Ok(false)
             }
         }
@@ -133,7 +133,7 @@ impl Run<'_> {
     }
 
     /// Module off, streams stopped, lines released.
-    pub(super) async fn make_safe(&self, board: Board) -> Result<(), StoreError> {
+    pub(super) async fn make_safe(&self, board: BoardClient) -> Result<(), StoreError> {
         let safe = if self.link_lost.get() {
             Ok(Err(BoardError::Gone { reason: "the link was lost".into() }))
         } else {
@@ -154,7 +154,7 @@ impl Run<'_> {
             }
             Ok(Err(_)) | Err(_) => {
                 let text = "the board did not confirm that it is safe; its watchdog makes it so within 2 s";
-                self.note(Level::Warning, text.into(), None).await?;
+                self.note(NoteLevel::Warning, text.into(), None).await?;
             }
         }
         let received = report.received;
@@ -169,7 +169,7 @@ impl Run<'_> {
                  requests sent again{echo}",
                 received.frames, report.stale, report.resent
             );
-            self.note(Level::Warning, text, None).await?;
+            self.note(NoteLevel::Warning, text, None).await?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What the board itself wrote down about a fault.
 
-use gnc_board::Board;
-use gnc_executive::event::{ErrorRecord as RecordEvent, EventKind, Level};
+use gnc_board::BoardClient;
+use gnc_executive::event::{ErrorRecord as RecordEvent, EventKind, NoteLevel};
 use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecords};
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
@@ -13,14 +13,14 @@ const MAX_RECORDS: usize = 64;
 
 impl Run<'_> {
     /// Files what the board found wrong during an attempt. That it cannot be read is worth a line, not a verdict.
-    pub(super) async fn file_error_records(&self, board: &Board, landed: &Landed) -> Result<(), StoreError> {
+    pub(super) async fn file_error_records(&self, board: &BoardClient, landed: &Landed) -> Result<(), StoreError> {
         let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
         for _ in 0..MAX_RECORDS {
             let reply = match self.own_desk(board).call(&ErrorRecords { from: self.records_read.get() }).await {
                 Ok(reply) => reply,
                 Err(error) => {
                     let text = format!("the board's error records cannot be read: {}", with_causes(&error));
-                    self.note(Level::Warning, text, Some(&item.name)).await?;
+                    self.note(NoteLevel::Warning, text, Some(&item.name)).await?;
                     break;
                 }
             };

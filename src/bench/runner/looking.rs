@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use gnc_board::{Advance, Board, BoardError, Desk, Readings};
+use gnc_board::{Advance, BoardClient, BoardError, BoardLease, Readings};
 use gnc_link::Target;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{AdRead, GnssRestart, GnssStart, MakeSafe, ModulePower, StreamStart};
@@ -11,7 +11,7 @@ use tokio::sync::watch;
 use tokio::time::{interval, timeout};
 
 use super::connection::{ConnectError, SAFE_WITHIN, by_chance, connect};
-use crate::control::Control;
+use crate::control::RunControl;
 
 /// Samples a second of the IMU: what an eye can follow, and a slow line carries.
 const IMU_RATE_HZ: u16 = 50;
@@ -46,38 +46,38 @@ impl LookError {
 ///
 /// # Errors
 /// [`LookError`]: the board is not there, or went away.
-pub async fn look(target: &Target, control: &Control, readings: &watch::Sender<Readings>) -> Result<(), LookError> {
+pub async fn look(target: &Target, control: &RunControl, readings: &watch::Sender<Readings>) -> Result<(), LookError> {
     let board = tokio::select! {
         biased;
         _ = control.asked_times(1) => return Ok(()),
         board = connect(target, by_chance(), readings) => board?,
     };
-    let desk = Desk::new(&board, watch::channel(Advance::default()).0);
+    let lease = BoardLease::new(&board, watch::channel(Advance::default()).0);
     let looked = tokio::select! {
         biased;
         _ = control.asked_times(1) => Ok(()),
-        ended = show(&desk) => ended,
+        ended = show(&lease) => ended,
     };
-    make_safe(&desk).await;
-    drop(desk);
-    let _ = timeout(SAFE_WITHIN, Board::close(board)).await;
+    make_safe(&lease).await;
+    drop(lease);
+    let _ = timeout(SAFE_WITHIN, BoardClient::close(board)).await;
     Ok(looked?)
 }
 
 /// Never ends by itself, unless the board does.
-async fn show(desk: &Desk<'_>) -> Result<(), BoardError> {
-    desk.call(&ModulePower { on: 1 }).await?;
-    let mut imu = desk.listen(StreamId::Imu).await?;
-    let mut gnss = desk.listen(StreamId::Gnss).await?;
-    let mut pulses = desk.listen(StreamId::Pps).await?;
-    let mut compensated = desk.listen(StreamId::Compensated).await?;
-    desk.call(&GnssRestart { start: GnssStart::Hot as u8 }).await?;
+async fn show(lease: &BoardLease<'_>) -> Result<(), BoardError> {
+    lease.call(&ModulePower { on: 1 }).await?;
+    let mut imu = lease.listen(StreamId::Imu).await?;
+    let mut gnss = lease.listen(StreamId::Gnss).await?;
+    let mut pulses = lease.listen(StreamId::Pps).await?;
+    let mut compensated = lease.listen(StreamId::Compensated).await?;
+    lease.call(&GnssRestart { start: GnssStart::Hot as u8 }).await?;
     // One sample a frame, so that the screen is not behind.
     let streams = [(StreamId::Imu, IMU_RATE_HZ, 1), (StreamId::Gnss, 0, 0), (StreamId::Pps, 0, 0)];
     for (stream, rate_hz, samples_per_frame) in streams {
-        desk.call(&StreamStart { stream: stream as u8, rate_hz, count: 0, samples_per_frame }).await?;
+        lease.call(&StreamStart { stream: stream as u8, rate_hz, count: 0, samples_per_frame }).await?;
     }
-    compensate(desk).await?;
+    compensate(lease).await?;
     let mut ad_due = interval(AD_EVERY);
     loop {
         // What comes is shown on its way here.
@@ -86,18 +86,18 @@ async fn show(desk: &Desk<'_>) -> Result<(), BoardError> {
             frame = gnss.next() => drop(frame?),
             frame = pulses.next() => drop(frame?),
             frame = compensated.next() => drop(frame?),
-            _ = ad_due.tick() => drop(desk.call(&AdRead { channels: 0xff, samples: AD_SAMPLES }).await?),
+            _ = ad_due.tick() => drop(lease.call(&AdRead { channels: 0xff, samples: AD_SAMPLES }).await?),
         }
     }
 }
 
 /// Asks for compensated samples too. A module that was never calibrated has none, and a slow line no room for them: then
 /// they are not shown.
-async fn compensate(desk: &Desk<'_>) -> Result<(), BoardError> {
+async fn compensate(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     let started = async {
-        if desk.call(&CalibrationRead {}).await?.state == CalibrationState::Valid as u8 {
+        if lease.call(&CalibrationRead {}).await?.state == CalibrationState::Valid as u8 {
             let stream = StreamId::Compensated as u8;
-            desk.call(&StreamStart { stream, rate_hz: IMU_RATE_HZ, count: 0, samples_per_frame: 1 }).await?;
+            lease.call(&StreamStart { stream, rate_hz: IMU_RATE_HZ, count: 0, samples_per_frame: 1 }).await?;
         }
         Ok(())
     };
@@ -108,6 +108,6 @@ async fn compensate(desk: &Desk<'_>) -> Result<(), BoardError> {
 }
 
 /// A board that does not answer has its watchdog.
-async fn make_safe(desk: &Desk<'_>) {
-    let _ = timeout(SAFE_WITHIN, desk.call(&MakeSafe {})).await;
+async fn make_safe(lease: &BoardLease<'_>) {
+    let _ = timeout(SAFE_WITHIN, lease.call(&MakeSafe {})).await;
 }

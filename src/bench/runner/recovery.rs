@@ -2,8 +2,8 @@
 
 use futures_util::future::FutureExt as _;
 use futures_util::stream::StreamExt as _;
-use gnc_board::{Absent, Board, BoardError};
-use gnc_executive::event::{AttemptError, EventKind, Level};
+use gnc_board::{BoardClient, BoardError, LinkAbsence};
+use gnc_executive::event::{AttemptError, EventKind, NoteLevel};
 use gnc_executive::outcome::Outcome;
 use gnc_link::RETURNS_WITHIN;
 use gnc_records::store::StoreError;
@@ -19,7 +19,7 @@ impl Run<'_> {
     /// by one, so that the culprit shows.
     pub(super) async fn lost_session<'b>(
         &'b self,
-        board: &'b Board,
+        board: &'b BoardClient,
         first: Landed,
         flight: &mut Flight<'b>,
     ) -> Result<(), StoreError> {
@@ -78,19 +78,19 @@ impl Run<'_> {
         if let Some(error @ BoardError::Away { .. }) = absence {
             let wait_s = RETURNS_WITHIN.as_secs();
             let text = format!("{error}; {}: the run waits {wait_s} s for it", error.try_this());
-            self.note(Level::Warning, text, None).await?;
+            self.note(NoteLevel::Warning, text, None).await?;
         }
         self.recover(board, name.filter(|_| any_restart), absence.is_some()).await
     }
 
     /// Says that the port or interface was away.
-    pub(super) async fn was_away(&self, absent: &Absent) -> Result<(), StoreError> {
+    pub(super) async fn was_away(&self, absent: &LinkAbsence) -> Result<(), StoreError> {
         let text = format!("{} went away; back after {:.1} s", absent.name, absent.lasted.as_secs_f64());
-        self.note(Level::Warning, text, None).await
+        self.note(NoteLevel::Warning, text, None).await
     }
 
     /// Says so of all absences that nobody was told of yet.
-    pub(super) async fn tell_absences(&self, board: &Board) -> Result<(), StoreError> {
+    pub(super) async fn tell_absences(&self, board: &BoardClient) -> Result<(), StoreError> {
         while let Some(Some(absent)) = board.absence().now_or_never() {
             self.was_away(&absent).await?;
         }
@@ -112,7 +112,7 @@ impl Run<'_> {
 
     /// After a lost session nobody knows what the board still does: a new one makes it safe and starts clean.
     /// A board that restarted while its port was away did so with it, and needs no other culprit.
-    async fn recover(&self, board: &Board, culprit: Option<String>, absence: bool) -> Result<(), StoreError> {
+    async fn recover(&self, board: &BoardClient, culprit: Option<String>, absence: bool) -> Result<(), StoreError> {
         let before = board.hello().boot_id;
         let reopened = tokio::select! {
             biased;
@@ -126,7 +126,7 @@ impl Run<'_> {
             Err(asked) => self.stop_in_order(asked).await,
             Ok(Err(error)) => {
                 self.link_lost.set(true);
-                self.note(Level::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await
+                self.note(NoteLevel::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await
             }
             Ok(Ok(boot_id)) => {
                 if boot_id != before {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use gnc_rig::{DriverError, Orientation, Rig};
 
-use super::{Motion, Turntable};
+use super::{Turntable, TurntableMotion};
 use crate::fixture::FixtureError;
 
 /// A handle on the driver.
@@ -24,7 +24,7 @@ impl Driven {
         what: &'static str,
         begin: impl FnOnce(&dyn Rig) -> Result<(), DriverError> + 'a,
         wait: impl FnOnce(&dyn Rig) -> Result<(), DriverError> + Send + 'static,
-    ) -> Motion<'a> {
+    ) -> TurntableMotion<'a> {
         Box::pin(async move {
             begin(self.rig.as_ref()).map_err(|source| FixtureError::Table { what, source })?;
             let rig = Arc::clone(&self.rig);
@@ -37,7 +37,7 @@ impl Driven {
 }
 
 impl Turntable for Driven {
-    fn lay(&self, orientation: Orientation) -> Motion<'_> {
+    fn lay(&self, orientation: Orientation) -> TurntableMotion<'_> {
         Box::pin(async move {
             // What was stopped before, by whomever, comes to rest first.
             self.moved("wait for the table to stand still", |_| Ok(()), |rig| rig.wait_still()).await?;
@@ -45,19 +45,19 @@ impl Turntable for Driven {
         })
     }
 
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> Motion<'_> {
+    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_> {
         self.moved("turn the module", move |rig| rig.rotate(angle_deg, span_s), |rig| rig.wait_still())
     }
 
-    fn spin(&self, rate_dps: f64) -> Motion<'_> {
+    fn spin(&self, rate_dps: f64) -> TurntableMotion<'_> {
         self.moved("spin the module", move |rig| rig.spin(rate_dps), move |rig| rig.wait_at_rate(rate_dps))
     }
 
-    fn stop(&self) -> Motion<'_> {
+    fn stop(&self) -> TurntableMotion<'_> {
         self.moved("stop the table", |rig| rig.stop(), |rig| rig.wait_still())
     }
 
-    fn pause(&self, span: Duration) -> Motion<'_> {
+    fn pause(&self, span: Duration) -> TurntableMotion<'_> {
         self.moved("wait", |_| Ok(()), move |rig| rig.wait(span))
     }
 }

@@ -24,9 +24,9 @@ rate = "921.6 kbit/s"
     let site = bench.site.unwrap();
     assert_eq!(site.place, Some(SitePlace { latitude_deg: 39.9042, longitude_deg: 116.4074, height_m: 44.0 }));
     assert_eq!((site.gravity_mps2, site.field_gauss), (Some(9.80151), Some(0.55)));
-    assert_eq!(bench.socket, Some(Socket::Rs422 { port: "/dev/ttyUSB0".to_owned(), rate_bps: 921_600 }));
+    assert_eq!(bench.socket, Some(TestSocket::Rs422 { port: "/dev/ttyUSB0".to_owned(), rate_bps: 921_600 }));
     let small = BenchFile::read("bench.toml", b"[station]\nid = \"a\"\n[socket]\nport = \"p\"".to_vec()).unwrap();
-    assert_eq!(small.socket, Some(Socket::Rs422 { port: "p".to_owned(), rate_bps: DEFAULT_RATE_BPS }));
+    assert_eq!(small.socket, Some(TestSocket::Rs422 { port: "p".to_owned(), rate_bps: DEFAULT_RATE_BPS }));
     assert_eq!(small.can, None);
 }
 
@@ -104,8 +104,8 @@ fn the_fixture_is_read_or_has_stated_defaults() {
         BenchFile::read("bench.toml", text.into()).unwrap_or_else(|mistakes| panic!("{mistakes}")).site
     };
     assert_eq!(read(""), None);
-    assert_eq!(Site::fixture(read("").as_ref()), Fixture::default());
-    let known = Site::fixture(
+    assert_eq!(BenchSite::fixture(read("").as_ref()), BenchImperfections::default());
+    let known = BenchSite::fixture(
         read(
             "[fixture]\nmounting = [\"0.012 deg\", \"-0.6 deg\", \"1 deg\"]\nmounting_u = \"0.002 deg\"\nfield_u = \"50 nT\"\nboard_clock_u = \"5 ppm\"",
         )
@@ -114,18 +114,18 @@ fn the_fixture_is_read_or_has_stated_defaults() {
     let mounting = known.mounting_rad.unwrap().map(f64::to_degrees);
     assert!(mounting.iter().zip([0.012, -0.6, 1.0]).all(|(read, written)| (read - written).abs() < 1e-12));
     assert!((known.mounting_u_rad.to_degrees() - 0.002).abs() < 1e-12 && (known.field_u_gauss - 0.5e-3).abs() < 1e-12);
-    assert_eq!(known.ambient_u_gauss, Fixture::default().ambient_u_gauss);
-    assert_eq!((known.board_clock_u_ppm, Fixture::default().board_clock_u_ppm), (Some(5.0), None));
+    assert_eq!(known.ambient_u_gauss, BenchImperfections::default().ambient_u_gauss);
+    assert_eq!((known.board_clock_u_ppm, BenchImperfections::default().board_clock_u_ppm), (Some(5.0), None));
 }
 
 /// Records keep what the bench file states; those from before a key lack it.
 #[test]
 fn a_fixture_comes_back_from_a_record() {
-    let known = Fixture { board_clock_u_ppm: Some(5.0), ..Fixture::default() };
-    for fixture in [known, Fixture::default()] {
+    let known = BenchImperfections { board_clock_u_ppm: Some(5.0), ..BenchImperfections::default() };
+    for fixture in [known, BenchImperfections::default()] {
         let text = serde_json::to_string(&fixture).unwrap();
         assert_eq!(text.contains("board_clock_u_ppm"), fixture.board_clock_u_ppm.is_some(), "{text}");
-        assert_eq!(serde_json::from_str::<Fixture>(&text).unwrap(), fixture);
+        assert_eq!(serde_json::from_str::<BenchImperfections>(&text).unwrap(), fixture);
     }
 }
 

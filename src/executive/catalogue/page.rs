@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Device, ItemId, MeasurementSpec, ParamKind, ParamSpec};
-use crate::limit::Kind;
+use crate::limit::MeasurementKind;
 use crate::quantity::{Quantity, Unit};
 
 const HEAD: &str = "# Items of a plan
@@ -73,8 +73,8 @@ fn values(param: &ParamSpec) -> (String, String) {
 
 fn kind(measurement: &MeasurementSpec) -> String {
     match measurement.kind {
-        Kind::Text => "text".to_owned(),
-        Kind::Number(dimension) if measurement.unit.symbol().is_empty() => dimension.to_string(),
-        Kind::Number(_) => measurement.unit.to_string(),
+        MeasurementKind::Text => "text".to_owned(),
+        MeasurementKind::Number(dimension) if measurement.unit.symbol().is_empty() => dimension.to_string(),
+        MeasurementKind::Number(_) => measurement.unit.to_string(),
     }
 }

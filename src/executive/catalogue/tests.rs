@@ -17,8 +17,10 @@ fn the_table_is_consistent() {
             assert!(name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_'), "{name}");
             assert!(measurement.look_at.ends_with('.'), "{item} {name}: not a sentence");
             match measurement.kind {
-                Kind::Number(dimension) => assert_eq!(measurement.unit.dimension(), dimension, "{item} {name}"),
-                Kind::Text => assert_eq!(measurement.unit, Unit::Count),
+                MeasurementKind::Number(dimension) => {
+                    assert_eq!(measurement.unit.dimension(), dimension, "{item} {name}");
+                }
+                MeasurementKind::Text => assert_eq!(measurement.unit, Unit::Count),
             }
             match measurement.when {
                 None => {}

@@ -2,15 +2,15 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::event::EventKind;
-use crate::fixture::{EVERYTHING, FUNCTIONAL, Run, header, job, plan};
 use crate::measurement::Value;
 use crate::plan::MAX_ITEMS;
+use crate::test_run::{EVERYTHING, FUNCTIONAL, TestRun, header, job, plan};
 
 /// Runs a job with given outcomes, the next one for each attempt, and writes down what happened.
 fn play(job: &Job, outcomes: &[(&str, &[Outcome])], stop: Option<(usize, StopHow)>) -> String {
     let mut header = header();
     header.selection = job.selection().map(<[String]>::to_vec);
-    let mut run = Run::new(job, header);
+    let mut run = TestRun::new(job, header);
     let mut story = String::new();
     let mut begun = 0;
     loop {
@@ -302,8 +302,8 @@ fn selections_that_are_refused() {
 #[test]
 fn what_shares_nothing_runs_at_once() {
     let job = job(FUNCTIONAL);
-    let mut run = Run::new(&job, header());
-    let begin = |run: &mut Run| {
+    let mut run = TestRun::new(&job, header());
+    let begin = |run: &mut TestRun| {
         let mut begun = Vec::new();
         while let Next::Run { item, attempt } = job.next_overlapping(&run.state) {
             let item = job.item(item).unwrap().name.clone();
@@ -329,7 +329,7 @@ fn what_shares_nothing_runs_at_once() {
 #[test]
 fn nothing_measured_is_never_a_pass() {
     let job = job("name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\n[item.limits]\nwrong_reads = \"== 0\"\n");
-    let mut run = Run::new(&job, header());
+    let mut run = TestRun::new(&job, header());
     assert_eq!(run.settle(&job), Next::Run { item: 0, attempt: 1 });
     run.attempt(job.item(0).unwrap(), 1, &[("faulty_pairs", Value::text("none"))]);
     assert_eq!(run.settle(&job), Next::Done { outcome: Outcome::Errored });
@@ -349,7 +349,7 @@ proptest! {
         overlapping in any::<bool>(),
     ) {
         let job = job(if seed[0] == Outcome::Passed { FUNCTIONAL } else { PHASES });
-        let mut run = Run::new(&job, header());
+        let mut run = TestRun::new(&job, header());
         let mut flying: Vec<(String, u32)> = Vec::new();
         let mut attempts = 0;
         let mut steps = picks.iter().cycle();
@@ -405,7 +405,7 @@ proptest! {
 #[test]
 fn an_attempt_that_others_spoilt_does_not_count() {
     let job = job("name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\n[item.limits]\nwrong_reads = \"== 0\"\n");
-    let mut run = Run::new(&job, header());
+    let mut run = TestRun::new(&job, header());
     let outcome = Outcome::Errored;
     for attempt in 1..=4 {
         // One try is all that the plan grants; those that another item spoilt come on top, up to three.

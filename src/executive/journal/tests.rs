@@ -1,11 +1,11 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::event::{EventKind, Level, RunHeader};
-use crate::fixture::{Run, SMALL, header, job, small_run};
+use crate::event::{EventKind, NoteLevel, RunHeader};
 use crate::measurement::Value;
 use crate::quantity::Unit;
 use crate::record::RunRecord;
+use crate::test_run::{SMALL, TestRun, header, job, small_run};
 use crate::text::log_txt;
 use crate::uncertainty::Uncertainty;
 
@@ -223,8 +223,8 @@ proptest! {
     ) {
         let job = job(SMALL);
         let item = job.item(0).unwrap();
-        let mut run = Run::new(&job, RunHeader { serial_number, ..header() });
-        run.emit(EventKind::Note { level: Level::Warning, text: note.clone(), item: Some(note) });
+        let mut run = TestRun::new(&job, RunHeader { serial_number, ..header() });
+        run.emit(EventKind::Note { level: NoteLevel::Warning, text: note.clone(), item: Some(note) });
         let names = item.id.spec().measurements;
         let values: Vec<(&str, Value)> = values.into_iter().map(|(name, value)| (names[name].name, value)).collect();
         run.attempt(item, 1, &values);

@@ -2,8 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn number(dimension: Dimension) -> Kind {
-    Kind::Number(dimension)
+fn number(dimension: Dimension) -> MeasurementKind {
+    MeasurementKind::Number(dimension)
 }
 
 #[track_caller]
@@ -36,7 +36,7 @@ fn the_grammar() {
     ] {
         assert_eq!(range(text, dimension), Range { unit, low, high, marginal: None }, "{text}");
     }
-    let text = |text| Limit::parse(text, Kind::Text).unwrap();
+    let text = |text| Limit::parse(text, MeasurementKind::Text).unwrap();
     assert_eq!(text("== 3D"), Limit::Text(Expected::Literal("3D".to_owned())));
     assert_eq!(text("==  two words "), Limit::Text(Expected::Literal("two words".to_owned())));
     assert_eq!(text("== $serial_number"), Limit::Text(Expected::SerialNumber));
@@ -65,9 +65,9 @@ fn refusals() {
         ("1e308 s +- 100 %", number(Dimension::Time)),
         ("== 5 V", number(Dimension::Voltage)),
         ("<= 3 V", number(Dimension::Count)),
-        ("<= 3", Kind::Text),
-        ("==", Kind::Text),
-        ("== $serial", Kind::Text),
+        ("<= 3", MeasurementKind::Text),
+        ("==", MeasurementKind::Text),
+        ("== $serial", MeasurementKind::Text),
     ] {
         let error = Limit::parse(text, kind).unwrap_err();
         out.push_str(&format!("{text}\n    {error}\n    try: {}\n", error.hint()));
@@ -79,7 +79,7 @@ fn refusals() {
         let error = limit.clone().with_marginal(marginal).unwrap_err();
         out.push_str(&format!("{limit}, marginal {marginal}\n    {error}\n    try: {}\n", error.hint()));
     }
-    let error = Limit::parse("== x", Kind::Text).unwrap().with_marginal("1 s").unwrap_err();
+    let error = Limit::parse("== x", MeasurementKind::Text).unwrap().with_marginal("1 s").unwrap_err();
     out.push_str(&format!("== x, marginal 1 s\n    {error}\n    try: {}\n", error.hint()));
     insta::assert_snapshot!(out, @r#"
 
@@ -218,7 +218,7 @@ fn limits_print_as_they_are_judged() {
 proptest! {
     #[test]
     fn any_text_is_a_limit_or_an_error_with_a_hint(text in "\\PC{0,40}", is_text in any::<bool>()) {
-        let kind = if is_text { Kind::Text } else { number(Dimension::Time) };
+        let kind = if is_text { MeasurementKind::Text } else { number(Dimension::Time) };
         if let Err(error) = Limit::parse(&text, kind) {
             prop_assert!(!error.hint().is_empty());
         }

@@ -1,9 +1,9 @@
 use super::*;
-use crate::limit::Kind;
+use crate::limit::MeasurementKind;
 use crate::quantity::Dimension;
 
 fn limit(text: &str, dimension: Dimension) -> Limit {
-    Limit::parse(text, Kind::Number(dimension)).unwrap()
+    Limit::parse(text, MeasurementKind::Number(dimension)).unwrap()
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn without_a_limit_it_is_information() {
 #[test]
 fn kinds_that_do_not_fit_are_errored_never_passed() {
     let seconds = limit("<= 2 s", Dimension::Time);
-    let text = Limit::parse("== none", Kind::Text).unwrap();
+    let text = Limit::parse("== none", MeasurementKind::Text).unwrap();
     for (value, limit) in [
         (Value::number(1.0, Unit::Volt), &seconds),
         (Value::text("1 s"), &seconds),
@@ -79,7 +79,7 @@ fn kinds_that_do_not_fit_are_errored_never_passed() {
 
 #[test]
 fn the_scanned_serial_number_is_expected() {
-    let limit = Limit::parse("== $serial_number", Kind::Text).unwrap();
+    let limit = Limit::parse("== $serial_number", MeasurementKind::Text).unwrap();
     let judge = |text: &str| {
         Measurement::judge(
             "serial_number",

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-use gnc_config::{Mistake, Mistakes, Source, Span, Table, Walk, did_you_mean, parse};
+use gnc_config::{Mistake, Mistakes, SourceText, Span, TomlTable, Walk, did_you_mean, parse};
 use gnc_text::{printable, quoted};
 
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
@@ -16,7 +16,7 @@ const PATH_BYTES: usize = 4096;
 /// What is needed to read a closure of files.
 struct Reader<'l> {
     load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
-    sources: Vec<Source>,
+    sources: Vec<SourceText>,
     items: Vec<RawItem>,
     /// Some item or include could not be read, so that names may be unknown that are not wrong.
     unreadable: bool,
@@ -37,7 +37,7 @@ pub(super) fn read(
     bytes: Vec<u8>,
     load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Plan, Mistakes> {
-    let source = Source::new(name, bytes, MAX_PLAN_BYTES)?;
+    let source = SourceText::new(name, bytes, MAX_PLAN_BYTES)?;
     let sources = vec![source];
     let mut reader = Reader { load, sources, items: Vec::new(), unreadable: false, mistakes: Mistakes::default() };
     let head = reader.file(0, &mut vec![0])?;
@@ -59,7 +59,7 @@ impl Reader<'_> {
         let source = self.sources[index].clone();
         let tree = parse(&source)?;
         let walk = Walk::new(&source, std::mem::take(&mut self.mistakes));
-        let root = Table::new(&walk, &tree, 0..0);
+        let root = TomlTable::new(&walk, &tree, 0..0);
         let head = head(&walk, &root);
         let includes = root.texts("include");
         let tables = root.tables("item");
@@ -78,7 +78,7 @@ impl Reader<'_> {
         Ok(head)
     }
 
-    fn include(&mut self, by: &Source, include: &str, span: Span, chain: &mut Vec<usize>) -> Result<(), Mistakes> {
+    fn include(&mut self, by: &SourceText, include: &str, span: Span, chain: &mut Vec<usize>) -> Result<(), Mistakes> {
         let refused = |what: String, hint: &str| by.mistake(span.clone(), what, hint);
         let Some(name) = joined(&by.name, include) else {
             let what = format!("{} is not a path beside this plan", quoted(include));
@@ -119,7 +119,7 @@ impl Reader<'_> {
             }
         };
         let index = self.sources.len();
-        self.sources.push(Source::new(&name, bytes, MAX_PLAN_BYTES)?);
+        self.sources.push(SourceText::new(&name, bytes, MAX_PLAN_BYTES)?);
         chain.push(index);
         // Name, version and on_fail of an included plan are its own: it may be run by itself too.
         self.file(index, chain)?;
@@ -128,7 +128,7 @@ impl Reader<'_> {
     }
 }
 
-fn head(walk: &Walk<'_>, root: &Table<'_, '_>) -> Head {
+fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     let name = root.required_text("name", "write name = \"functional\" at the top").map(|(name, span)| {
         check_name(walk, name, span);
         name.to_owned()
@@ -153,7 +153,7 @@ fn head(walk: &Walk<'_>, root: &Table<'_, '_>) -> Head {
 }
 
 /// Orders the items by phase, gives each its requirements by position, and refuses names that stand twice.
-fn link(mut raw: Vec<RawItem>, sources: &[Source], unreadable: bool, mistakes: &mut Mistakes) -> Vec<PlanItem> {
+fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistakes: &mut Mistakes) -> Vec<PlanItem> {
     // A stable sort: within a phase the order of the files stays.
     raw.sort_by_key(|raw| raw.item.phase);
     let mut positions: HashMap<&str, usize> = HashMap::with_capacity(raw.len());
@@ -186,7 +186,7 @@ fn link(mut raw: Vec<RawItem>, sources: &[Source], unreadable: bool, mistakes: &
 struct Linker<'a> {
     raw: &'a [RawItem],
     positions: &'a HashMap<&'a str, usize>,
-    sources: &'a [Source],
+    sources: &'a [SourceText],
     unreadable: bool,
 }
 
@@ -268,7 +268,7 @@ impl Linker<'_> {
         }
     }
 
-    fn source_of(&self, position: usize) -> &Source {
+    fn source_of(&self, position: usize) -> &SourceText {
         &self.sources[self.raw[position].item.place.source]
     }
 }

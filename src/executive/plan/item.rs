@@ -1,6 +1,6 @@
 //! One `[[item]]` of a plan.
 
-use gnc_config::{Span, Table, Walk, did_you_mean};
+use gnc_config::{Span, TomlTable, Walk, did_you_mean};
 use gnc_text::quoted;
 
 use super::{ItemPlace, Phase, PlanItem, limits, params};
@@ -33,7 +33,7 @@ pub(super) struct RawItem {
 }
 
 /// Reads an item; `None` if it cannot be told which one it is, in which case its other keys cannot be judged.
-pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Option<RawItem> {
+pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> Option<RawItem> {
     let (id, id_span) = table.required_text("id", "write id = \"imu\", or another item of the table")?;
     let Some(id) = ItemId::from_id(id) else {
         let hint = did_you_mean(id, ItemId::ALL.iter().map(|item| item.as_str()), || {
@@ -96,7 +96,7 @@ pub(super) fn read(walk: &Walk<'_>, table: Table<'_, '_>, source: usize) -> Opti
     Some(RawItem { item, name_span, requires, source: captures })
 }
 
-fn phase(walk: &Walk<'_>, table: &Table<'_, '_>) -> Phase {
+fn phase(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Phase {
     match table.text("phase") {
         None | Some(("test", _)) => Phase::Test,
         Some(("setup", _)) => Phase::Setup,
@@ -109,7 +109,7 @@ fn phase(walk: &Walk<'_>, table: &Table<'_, '_>) -> Phase {
     }
 }
 
-fn decision(walk: &Walk<'_>, table: &Table<'_, '_>) -> Decision {
+fn decision(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Decision {
     let Some((text, span)) = table.text("decision") else { return Decision::default() };
     let known = [Decision::Simple, Decision::GuardBand].into_iter().find(|decision| decision.as_str() == text);
     known.unwrap_or_else(|| {
@@ -119,7 +119,7 @@ fn decision(walk: &Walk<'_>, table: &Table<'_, '_>) -> Decision {
     })
 }
 
-fn timeout(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<f64> {
+fn timeout(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Option<f64> {
     let (timeout, span) = quantity_at(table, "timeout", Dimension::Time)?;
     let seconds = timeout.si();
     if !(TIMEOUT_S.0..=TIMEOUT_S.1).contains(&seconds) {
@@ -129,7 +129,7 @@ fn timeout(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<f64> {
     Some(seconds)
 }
 
-fn prompt(walk: &Walk<'_>, table: &Table<'_, '_>) -> Option<String> {
+fn prompt(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Option<String> {
     let (prompt, span) = table.text("prompt")?;
     let length = prompt.chars().count();
     if prompt.trim().is_empty() || length > PROMPT_CHARACTERS {

@@ -1,11 +1,11 @@
 //! The `[item.limits]` of a plan.
 
-use gnc_config::{Entry, Span, Table, Value, Walk, did_you_mean};
+use gnc_config::{Span, TomlEntry, TomlTable, Value, Walk, did_you_mean};
 use gnc_text::quoted;
 
 use super::{ItemLimit, Params};
 use crate::catalogue::{ItemId, MeasurementSpec};
-use crate::limit::{Kind, Limit, LimitError};
+use crate::limit::{Limit, LimitError, MeasurementKind};
 use crate::quantity::Unit;
 
 /// How exactly a key names a measurement; the more exact one counts.
@@ -25,14 +25,14 @@ struct Written<'t> {
 /// on top that there are none.
 pub(super) fn read(
     walk: &Walk<'_>,
-    table: Option<&Table<'_, '_>>,
+    table: Option<&TomlTable<'_, '_>>,
     id: ItemId,
     params: &Params,
 ) -> Option<Vec<ItemLimit>> {
     let spec = id.spec();
     let mut chosen: Vec<Option<(Exactness, Limit)>> = vec![None; spec.measurements.len()];
     let mut refused = false;
-    for entry in table.into_iter().flat_map(Table::entries) {
+    for entry in table.into_iter().flat_map(TomlTable::entries) {
         let taken = one(walk, &entry, id, params, &mut chosen);
         refused |= taken.is_none();
     }
@@ -48,7 +48,7 @@ pub(super) fn read(
 /// Reads one entry and gives its limit to every measurement that it names; `None` if it is refused.
 fn one(
     walk: &Walk<'_>,
-    entry: &Entry<'_, '_>,
+    entry: &TomlEntry<'_, '_>,
     id: ItemId,
     params: &Params,
     chosen: &mut [Option<(Exactness, Limit)>],
@@ -103,14 +103,14 @@ fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &Measur
 /// The hint of an error; for a missing unit the unit in which the measurement is usually shown.
 fn hint(error: &LimitError, measurement: &MeasurementSpec) -> String {
     match (error, measurement.kind) {
-        (LimitError::MissingUnit { number, .. }, Kind::Number(_)) if measurement.unit != Unit::Count => {
+        (LimitError::MissingUnit { number, .. }, MeasurementKind::Number(_)) if measurement.unit != Unit::Count => {
             format!("write \"{number} {}\", if that is the unit you mean", measurement.unit)
         }
         _ => error.hint(),
     }
 }
 
-fn written<'t>(entry: &Entry<'_, 't>) -> Option<Written<'t>> {
+fn written<'t>(entry: &TomlEntry<'_, 't>) -> Option<Written<'t>> {
     let grammar = "a limit is one of: \"<= Q\", \">= Q\", \"Q .. Q\", \"Q +- Q\", \"Q +- N %\", \"== text\"";
     match entry.value() {
         Value::String(text) => Some(Written { limit: (text, entry.span()), marginal: None }),
@@ -125,7 +125,7 @@ fn written<'t>(entry: &Entry<'_, 't>) -> Option<Written<'t>> {
     }
 }
 
-fn unknown(entry: &Entry<'_, '_>, id: ItemId) {
+fn unknown(entry: &TomlEntry<'_, '_>, id: ItemId) {
     let key = entry.key();
     let names = || id.spec().measurements.iter().map(|measurement| measurement.name);
     let what = if key.contains('*') {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gnc_config::{Entry, Table, Value, did_you_mean};
+use gnc_config::{TomlEntry, TomlTable, Value, did_you_mean};
 use gnc_text::quoted;
 
 use crate::catalogue::{ItemId, ParamKind, When};
@@ -124,11 +124,11 @@ impl Params {
 }
 
 /// Reads the parameters of an item; a mistaken one counts with its default, so that the walk can go on.
-pub(super) fn read(table: Option<&Table<'_, '_>>, id: ItemId) -> Params {
+pub(super) fn read(table: Option<&TomlTable<'_, '_>>, id: ItemId) -> Params {
     let spec = id.spec();
     let mut params: BTreeMap<&'static str, ParamValue> =
         spec.params.iter().map(|param| (param.name, default(&param.kind))).collect();
-    for entry in table.into_iter().flat_map(Table::entries) {
+    for entry in table.into_iter().flat_map(TomlTable::entries) {
         let Some(param) = spec.param(entry.key()) else {
             let names: Vec<&str> = spec.params.iter().map(|param| param.name).collect();
             let hint = did_you_mean(entry.key(), names.iter().copied(), || match names.is_empty() {
@@ -157,7 +157,7 @@ fn default(kind: &ParamKind) -> ParamValue {
     }
 }
 
-fn value(entry: &Entry<'_, '_>, name: &'static str, kind: &ParamKind) -> Option<ParamValue> {
+fn value(entry: &TomlEntry<'_, '_>, name: &'static str, kind: &ParamKind) -> Option<ParamValue> {
     match *kind {
         ParamKind::Integer { min, max, .. } => entry.integer((min, max)).map(ParamValue::Integer),
         ParamKind::Integers { min, max, .. } => integers(entry, (min, max)).map(ParamValue::Integers),
@@ -200,7 +200,7 @@ fn value(entry: &Entry<'_, '_>, name: &'static str, kind: &ParamKind) -> Option<
     }
 }
 
-fn integers(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<Vec<i64>> {
+fn integers(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<Vec<i64>> {
     let name = entry.key();
     if entry.value().as_array().is_none_or(|list| list.is_empty()) {
         let hint = format!("write a list of whole numbers from {} to {}", bounds.0, bounds.1);
@@ -220,7 +220,7 @@ fn integers(entry: &Entry<'_, '_>, bounds: (i64, i64)) -> Option<Vec<i64>> {
 }
 
 /// A value as it may stand in a message.
-fn written(entry: &Entry<'_, '_>) -> String {
+fn written(entry: &TomlEntry<'_, '_>) -> String {
     match entry.value() {
         Value::String(text) => quoted(text),
         Value::Integer(number) => number.as_str().to_owned(),

@@ -7,7 +7,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::catalogue::{ItemId, ItemSpec, MeasurementSpec, ParamKind};
-use crate::limit::Kind;
+use crate::limit::MeasurementKind;
 use crate::quantity::Quantity;
 
 /// The schema of a plan file, draft 2020-12.
@@ -146,9 +146,9 @@ fn params(spec: &ItemSpec) -> Value {
 
 fn limits(spec: &ItemSpec) -> Value {
     let about = |measurement: &MeasurementSpec| match measurement.kind {
-        Kind::Text => "Text.".to_owned(),
-        Kind::Number(dimension) if measurement.unit.symbol().is_empty() => format!("A {dimension}."),
-        Kind::Number(dimension) => format!("{}, shown in {}.", dimension.with_article(), measurement.unit),
+        MeasurementKind::Text => "Text.".to_owned(),
+        MeasurementKind::Number(dimension) if measurement.unit.symbol().is_empty() => format!("A {dimension}."),
+        MeasurementKind::Number(dimension) => format!("{}, shown in {}.", dimension.with_article(), measurement.unit),
     };
     let properties: Map<String, Value> = spec
         .measurements

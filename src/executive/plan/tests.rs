@@ -6,8 +6,8 @@ use std::collections::HashMap;
 use proptest::prelude::*;
 
 use super::*;
-use crate::fixture::{FUNCTIONAL, plan};
 use crate::limit::{Expected, Range};
+use crate::test_run::{FUNCTIONAL, plan};
 
 /// Reads the first file; the others can be included.
 fn read(files: &[(&str, &str)]) -> Result<Plan, Mistakes> {

@@ -1,12 +1,12 @@
 //! Quantities in files: texts such as "0.49 A" under a key, each refusal with its place and a hint.
 
-use gnc_config::{Entry, Span, Table};
+use gnc_config::{Span, TomlEntry, TomlTable};
 use gnc_text::quoted;
 
 use super::{Dimension, Quantity, Unit};
 
 /// A number with a unit of this dimension.
-pub(crate) fn quantity(entry: &Entry<'_, '_>, dimension: Dimension) -> Option<Quantity> {
+pub(crate) fn quantity(entry: &TomlEntry<'_, '_>, dimension: Dimension) -> Option<Quantity> {
     let Some(text) = entry.value().as_str() else {
         let example = Quantity::new(1.0, dimension.usual_unit());
         entry.wrong_type(&format!("a number and its unit in quotes, such as \"{example}\""));
@@ -37,13 +37,17 @@ pub(crate) fn quantity(entry: &Entry<'_, '_>, dimension: Dimension) -> Option<Qu
 }
 
 /// A number with a unit of this dimension under a key of a table, with its place.
-pub(crate) fn quantity_at(table: &Table<'_, '_>, key: &'static str, dimension: Dimension) -> Option<(Quantity, Span)> {
+pub(crate) fn quantity_at(
+    table: &TomlTable<'_, '_>,
+    key: &'static str,
+    dimension: Dimension,
+) -> Option<(Quantity, Span)> {
     let entry = table.entry(key)?;
     Some((quantity(&entry, dimension)?, entry.span()))
 }
 
 /// A number with a unit of the dimension of `unit`, in which it lies within bounds.
-pub(crate) fn bounded(entry: &Entry<'_, '_>, unit: Unit, (min, max): (f64, f64)) -> Option<Quantity> {
+pub(crate) fn bounded(entry: &TomlEntry<'_, '_>, unit: Unit, (min, max): (f64, f64)) -> Option<Quantity> {
     let written = quantity(entry, unit.dimension())?;
     if written.in_unit(unit).is_some_and(|number| (min..=max).contains(&number)) {
         return Some(written);
@@ -54,6 +58,6 @@ pub(crate) fn bounded(entry: &Entry<'_, '_>, unit: Unit, (min, max): (f64, f64))
 }
 
 /// The number under a key of a table, in a unit in which it lies within bounds.
-pub(crate) fn bounded_at(table: &Table<'_, '_>, key: &'static str, unit: Unit, bounds: (f64, f64)) -> Option<f64> {
+pub(crate) fn bounded_at(table: &TomlTable<'_, '_>, key: &'static str, unit: Unit, bounds: (f64, f64)) -> Option<f64> {
     bounded(&table.entry(key)?, unit, bounds)?.in_unit(unit)
 }

@@ -1,9 +1,9 @@
 use serde_json::Value;
 
 use super::*;
-use crate::event::Bench;
-use crate::fixture::{header, small_run};
+use crate::event::BenchInfo;
 use crate::journal;
+use crate::test_run::{header, small_run};
 
 const SCHEMA: &str = include_str!("../../../docs/run.schema.json");
 
@@ -47,7 +47,7 @@ fn only_a_whole_run_on_a_real_bench_is_evidence() {
         change(&mut header);
         RunRecord::from_state(&small_run(header).state).unwrap()
     };
-    assert!(!with(|header| header.bench = Bench::simulated("good-1", "max", 7)).is_evidence());
+    assert!(!with(|header| header.bench = BenchInfo::simulated("good-1", "max", 7)).is_evidence());
     assert!(!with(|header| header.selection = Some(vec!["identity".to_owned()])).is_evidence());
 }
 

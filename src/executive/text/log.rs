@@ -6,7 +6,7 @@ use chrono::{DateTime, FixedOffset};
 use gnc_text::printable;
 
 use super::{banners, duration, error_record, failing_rows, item_line, measurement_line, verdict_line};
-use crate::event::{BenchKind, Level};
+use crate::event::{BenchKind, NoteLevel};
 use crate::outcome::words;
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
 
@@ -25,9 +25,9 @@ pub fn log_txt(record: &RunRecord) -> String {
         let _ = writeln!(out, "\nNotes");
         for note in &record.notes {
             let level = match note.level {
-                Level::Info => "info",
-                Level::Warning => "warning",
-                Level::Error => "error",
+                NoteLevel::Info => "info",
+                NoteLevel::Warning => "warning",
+                NoteLevel::Error => "error",
             };
             let item = note.item.as_deref().map(|item| format!("{}: ", printable(item))).unwrap_or_default();
             let elapsed = format!("{:.3} s", note.elapsed_s);

@@ -1,8 +1,8 @@
 use super::*;
-use crate::event::Bench;
-use crate::fixture::{header, small_run};
+use crate::event::BenchInfo;
 use crate::journal;
 use crate::state::RunState;
+use crate::test_run::{header, small_run};
 
 fn record() -> RunRecord {
     RunRecord::from_state(&small_run(header()).state).unwrap()
@@ -40,7 +40,7 @@ fn the_failing_rows_say_what_to_look_at() {
 #[test]
 fn the_verdict_never_hides_what_it_is_worth() {
     let mut header = header();
-    header.bench = Bench::simulated("boards/good\u{1b}.toml", "max", 7);
+    header.bench = BenchInfo::simulated("boards/good\u{1b}.toml", "max", 7);
     header.selection = Some(vec!["identity".to_owned(), "sdram".to_owned()]);
     header.serial_number = "../\u{1b}[2JX".to_owned();
     let run = small_run(header);
@@ -66,7 +66,7 @@ fn the_verdict_never_hides_what_it_is_worth() {
 #[test]
 fn the_log_holds_everything() {
     let mut header = header();
-    header.bench = Bench::simulated("good-1", "1", 42);
+    header.bench = BenchInfo::simulated("good-1", "1", 42);
     let record = RunRecord::from_state(&small_run(header).state).unwrap();
     insta::assert_snapshot!(log_txt(&record), @r#"
     *** SIMULATED BENCH (good-1): no evidence about any module ***
@@ -133,7 +133,7 @@ fn no_control_character_leaves_this_module() {
     header.operator = Some(hostile.to_owned());
     header.station = hostile.to_owned();
     header.plan.name = hostile.to_owned();
-    header.bench = Bench::simulated(hostile, hostile, 1);
+    header.bench = BenchInfo::simulated(hostile, hostile, 1);
     header.selection = Some(vec![hostile.to_owned()]);
     let mut record = RunRecord::from_state(&small_run(header).state).unwrap();
     for item in &mut record.items {

@@ -21,7 +21,7 @@ pub(super) enum Bus {
 
 /// What happened on a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Turn {
+pub(super) enum BusEvent {
     /// The frame that was to go is on its way.
     Sent,
     /// A frame came.
@@ -37,7 +37,7 @@ pub(super) enum Turn {
 impl Bus {
     /// Sends the frame, or waits for one to come, whichever can be done first. Nothing is lost when it is dropped half
     /// way: a frame is either sent and said to be, or not sent.
-    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
+    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<BusEvent> {
         match self {
             Self::Slcan(bus) => bus.turn(outgoing, read).await,
             Self::Socket(bus) => bus.turn(outgoing, read).await,

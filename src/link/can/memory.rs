@@ -5,7 +5,7 @@ use std::io;
 use gnc_protocol::can::CanFrame;
 use tokio::sync::mpsc;
 
-use super::bus::Turn;
+use super::bus::BusEvent;
 
 /// Frames on their way in each direction: what an adapter buffers.
 const FRAMES: usize = 1024;
@@ -33,7 +33,7 @@ pub(super) fn pair() -> (MemoryBus, MemoryEnd) {
 }
 
 impl MemoryBus {
-    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
+    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<BusEvent> {
         tokio::select! {
             biased;
             room = self.outgoing.reserve(), if outgoing.is_some() => {
@@ -41,9 +41,9 @@ impl MemoryBus {
                 if let Some(frame) = outgoing {
                     room.send(*frame);
                 }
-                Ok(Turn::Sent)
+                Ok(BusEvent::Sent)
             }
-            frame = self.incoming.recv(), if read => frame.map(Turn::Received).ok_or_else(super::gone),
+            frame = self.incoming.recv(), if read => frame.map(BusEvent::Received).ok_or_else(super::gone),
             else => std::future::pending().await,
         }
     }

@@ -7,11 +7,11 @@ use std::io;
 use std::time::Duration;
 
 use gnc_protocol::can::CanFrame;
-use gnc_protocol::can::slcan::{self, Decoder, Item, encode};
+use gnc_protocol::can::slcan::{self, SlcanDecoder, SlcanEvent, encode};
 use tokio_util::bytes::Buf as _;
 
-use super::bus::Turn;
-use crate::serial::{OpenError, Place, Port, PortEvent};
+use super::bus::BusEvent;
+use crate::serial::{OpenError, Port, PortEvent, PortLocation};
 
 /// Rate of the port. USB adapters ignore it; on a real line it must carry more than the bus: 27 characters for each
 /// frame of 111 bits.
@@ -25,40 +25,40 @@ const CLOSE_WITHIN: Duration = Duration::from_millis(50);
 #[derive(Debug)]
 pub(super) struct SlcanBus {
     port: Port,
-    decoder: Decoder,
+    decoder: SlcanDecoder,
 }
 
 impl SlcanBus {
-    pub(super) fn open(place: Place) -> Result<Self, OpenError> {
+    pub(super) fn open(place: PortLocation) -> Result<Self, OpenError> {
         let mut port = Port::open(place)?;
         port.outgoing.extend_from_slice(slcan::OPEN_500K);
-        Ok(Self { port, decoder: Decoder::default() })
+        Ok(Self { port, decoder: SlcanDecoder::default() })
     }
 
     pub(super) fn name(&self) -> String {
         self.port.name()
     }
 
-    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
+    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<BusEvent> {
         loop {
             if let Some(frame) = outgoing.filter(|_| self.port.is_there() && self.port.outgoing.len() < OUTGOING) {
                 self.port.outgoing.extend_from_slice(&encode(frame));
-                return Ok(Turn::Sent);
+                return Ok(BusEvent::Sent);
             }
             if read && let Some(frame) = self.decoded() {
-                return Ok(Turn::Received(frame));
+                return Ok(BusEvent::Received(frame));
             }
             match self.port.turn(read).await? {
                 PortEvent::Read | PortEvent::Written => {}
                 PortEvent::Away => {
                     // Half a line of before is no beginning of what comes after.
                     (self.decoder, self.port.incoming) = Default::default();
-                    return Ok(Turn::Away);
+                    return Ok(BusEvent::Away);
                 }
                 PortEvent::Back(lasted) => {
                     // An adapter that was without power has left the bus.
                     self.port.outgoing.extend_from_slice(slcan::OPEN_500K);
-                    return Ok(Turn::Back(lasted));
+                    return Ok(BusEvent::Back(lasted));
                 }
             }
         }
@@ -72,7 +72,7 @@ impl SlcanBus {
             let item = self.decoder.next(&mut rest);
             let consumed = incoming.len() - rest.len();
             incoming.advance(consumed);
-            if let Item::Frame(frame) = item? {
+            if let SlcanEvent::Frame(frame) = item? {
                 return Some(frame);
             }
         }

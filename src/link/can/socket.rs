@@ -12,7 +12,7 @@ use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 use tokio::time::{Instant, sleep, sleep_until};
 
-use super::bus::Turn;
+use super::bus::BusEvent;
 use super::interface::{Statistics, index, look_at};
 use super::{BusErrors, CanOpenError};
 use crate::absence::Absence;
@@ -80,7 +80,7 @@ impl SocketBus {
         self.statistics.clone()
     }
 
-    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<Turn> {
+    pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<BusEvent> {
         loop {
             let (socket, due) = match &self.socket {
                 Socket::Away(absence) => {
@@ -119,11 +119,11 @@ impl SocketBus {
     }
 
     /// What became of a frame that was to go. `None`: it is still to go; a full queue is tried again for a while.
-    fn sent(&mut self, sent: io::Result<()>) -> io::Result<Option<Turn>> {
+    fn sent(&mut self, sent: io::Result<()>) -> io::Result<Option<BusEvent>> {
         match sent {
             Ok(()) => {
                 self.full_since = None;
-                Ok(Some(Turn::Sent))
+                Ok(Some(BusEvent::Sent))
             }
             Err(error) if is_full(&error) => {
                 let since = *self.full_since.get_or_insert_with(Instant::now);
@@ -145,7 +145,7 @@ impl SocketBus {
         }
     }
 
-    fn received(&mut self, frame: io::Result<socketcan::CanFrame>) -> io::Result<Option<Turn>> {
+    fn received(&mut self, frame: io::Result<socketcan::CanFrame>) -> io::Result<Option<BusEvent>> {
         if let Socket::Open { look_at, mute, .. } = &mut self.socket {
             *look_at = Instant::now() + LOOK;
             *mute = mute.filter(|_| frame.is_err());
@@ -156,25 +156,25 @@ impl SocketBus {
         }
     }
 
-    fn understand(&mut self, frame: &socketcan::CanFrame) -> Option<Turn> {
+    fn understand(&mut self, frame: &socketcan::CanFrame) -> Option<BusEvent> {
         match frame {
             socketcan::CanFrame::Data(frame) => {
                 let id = match frame.id() {
                     Id::Standard(id) => CanId::Standard(id.as_raw()),
                     Id::Extended(id) => CanId::Extended(id.as_raw()),
                 };
-                CanFrame::new(id, frame.data()).map(Turn::Received)
+                CanFrame::new(id, frame.data()).map(BusEvent::Received)
             }
             socketcan::CanFrame::Remote(_) => None,
             socketcan::CanFrame::Error(frame) => {
                 note(&mut self.errors, frame.raw_id(), frame.data());
-                Some(Turn::Errors)
+                Some(BusEvent::Errors)
             }
         }
     }
 
     /// Whether the interface that was opened is still there and on.
-    fn look(&mut self) -> Option<Turn> {
+    fn look(&mut self) -> Option<BusEvent> {
         let Socket::Open { index: opened, look_at, .. } = &mut self.socket else { return None };
         *look_at = Instant::now() + LOOK;
         let gone = self::look_at(&self.interface).is_err() || index(&self.interface) != Some(*opened);
@@ -182,7 +182,7 @@ impl SocketBus {
     }
 
     /// The interface was switched off or unplugged; any other error ends the link.
-    fn failed(&mut self, error: io::Error) -> io::Result<Option<Turn>> {
+    fn failed(&mut self, error: io::Error) -> io::Result<Option<BusEvent>> {
         let errno = error.raw_os_error().map(Errno::from_raw);
         match errno {
             Some(Errno::ENODEV | Errno::ENXIO | Errno::ENETDOWN) => Ok(self.went_away()),
@@ -191,21 +191,21 @@ impl SocketBus {
     }
 
     /// `None`: it had come back without a word, so that this is no news.
-    fn went_away(&mut self) -> Option<Turn> {
+    fn went_away(&mut self) -> Option<BusEvent> {
         let Socket::Open { mute, .. } = &mut self.socket else { return None };
         let absence = Absence::begin(mute.take());
         self.socket = Socket::Away(absence);
-        absence.is_new().then_some(Turn::Away)
+        absence.is_new().then_some(BusEvent::Away)
     }
 
     /// Opens the interface by its name once more; gives up when it was away for too long.
-    fn come_back(&mut self) -> io::Result<Option<Turn>> {
+    fn come_back(&mut self) -> io::Result<Option<BusEvent>> {
         let Socket::Away(absence) = &mut self.socket else { return Ok(None) };
         match open(&self.interface, Some(*absence)) {
             Ok(socket) => {
                 (self.socket, self.full_since) = (socket, None);
                 let Socket::Open { mute: Some(absence), .. } = &mut self.socket else { return Ok(None) };
-                Ok(absence.returned().map(Turn::Back))
+                Ok(absence.returned().map(BusEvent::Back))
             }
             Err(error) => absence.goes_on(&name(&self.interface), &error).map(|()| None),
         }

@@ -24,7 +24,7 @@ const PSEUDO_TERMINALS: &str = "/dev/pts";
 
 /// Where a port is.
 #[derive(Debug)]
-pub(crate) enum Place {
+pub(crate) enum PortLocation {
     /// A device of this computer, and the rate that it is set to.
     Device(PathBuf, u32),
     /// In this program.
@@ -39,7 +39,7 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug> Stream for T {}
 /// The port, its buffers, and whether it is there.
 #[derive(Debug)]
 pub(crate) struct Port {
-    place: Place,
+    place: PortLocation,
     state: State,
     /// What has come and nobody took yet.
     pub(crate) incoming: BytesMut,
@@ -77,7 +77,7 @@ enum Moved {
 }
 
 impl Port {
-    pub(crate) fn open(place: Place) -> Result<Self, OpenError> {
+    pub(crate) fn open(place: PortLocation) -> Result<Self, OpenError> {
         let state = place.open(None)?;
         let (incoming, outgoing) = (BytesMut::with_capacity(READ_AT_ONCE), BytesMut::new());
         Ok(Self { place, state, incoming, outgoing })
@@ -85,8 +85,8 @@ impl Port {
 
     pub(crate) fn rate_baud(&self) -> u32 {
         match &self.place {
-            Place::Device(_, rate_baud) => *rate_baud,
-            Place::Memory(port) => port.rate_baud(),
+            PortLocation::Device(_, rate_baud) => *rate_baud,
+            PortLocation::Memory(port) => port.rate_baud(),
         }
     }
 
@@ -149,7 +149,7 @@ impl Port {
     /// `true`: this is news.
     fn went_away(&mut self) -> io::Result<bool> {
         let State::Open { mute, .. } = &mut self.state else { return Ok(false) };
-        if matches!(&self.place, Place::Device(path, _) if path.starts_with(PSEUDO_TERMINALS)) {
+        if matches!(&self.place, PortLocation::Device(path, _) if path.starts_with(PSEUDO_TERMINALS)) {
             let text = format!("{} went away, and a pseudo-terminal does not come back", self.name());
             return Err(io::Error::new(io::ErrorKind::NotConnected, text));
         }
@@ -178,7 +178,7 @@ impl Port {
     }
 }
 
-impl Place {
+impl PortLocation {
     fn open(&self, mute: Option<Absence>) -> Result<State, OpenError> {
         let stream: Box<dyn Stream> = match self {
             Self::Device(path, rate_baud) => Box::new(open_stream(path, *rate_baud)?),
@@ -191,7 +191,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for PortLocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Device(path, _) => path.display().fmt(f),

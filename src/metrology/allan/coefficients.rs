@@ -3,14 +3,14 @@
 use std::fmt;
 
 use super::fit::{B, FLAT, G, K, N, Q, R, Search, Solved};
-use super::lines::Line;
+use super::lines::Sinusoid;
 use crate::coefficient::Coefficient;
 use crate::psd::Plateau;
 use crate::stats;
 
 /// Why a coefficient is not given.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Absence {
+pub enum MissingCoefficient {
     /// Coefficients are taken from the Allan deviation.
     OtherDeviation,
     /// The record has too few averaging times for a fit.
@@ -76,7 +76,7 @@ pub enum Absence {
     },
 }
 
-impl fmt::Display for Absence {
+impl fmt::Display for MissingCoefficient {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::OtherDeviation => write!(f, "coefficients come from adev or oadev only"),
@@ -127,38 +127,38 @@ impl fmt::Display for Absence {
 /// Coefficients of IEEE Std 952, annex C, for a rate in unit u:
 /// `dev^2 = 3 Q^2 / tau^2 + N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 + R^2 tau^2 / 2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Coefficients {
+pub struct NoiseCoefficients {
     /// Quantisation, u s.
-    pub q: Result<Coefficient, Absence>,
+    pub q: Result<Coefficient, MissingCoefficient>,
     /// Random walk of the integral (angle, velocity), u sqrt(s): `dev` at 1 s.
-    pub n: Result<Coefficient, Absence>,
+    pub n: Result<Coefficient, MissingCoefficient>,
     /// Bias instability, u: flat part / 0.664. Only where a flat part is seen.
-    pub b: Result<Coefficient, Absence>,
+    pub b: Result<Coefficient, MissingCoefficient>,
     /// Random walk of the rate, u / sqrt(s): `dev` at 3 s.
-    pub k: Result<Coefficient, Absence>,
+    pub k: Result<Coefficient, MissingCoefficient>,
     /// Ramp of the rate, u / s.
-    pub r: Result<Coefficient, Absence>,
+    pub r: Result<Coefficient, MissingCoefficient>,
     /// Smallest upper end of a 95 % interval of the deviations / 0.664 (or the upper end of B, where that is more): an upper
     /// bound of the bias instability, whether a flat part is seen or not.
     pub b_upper_bound: Option<f64>,
 }
 
-impl Coefficients {
-    pub(super) fn absent(why: Absence, b_upper_bound: Option<f64>) -> Self {
+impl NoiseCoefficients {
+    pub(super) fn absent(why: MissingCoefficient, b_upper_bound: Option<f64>) -> Self {
         Self { q: Err(why), n: Err(why), b: Err(why), k: Err(why), r: Err(why), b_upper_bound }
     }
 }
 
-impl Default for Coefficients {
+impl Default for NoiseCoefficients {
     /// Those of a deviation that has none.
     fn default() -> Self {
-        Self::absent(Absence::OtherDeviation, None)
+        Self::absent(MissingCoefficient::OtherDeviation, None)
     }
 }
 
 /// How well the coefficients follow the deviations.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
+pub struct FitQuality {
     /// Whether the fit holds: chi-square does not reject it. Without that no coefficient is given.
     pub holds: bool,
     /// Chi-square of the deviations used, which are correlated.
@@ -176,7 +176,7 @@ pub struct Fit {
     /// Relative standard deviation that each deviation was given for the model's own error.
     pub model_error: f64,
     /// Lines that were taken off before.
-    pub lines: Vec<Line>,
+    pub lines: Vec<Sinusoid>,
 }
 
 /// A term must carry this part of the variance at some averaging time to be called seen ...
@@ -197,49 +197,50 @@ pub(super) fn of(
     tau_s: &[f64],
     plateau: Option<&Plateau>,
     b_upper_bound: Option<f64>,
-) -> Coefficients {
+) -> NoiseCoefficients {
     let solved = match search {
         Search::Holds(solved) => solved,
         Search::Rejected(s) => {
-            let why = Absence::Rejected { chi_square: s.chi_square, dof: s.dof, p: s.p };
-            return Coefficients::absent(why, b_upper_bound);
+            let why = MissingCoefficient::Rejected { chi_square: s.chi_square, dof: s.dof, p: s.p };
+            return NoiseCoefficients::absent(why, b_upper_bound);
         }
         Search::TooGood(s) => {
-            let why = Absence::OneEvent { chi_square: s.chi_square, dof: s.dof };
-            return Coefficients::absent(why, b_upper_bound);
+            let why = MissingCoefficient::OneEvent { chi_square: s.chi_square, dof: s.dof };
+            return NoiseCoefficients::absent(why, b_upper_bound);
         }
-        Search::TooFew => return Coefficients::absent(Absence::TooShort, b_upper_bound),
+        Search::TooFew => return NoiseCoefficients::absent(MissingCoefficient::TooShort, b_upper_bound),
     };
     let seen = |term| seen(solved, term, tau_s);
     let b = seen(B).and_then(|b| match b_upper_bound {
-        _ if solved.flat_gain < RIVALLED => Err(Absence::Rivalled { gain: solved.flat_gain }),
-        Some(bound) if b.low > bound => Err(Absence::AboveBound { low: b.low, bound }),
+        _ if solved.flat_gain < RIVALLED => Err(MissingCoefficient::Rivalled { gain: solved.flat_gain }),
+        Some(bound) if b.low > bound => Err(MissingCoefficient::AboveBound { low: b.low, bound }),
         _ => Ok(b),
     });
     // Where both agree, B may still exceed the bound by chance.
     let b_upper_bound = b_upper_bound.map(|bound| b.map_or(bound, |b| bound.max(b.high)));
-    let q = if solved.start == 0 { seen(Q) } else { Err(Absence::LeftOut { used_from_s: tau_s[solved.start] }) };
-    let found = Coefficients { q, n: seen(N), b, k: seen(K), r: seen(R), b_upper_bound };
+    let q =
+        if solved.start == 0 { seen(Q) } else { Err(MissingCoefficient::LeftOut { used_from_s: tau_s[solved.start] }) };
+    let found = NoiseCoefficients { q, n: seen(N), b, k: seen(K), r: seen(R), b_upper_bound };
     match (found.n, plateau) {
         // One event would be in all of them.
         (Ok(n), Some(plateau)) if contradict(n, plateau.n()) => {
-            let why = Absence::Contradicted { curve: n.value, spectrum: plateau.n().value };
-            Coefficients::absent(why, b_upper_bound)
+            let why = MissingCoefficient::Contradicted { curve: n.value, spectrum: plateau.n().value };
+            NoiseCoefficients::absent(why, b_upper_bound)
         }
         _ => found,
     }
 }
 
-fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Absence> {
+fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, MissingCoefficient> {
     let (Some((square, sd)), Some(odds)) = (solved.given(term), solved.over_chance(term, tau_s)) else {
-        return Err(Absence::NotNeeded);
+        return Err(MissingCoefficient::NotNeeded);
     };
     let share = solved.share(term, tau_s);
     if share < SEEN {
-        return Err(Absence::Hidden { share: share.max(0.0) });
+        return Err(MissingCoefficient::Hidden { share: share.max(0.0) });
     }
     if odds <= CHANCE {
-        return Err(Absence::Chance { odds });
+        return Err(MissingCoefficient::Chance { odds });
     }
     // A square of so many degrees of freedom has this scatter.
     let value = square.sqrt();
@@ -264,7 +265,12 @@ fn contradict(a: Coefficient, b: Coefficient) -> bool {
 }
 
 /// What is told of a search; `None` where there were too few averaging times.
-pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, lines: &[Line]) -> Option<Fit> {
+pub(super) fn fit(
+    search: &Search,
+    tau_s: &[f64],
+    coefficients: &NoiseCoefficients,
+    lines: &[Sinusoid],
+) -> Option<FitQuality> {
     let (Search::Holds(s) | Search::Rejected(s) | Search::TooGood(s)) = search else { return None };
     let term = |c: &usize| match *c {
         Q if s.squares[Q] < 0.0 => "band limit",
@@ -277,9 +283,12 @@ pub(super) fn fit(search: &Search, tau_s: &[f64], coefficients: &Coefficients, l
         _ => "R",
     };
     let lined = if lines.is_empty() { None } else { Some("line") };
-    Some(Fit {
+    Some(FitQuality {
         holds: matches!(search, Search::Holds(_))
-            && !matches!(coefficients.n, Err(Absence::Contradicted { .. } | Absence::Unresolved { .. })),
+            && !matches!(
+                coefficients.n,
+                Err(MissingCoefficient::Contradicted { .. } | MissingCoefficient::Unresolved { .. })
+            ),
         chi_square: s.chi_square,
         dof: s.dof,
         p: s.p,

@@ -1,6 +1,6 @@
 //! Sums of squared differences of the phase.
 
-use super::Kind;
+use super::DeviationKind;
 use super::overlapping::{self, difference};
 use super::parallel::{on_threads, spread};
 use crate::stats;
@@ -72,16 +72,16 @@ impl Compensated {
 }
 
 /// Number of differences at an averaging factor.
-pub(super) fn count(phases: usize, m: usize, kind: Kind) -> usize {
+pub(super) fn count(phases: usize, m: usize, kind: DeviationKind) -> usize {
     let span = |order: usize| order.checked_mul(m).map_or(0, |s| phases.saturating_sub(s));
     match kind {
-        Kind::Adev => span(2).div_ceil(m),
-        Kind::Oadev => span(2),
-        Kind::Hdev => span(3).div_ceil(m),
-        Kind::Ohdev => span(3),
-        Kind::Mdev => (phases + 1).saturating_sub(3 * m),
+        DeviationKind::Adev => span(2).div_ceil(m),
+        DeviationKind::Oadev => span(2),
+        DeviationKind::Hdev => span(3).div_ceil(m),
+        DeviationKind::Ohdev => span(3),
+        DeviationKind::Mdev => (phases + 1).saturating_sub(3 * m),
         // Reflected data reach twice the record; beyond half of it nothing new is seen.
-        Kind::Totdev => {
+        DeviationKind::Totdev => {
             if m < phases / 2 {
                 phases - 2
             } else {
@@ -92,14 +92,18 @@ pub(super) fn count(phases: usize, m: usize, kind: Kind) -> usize {
 }
 
 /// For each averaging factor the variance times tau^2, and the number of differences in it.
-pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: Kind, threads: usize) -> Vec<(f64, usize)> {
+pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: DeviationKind, threads: usize) -> Vec<(f64, usize)> {
     let sums = match kind {
-        Kind::Oadev => overlapping::sums::<2>(phase, factors, threads),
-        Kind::Ohdev => overlapping::sums::<3>(phase, factors, threads),
+        DeviationKind::Oadev => overlapping::sums::<2>(phase, factors, threads),
+        DeviationKind::Ohdev => overlapping::sums::<3>(phase, factors, threads),
         _ => spread(factors, threads, |m| match kind {
-            Kind::Adev => (0..count(phase.len(), m, kind)).map(|i| difference::<2>(phase, i * m, m).powi(2)).sum(),
-            Kind::Hdev => (0..count(phase.len(), m, kind)).map(|i| difference::<3>(phase, i * m, m).powi(2)).sum(),
-            Kind::Mdev => modified(phase, m),
+            DeviationKind::Adev => {
+                (0..count(phase.len(), m, kind)).map(|i| difference::<2>(phase, i * m, m).powi(2)).sum()
+            }
+            DeviationKind::Hdev => {
+                (0..count(phase.len(), m, kind)).map(|i| difference::<3>(phase, i * m, m).powi(2)).sum()
+            }
+            DeviationKind::Mdev => modified(phase, m),
             _ => total(phase, m),
         }),
     };
@@ -114,7 +118,7 @@ pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: Kind, threads
 /// Modified: squares of the mean of m neighbouring differences. The moving sum starts afresh now and then, so that its
 /// rounding does not grow with the record.
 fn modified(x: &[f64], m: usize) -> f64 {
-    let n = count(x.len(), m, Kind::Mdev);
+    let n = count(x.len(), m, DeviationKind::Mdev);
     let fresh = m.max(4096);
     let mut squares = 0.0;
     let mut j = 0;

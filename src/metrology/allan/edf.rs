@@ -3,23 +3,24 @@
 //! C. A. Greenhall and W. J. Riley, *Uncertainty of Stability Variances Based on Finite Differences* (2003), for all but
 //! the total variance; NIST SP 1065, table 7, for that.
 
-use super::{Kind, Noise};
+use super::{DeviationKind, PowerLawNoise};
 
 /// Terms up to which the sums are carried out.
 const J_MAX: f64 = 100.0;
 
 /// Equivalent degrees of freedom of a variance at averaging factor `m` from a number of phases.
-pub(super) fn edf(kind: Kind, noise: Noise, m: usize, phases: usize) -> f64 {
+pub(super) fn edf(kind: DeviationKind, noise: PowerLawNoise, m: usize, phases: usize) -> f64 {
     // Beyond the exponents for which the variance converges its chi-square does not exist; the nearest one serves.
     let alpha = if kind.order() == 3 { noise.alpha() } else { noise.alpha().max(-2) };
     let ratio = (phases - 1) as f64 / m as f64;
-    if let (Kind::Totdev, Some(&(b, c))) = (kind, TOTAL.get(usize::try_from(-alpha).unwrap_or(usize::MAX)))
+    if let (DeviationKind::Totdev, Some(&(b, c))) = (kind, TOTAL.get(usize::try_from(-alpha).unwrap_or(usize::MAX)))
         && ratio < TOTAL_RATIO
     {
         return b * ratio - c;
     }
-    let overlapping = matches!(kind, Kind::Oadev | Kind::Ohdev | Kind::Mdev | Kind::Totdev);
-    let modified = kind == Kind::Mdev;
+    let overlapping =
+        matches!(kind, DeviationKind::Oadev | DeviationKind::Ohdev | DeviationKind::Mdev | DeviationKind::Totdev);
+    let modified = kind == DeviationKind::Mdev;
     Filter { alpha, d: kind.order(), m: m as f64, modified, overlapping }.edf(phases as f64)
 }
 
@@ -31,10 +32,10 @@ const TOTAL_RATIO: f64 = 16.0;
 const TOTAL: [(f64, f64); 3] = [(1.50, 0.0), (1.17, 0.22), (0.93, 0.36)];
 
 /// Expected total variance over the Allan variance, `1 - a tau / T` (SP 1065).
-pub(super) fn total_bias(kind: Kind, noise: Option<Noise>, m: usize, phases: usize) -> f64 {
+pub(super) fn total_bias(kind: DeviationKind, noise: Option<PowerLawNoise>, m: usize, phases: usize) -> f64 {
     let a = match (kind, noise) {
-        (Kind::Totdev, Some(Noise::FlickerRate)) => 1.0 / (3.0 * std::f64::consts::LN_2),
-        (Kind::Totdev, Some(Noise::RateRandomWalk)) => 0.75,
+        (DeviationKind::Totdev, Some(PowerLawNoise::FlickerRate)) => 1.0 / (3.0 * std::f64::consts::LN_2),
+        (DeviationKind::Totdev, Some(PowerLawNoise::RateRandomWalk)) => 0.75,
         _ => 0.0,
     };
     1.0 - a * m as f64 / (phases - 1) as f64

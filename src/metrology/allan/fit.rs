@@ -70,7 +70,7 @@ fn markov(tau_s: f64, markov_s: f64) -> f64 {
 }
 
 /// Squared deviations at rising averaging times, and how they scatter.
-pub(super) struct Curve {
+pub(super) struct DeviationCurve {
     pub(super) tau_s: Vec<f64>,
     pub(super) square: Vec<f64>,
     pub(super) scatter: Scatter,
@@ -119,7 +119,7 @@ pub(super) enum Search {
 
 /// The simplest fit that holds: from the first point on; with quantisation; with a band limit, from the first point that
 /// belongs to the curve behind it and one octave more; the same again with an error of the model.
-pub(super) fn search(curve: &Curve) -> Search {
+pub(super) fn search(curve: &DeviationCurve) -> Search {
     let mut nearest: Option<Solved> = None;
     for model_error in [0.0, MODEL_ERROR] {
         match curve.search(&Model { markov_s: 0.0, model_error }, curve.tau_s.len()) {
@@ -136,7 +136,7 @@ pub(super) fn search(curve: &Curve) -> Search {
 
 /// The fit with a Gauss-Markov noise beside the other terms, of the likeliest correlation time: what a slow, bounded wander
 /// of the bias looks like, as of a sensor that is warmed in turns. `None` where none holds.
-pub(super) fn search_with_markov(curve: &Curve) -> Option<Solved> {
+pub(super) fn search_with_markov(curve: &DeviationCurve) -> Option<Solved> {
     let candidates: Vec<f64> = curve.correlation_times().flat_map(|t| [t, t * std::f64::consts::SQRT_2]).collect();
     [0.0, MODEL_ERROR].into_iter().find_map(|model_error| {
         let fitted = |markov_s: f64| match curve.search(&Model { markov_s, model_error }, EARLY) {
@@ -179,7 +179,7 @@ fn belongs(fits: &[Solved]) -> bool {
     first.dof >= FEWEST_DOF && first.p >= HOLDS && behind.iter().take(ASKED).enumerate().all(added)
 }
 
-impl Curve {
+impl DeviationCurve {
     /// The simplest fit of a model that holds, from one of the first `starts` points on.
     fn search(&self, model: &Model, starts: usize) -> Search {
         let fits = |banded: bool, starts: usize| -> Vec<Solved> {
@@ -364,7 +364,7 @@ impl Solved {
     /// point. Its coefficient a from sample to sample follows from the deviation at one sample, of which it leaves
     /// `(1 - a)^2 / (1 + a)` of white noise; at m samples it leaves `1 - 3 c / 2 m` with `c = 2 a / (1 - a^2)`, and `2 c a^m / m`
     /// until it is over.
-    fn remembers(&self, curve: &Curve) -> f64 {
+    fn remembers(&self, curve: &DeviationCurve) -> f64 {
         let (Some(dt_s), Some(first)) = (curve.tau_s.first(), curve.square.first()) else { return 0.0 };
         let left = first * dt_s / self.squares[N];
         if self.squares[N] <= 0.0 || left >= 1.0 {

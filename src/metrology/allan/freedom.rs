@@ -1,10 +1,10 @@
 //! Degrees of freedom of a deviation, from the noises of which the fit makes it.
 
 use super::fit::Solved;
-use super::lines::Line;
+use super::lines::Sinusoid;
 use super::scatter::{self, BASIS, Parts, window};
-use super::{Kind, Noise, edf};
-use crate::psd::Spectrum;
+use super::{DeviationKind, PowerLawNoise, edf};
+use crate::psd::RobustSpectrum;
 use crate::stats;
 
 /// What is known of a record whose fit holds.
@@ -12,17 +12,17 @@ pub(super) struct Known<'a> {
     pub(super) fit: &'a Solved,
     /// First averaging time of the fit, s.
     pub(super) used_from_s: f64,
-    pub(super) lines: &'a [Line],
+    pub(super) lines: &'a [Sinusoid],
     /// Spectrum without the lines, where a band limit or a line was seen.
-    pub(super) spectrum: Option<&'a Spectrum>,
+    pub(super) spectrum: Option<&'a RobustSpectrum>,
     pub(super) rate_hz: f64,
-    pub(super) kind: Kind,
+    pub(super) kind: DeviationKind,
     pub(super) phases: usize,
 }
 
 impl Known<'_> {
     /// Noise that dominates at an averaging factor, and the degrees of freedom there.
-    pub(super) fn at(&self, m: usize) -> (Noise, f64) {
+    pub(super) fn at(&self, m: usize) -> (PowerLawNoise, f64) {
         let tau_s = m as f64 / self.rate_hz;
         let mut parts = if tau_s < self.used_from_s { [0.0; BASIS.len()] } else { self.fit.parts(tau_s) };
         let total: f64 = parts.iter().sum();
@@ -40,10 +40,10 @@ impl Known<'_> {
             .map(|(noise, part)| part / total * (2.0 / of(*noise)).sqrt())
             .sum();
         let mut variance = sd * sd;
-        if parts[0] <= 0.0 && self.kind == Kind::Oadev {
-            variance = variance.max(2.0 / of(Noise::WhiteRate));
+        if parts[0] <= 0.0 && self.kind == DeviationKind::Oadev {
+            variance = variance.max(2.0 / of(PowerLawNoise::WhiteRate));
         }
-        if self.kind == Kind::Oadev
+        if self.kind == DeviationKind::Oadev
             && let Some(spectrum) = self.spectrum
         {
             // Within the sensor's memory no power law holds; there the spectrum itself says how the deviation scatters.
@@ -63,7 +63,7 @@ impl Known<'_> {
 
     /// Relative variance of a squared deviation of noise and lines: the lines themselves do not scatter, only the noise
     /// beside them does, `(2 / n) S(f) (A^2 / 2) H^2` each.
-    fn with_lines(&self, spectrum: &Spectrum, m: usize, square: f64, variance: f64) -> f64 {
+    fn with_lines(&self, spectrum: &RobustSpectrum, m: usize, square: f64, variance: f64) -> f64 {
         let (mut total, mut scatter) = (square, variance * square * square);
         for line in self.lines {
             let h = window(m, line.frequency_hz / self.rate_hz);
@@ -83,7 +83,7 @@ impl Known<'_> {
 /// Ordinates on each side of a line that say how the noise is there.
 const BESIDE_LINE: usize = 8;
 
-fn dominant(parts: &Parts) -> Noise {
+fn dominant(parts: &Parts) -> PowerLawNoise {
     let largest = parts.iter().zip(BASIS).max_by(|a, b| a.0.total_cmp(b.0));
-    largest.map_or(Noise::WhiteRate, |(_, noise)| noise)
+    largest.map_or(PowerLawNoise::WhiteRate, |(_, noise)| noise)
 }

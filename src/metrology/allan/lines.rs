@@ -3,12 +3,12 @@
 use nalgebra::{Matrix4, Vector4};
 use realfft::RealFftPlanner;
 
-use crate::psd::Spectrum;
+use crate::psd::RobustSpectrum;
 use crate::stats;
 
 /// A sinusoid in a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct Sinusoid {
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Amplitude, unit of the record.
@@ -21,15 +21,15 @@ const MOST: usize = 8;
 const ROUNDS: usize = 6;
 
 /// Takes the lines off the record, the strongest first, and gives them.
-pub(super) fn take_off(values: &mut [f64], rate_hz: f64) -> Vec<Line> {
+pub(super) fn take_off(values: &mut [f64], rate_hz: f64) -> Vec<Sinusoid> {
     let mut lines = Vec::new();
     while lines.len() < MOST
-        && let Some(spectrum) = Spectrum::of(values, rate_hz)
+        && let Some(spectrum) = RobustSpectrum::of(values, rate_hz)
         && let Some(bin) = spectrum.line()
         && let step = spectrum.step_hz / rate_hz
         && let Some((frequency, amplitude)) = take_one(values, bin as f64 * step, 1.5 * step)
     {
-        lines.push(Line { frequency_hz: frequency * rate_hz, amplitude });
+        lines.push(Sinusoid { frequency_hz: frequency * rate_hz, amplitude });
     }
     lines
 }

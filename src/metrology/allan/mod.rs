@@ -19,18 +19,18 @@ mod scatter;
 use std::borrow::Cow;
 
 pub use crate::coefficient::Coefficient;
-pub use coefficients::{Absence, Coefficients, Fit};
+pub use coefficients::{FitQuality, MissingCoefficient, NoiseCoefficients};
 use fit::Search;
-pub use lines::Line;
-pub use noise::Noise;
+pub use lines::Sinusoid;
+pub use noise::PowerLawNoise;
 use resolution::Unresolved;
 
-use crate::psd::{Plateau, Spectrum};
+use crate::psd::{Plateau, RobustSpectrum};
 use crate::{Refusal, series, stats};
 
 /// Which deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum DeviationKind {
     /// Allan, disjoint.
     Adev,
     /// Allan, overlapping.
@@ -45,7 +45,7 @@ pub enum Kind {
     Totdev,
 }
 
-impl Kind {
+impl DeviationKind {
     /// Order of the difference of the phase.
     pub(crate) fn order(self) -> usize {
         if matches!(self, Self::Hdev | Self::Ohdev) { 3 } else { 2 }
@@ -76,7 +76,7 @@ pub enum Input {
 
 /// One averaging time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct DeviationPoint {
     /// Averaging time, s.
     pub tau_s: f64,
     /// Deviation, in the unit of the rate.
@@ -86,7 +86,7 @@ pub struct Point {
     /// Equivalent degrees of freedom.
     pub edf: f64,
     /// Noise type on which they rest; `None` where the record is too short to tell.
-    pub noise: Option<Noise>,
+    pub noise: Option<PowerLawNoise>,
     /// Lower end of the 68.3 % interval of the true deviation.
     pub low: f64,
     /// Upper end of the same.
@@ -97,11 +97,11 @@ pub struct Point {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Analysis {
     /// One point for each averaging time, rising.
-    pub points: Vec<Point>,
-    /// Noise coefficients; all [`Absence::OtherDeviation`] unless the deviation is [`Kind::Adev`] or [`Kind::Oadev`].
-    pub coefficients: Coefficients,
+    pub points: Vec<DeviationPoint>,
+    /// Noise coefficients; all [`MissingCoefficient::OtherDeviation`] unless the deviation is [`DeviationKind::Adev`] or [`DeviationKind::Oadev`].
+    pub coefficients: NoiseCoefficients,
     /// How well they follow the deviations; `None` with another deviation, or a record too short for a fit.
-    pub fit: Option<Fit>,
+    pub fit: Option<FitQuality>,
     /// Level part of the spectrum, which gives N once more; `None` with another deviation, or where no part is level or the
     /// record does not resolve its noise.
     pub plateau: Option<Plateau>,
@@ -124,7 +124,7 @@ pub fn analyse(
     values: &[f64],
     input: Input,
     rate_hz: f64,
-    kind: Kind,
+    kind: DeviationKind,
     taus: &Taus,
     threads: usize,
 ) -> Result<Analysis, Refusal> {
@@ -153,12 +153,12 @@ pub fn analyse(
     }
     let sums = deviation::mean_squares(&phase, &factors, kind, threads);
     let fitted = match kind {
-        Kind::Adev | Kind::Oadev => {
+        DeviationKind::Adev | DeviationKind::Oadev => {
             let rates = match input {
                 Input::Rate => Cow::Borrowed(values),
                 Input::Phase => values.windows(2).map(|w| (w[1] - w[0]) * rate_hz).collect(),
             };
-            let known = if kind == Kind::Oadev { (&factors, &sums) } else { (&Vec::new(), &Vec::new()) };
+            let known = if kind == DeviationKind::Oadev { (&factors, &sums) } else { (&Vec::new(), &Vec::new()) };
             Some(Fitted::of(rates, &phase, rate_hz, known, threads))
         }
         _ => None,
@@ -176,22 +176,22 @@ pub fn analyse(
                 let (noise, edf) = known.at(m);
                 (Some(noise), edf)
             }
-            None => (names[k], edf::edf(kind, names[k].unwrap_or(Noise::WhiteRate), m, phase.len())),
+            None => (names[k], edf::edf(kind, names[k].unwrap_or(PowerLawNoise::WhiteRate), m, phase.len())),
         };
         let unbiased = dev / edf::total_bias(kind, noise, m, phase.len()).sqrt();
         let (low, high) = stats::sd_interval(unbiased, edf, stats::ONE_SIGMA);
-        Point { tau_s, dev, n, edf, noise, low, high }
+        DeviationPoint { tau_s, dev, n, edf, noise, low, high }
     };
-    let points: Vec<Point> = factors.iter().zip(sums).enumerate().map(point).collect();
+    let points: Vec<DeviationPoint> = factors.iter().zip(sums).enumerate().map(point).collect();
     let Some(fitted) = &fitted else {
-        return Ok(Analysis { points, coefficients: Coefficients::default(), fit: None, plateau: None });
+        return Ok(Analysis { points, coefficients: NoiseCoefficients::default(), fit: None, plateau: None });
     };
     let b_upper_bound = fitted.b_upper_bound(&points, rate_hz);
     let coefficients = coefficients::of(&fitted.search, &fitted.tau_s, fitted.plateau.as_ref(), b_upper_bound);
     // A counter of angle carries what it rounds off to the next sample: seen as quantisation, it hides nothing.
     let unresolved = fitted.unresolved.filter(|u| u.sd == 0.0 || coefficients.q.is_err());
     let (coefficients, plateau) = match unresolved {
-        Some(u) => (Coefficients::absent(Absence::Unresolved { step: u.step, sd: u.sd }, None), None),
+        Some(u) => (NoiseCoefficients::absent(MissingCoefficient::Unresolved { step: u.step, sd: u.sd }, None), None),
         None => (coefficients, fitted.plateau),
     };
     let fit = coefficients::fit(&fitted.search, &fitted.tau_s, &coefficients, &fitted.lines);
@@ -208,9 +208,9 @@ struct Fitted {
     unresolved: Option<Unresolved>,
     tau_s: Vec<f64>,
     search: Search,
-    lines: Vec<Line>,
+    lines: Vec<Sinusoid>,
     /// Without the lines.
-    spectrum: Option<Spectrum>,
+    spectrum: Option<RobustSpectrum>,
     plateau: Option<Plateau>,
 }
 
@@ -228,27 +228,27 @@ impl Fitted {
         let grid: Vec<usize> =
             (0..usize::BITS).map(|k| 1 << k).take_while(|m| *m <= samples / LONGEST_FITTED).collect();
         let tau_s: Vec<f64> = grid.iter().map(|m| *m as f64 / rate_hz).collect();
-        let mut spectrum = Spectrum::of(&rates, rate_hz);
+        let mut spectrum = RobustSpectrum::of(&rates, rate_hz);
         let mut lines = Vec::new();
         let mut cleaned = None;
         if spectrum.as_ref().is_some_and(|s| s.line().is_some()) {
             lines = lines::take_off(rates.to_mut(), rate_hz);
-            spectrum = Spectrum::of(&rates, rate_hz);
+            spectrum = RobustSpectrum::of(&rates, rate_hz);
             let mean = deviation::mean(&rates, threads);
             cleaned = Some(deviation::integrate(&rates, mean, 1.0 / rate_hz, threads));
         }
         let sums = match (&cleaned, grid.iter().map(|m| known.0.binary_search(m).ok()).collect::<Option<Vec<_>>>()) {
             (None, Some(places)) => places.into_iter().map(|place| known.1[place]).collect(),
-            _ => deviation::mean_squares(cleaned.as_deref().unwrap_or(phase), &grid, Kind::Oadev, threads),
+            _ => deviation::mean_squares(cleaned.as_deref().unwrap_or(phase), &grid, DeviationKind::Oadev, threads),
         };
         let square = sums.iter().zip(&tau_s).map(|((square, _), tau_s)| square / (tau_s * tau_s)).collect();
         let stretch = |&m: &usize| {
-            let white = 2.0 / edf::edf(Kind::Oadev, Noise::WhiteRate, m, phase.len());
+            let white = 2.0 / edf::edf(DeviationKind::Oadev, PowerLawNoise::WhiteRate, m, phase.len());
             let measured = spectrum.as_ref().and_then(|s| scatter::measured(s, rate_hz, samples, m));
             measured.map_or(1.0, |(_, variance)| (variance / white).sqrt().max(1.0))
         };
         let memory = grid.iter().map(stretch).collect();
-        let curve = fit::Curve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square, memory };
+        let curve = fit::DeviationCurve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square, memory };
         let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
         let mut search = fit::search(&curve);
         // Without a term for a bounded wander, a fit of its long end takes that for the noise of the sensor.
@@ -261,7 +261,7 @@ impl Fitted {
     }
 
     /// Upper bound of B, from the deviations beyond the sensor's memory.
-    fn b_upper_bound(&self, points: &[Point], rate_hz: f64) -> Option<f64> {
+    fn b_upper_bound(&self, points: &[DeviationPoint], rate_hz: f64) -> Option<f64> {
         let lowest = |shortest_s: f64| {
             let usable = points.iter().filter(|p| p.edf.is_finite() && p.dev > 0.0 && p.tau_s >= shortest_s);
             usable.map(|p| coefficients::bound(p.dev, p.edf)).reduce(f64::min)
@@ -274,7 +274,7 @@ impl Fitted {
         if let Search::Holds(fit) = &self.search { self.tau_s[fit.start] } else { 0.0 }
     }
 
-    fn known(&self, rate_hz: f64, kind: Kind, phases: usize) -> Option<freedom::Known<'_>> {
+    fn known(&self, rate_hz: f64, kind: DeviationKind, phases: usize) -> Option<freedom::Known<'_>> {
         let Search::Holds(fit) = &self.search else { return None };
         Some(freedom::Known {
             fit,
@@ -289,7 +289,7 @@ impl Fitted {
 }
 
 /// Averaging factors in samples, rising, each with at least two differences.
-fn factors(taus: &Taus, phases: usize, rate_hz: f64, kind: Kind) -> Result<Vec<usize>, Refusal> {
+fn factors(taus: &Taus, phases: usize, rate_hz: f64, kind: DeviationKind) -> Result<Vec<usize>, Refusal> {
     let fits = |m: &usize| deviation::count(phases, *m, kind) >= 2;
     let factors: Vec<usize> = match taus {
         Taus::Octave => (0..usize::BITS - 1).map(|k| 1 << k).take_while(fits).collect(),

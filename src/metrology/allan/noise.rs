@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-/// Power-law noise of the rate: spectral density proportional to the frequency to the power of [`Noise::alpha`].
+/// Power-law noise of the rate: spectral density proportional to the frequency to the power of [`PowerLawNoise::alpha`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Noise {
+pub enum PowerLawNoise {
     /// White phase: quantisation (alpha 2).
     WhitePhase,
     /// Flicker phase (alpha 1).
@@ -21,7 +21,7 @@ pub enum Noise {
     RandomRun,
 }
 
-impl Noise {
+impl PowerLawNoise {
     const ALL: [Self; 7] = [
         Self::WhitePhase,
         Self::FlickerPhase,
@@ -45,7 +45,7 @@ impl Noise {
     }
 }
 
-impl fmt::Display for Noise {
+impl fmt::Display for PowerLawNoise {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::WhitePhase => "white phase",
@@ -69,10 +69,10 @@ const DOUBT: f64 = 3.0;
 /// What the lag-1 correlation says of the noise at an averaging time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Evidence {
-    likely: Noise,
+    likely: PowerLawNoise,
     /// Names that three standard deviations of the correlation do not exclude.
-    bluest: Noise,
-    reddest: Noise,
+    bluest: PowerLawNoise,
+    reddest: PowerLawNoise,
 }
 
 /// Lag-1 autocorrelation method (Riley and Greenhall, *Power law noise identification using the lag 1 autocorrelation*,
@@ -103,7 +103,7 @@ pub(super) fn identify(phase: &[f64], m: usize, order: usize) -> Option<Evidence
 }
 
 /// The noise of which the correlations of the first, second ... differences, all shifted by so much, speak.
-fn named(correlations: &[f64], shift: f64) -> Noise {
+fn named(correlations: &[f64], shift: f64) -> PowerLawNoise {
     let order = correlations.len();
     for (before, r1) in correlations.iter().enumerate() {
         let differences = before + 1;
@@ -113,24 +113,24 @@ fn named(correlations: &[f64], shift: f64) -> Noise {
             return of_second_differences(r1);
         }
         if delta < 0.25 || differences == order {
-            return Noise::of_alpha(2.0 - 2.0 * (delta + differences as f64), order);
+            return PowerLawNoise::of_alpha(2.0 - 2.0 * (delta + differences as f64), order);
         }
     }
-    Noise::WhiteRate
+    PowerLawNoise::WhiteRate
 }
 
 /// Names along rising averaging times. Between 32 and 200 decimated phases a correlation scatters by more than a name is
 /// wide, so a name goes on until the record excludes it, and the colour turns no bluer than white unless the shortest
 /// averaging times show noise of the phase.
-pub(super) fn names(evidence: &[Option<Evidence>]) -> Vec<Option<Noise>> {
+pub(super) fn names(evidence: &[Option<Evidence>]) -> Vec<Option<PowerLawNoise>> {
     let first = evidence.iter().flatten().next().map(|e| e.likely);
-    let bluest = first.filter(|f| f.alpha() > 0).unwrap_or(Noise::WhiteRate);
-    let mut name: Option<Noise> = None;
+    let bluest = first.filter(|f| f.alpha() > 0).unwrap_or(PowerLawNoise::WhiteRate);
+    let mut name: Option<PowerLawNoise> = None;
     evidence
         .iter()
         .map(|evidence| {
             if let Some(e) = evidence {
-                let excluded = |n: Noise| n.alpha() > e.bluest.alpha() || n.alpha() < e.reddest.alpha();
+                let excluded = |n: PowerLawNoise| n.alpha() > e.bluest.alpha() || n.alpha() < e.reddest.alpha();
                 if name.is_none_or(excluded) {
                     name = Some(if e.likely.alpha() > bluest.alpha() { bluest } else { e.likely });
                 }
@@ -144,10 +144,10 @@ pub(super) fn names(evidence: &[Option<Evidence>]) -> Vec<Option<Noise>> {
 /// here they are means over the averaging time, whose correlation is -0.50 for white, -0.22 for flicker and +0.25 for
 /// random walk of the rate (-0.50, -0.33 and 0 for samples). The borders lie between both sets: the method's own, -0.43
 /// and -0.20, would call most flicker a random walk.
-fn of_second_differences(r1: f64) -> Noise {
+fn of_second_differences(r1: f64) -> PowerLawNoise {
     match r1 {
-        _ if r1 < -0.4 => Noise::WhiteRate,
-        _ if r1 < -0.1 => Noise::FlickerRate,
-        _ => Noise::RateRandomWalk,
+        _ if r1 < -0.4 => PowerLawNoise::WhiteRate,
+        _ if r1 < -0.1 => PowerLawNoise::FlickerRate,
+        _ => PowerLawNoise::RateRandomWalk,
     }
 }

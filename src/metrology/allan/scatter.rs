@@ -9,11 +9,12 @@
 
 use nalgebra::DMatrix;
 
-use super::{Kind, Noise, edf};
-use crate::psd::Spectrum;
+use super::{DeviationKind, PowerLawNoise, edf};
+use crate::psd::RobustSpectrum;
 
 /// The noises of which a curve is made, bluest first.
-pub(super) const BASIS: [Noise; 4] = [Noise::WhitePhase, Noise::WhiteRate, Noise::FlickerRate, Noise::RateRandomWalk];
+pub(super) const BASIS: [PowerLawNoise; 4] =
+    [PowerLawNoise::WhitePhase, PowerLawNoise::WhiteRate, PowerLawNoise::FlickerRate, PowerLawNoise::RateRandomWalk];
 /// The part of each of them in a squared deviation.
 pub(super) type Parts = [f64; BASIS.len()];
 
@@ -30,7 +31,7 @@ pub(super) fn window(m: usize, frequency: f64) -> f64 {
 
 /// Squared deviation and its relative variance by a measured spectrum: `(1 / n) int S^2 H^2 / (int S H)^2`. `None` where its
 /// frequencies are too far apart to show the window of an averaging factor.
-pub(super) fn measured(spectrum: &Spectrum, rate_hz: f64, samples: usize, m: usize) -> Option<(f64, f64)> {
+pub(super) fn measured(spectrum: &RobustSpectrum, rate_hz: f64, samples: usize, m: usize) -> Option<(f64, f64)> {
     let segment = 2 * (spectrum.density.len() - 1);
     if m * OF_SEGMENT > segment {
         return None;
@@ -101,7 +102,7 @@ impl Scatter {
             .map(|(a, m)| {
                 let mut ends = [1.0; BASIS.len()];
                 for (pair, (k, l)) in pairs().enumerate().filter(|(_, (k, l))| k == l) {
-                    let variance = 2.0 / edf::edf(Kind::Oadev, BASIS[l], *m, phases);
+                    let variance = 2.0 / edf::edf(DeviationKind::Oadev, BASIS[l], *m, phases);
                     ends[k] = (variance / common[pair * n * n + a * n + a]).powf(0.25);
                 }
                 ends

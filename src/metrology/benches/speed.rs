@@ -10,8 +10,8 @@ mod truth;
 use std::hint::black_box;
 use std::time::Instant;
 
-use gnc_metrology::allan::{Input, Kind, Taus, analyse};
-use gnc_metrology::gate::{Layout, Screening, one_stretch};
+use gnc_metrology::allan::{DeviationKind, Input, Taus, analyse};
+use gnc_metrology::gate::{RecordLayout, Screening, one_stretch};
 use gnc_metrology::{ellipse, ellipsoid};
 use nix::time::{ClockId, clock_gettime};
 use truth::Dice;
@@ -51,7 +51,7 @@ fn allan(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
     let before = status_mb("VmRSS:");
     let (wall, cpu) = best(15, || {
         for axis in &axes {
-            black_box(analyse(axis, Input::Rate, 1000.0, Kind::Oadev, &Taus::Octave, 2).unwrap());
+            black_box(analyse(axis, Input::Rate, 1000.0, DeviationKind::Oadev, &Taus::Octave, 2).unwrap());
         }
     });
     judge("oadev, octave, 6 axes x 3.6 million, two threads", wall, 0.25, "s", &format!(", processor time {cpu:.3} s"));
@@ -70,7 +70,7 @@ fn gate(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
         .collect();
     let units: Vec<f64> = counts.iter().map(|v| ((v + dice.normal()) * 1e4).round() / 1e6).collect();
     let blocks = one_stretch(counts.len());
-    let layout = Layout { blocks: &blocks, still: true, range_end: None };
+    let layout = RecordLayout { blocks: &blocks, still: true, range_end: None };
     for (what, values) in [("codes", &counts), ("units", &units)] {
         let (wall, cpu) = best(15, || {
             assert_eq!(black_box(Screening::of(&["x"], &[values], &layout)).left_out().total(), 0);

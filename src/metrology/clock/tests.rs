@@ -2,7 +2,7 @@
 
 use super::*;
 
-fn one(stamps: &[f64], stated: Option<Stated>) -> Result<Option<Rate>, Refusal> {
+fn one(stamps: &[f64], stated: Option<Stated>) -> Result<Option<ClockRate>, Refusal> {
     check(stamps, std::slice::from_ref(&(0..stamps.len())), stated)
 }
 
@@ -29,7 +29,7 @@ fn rounded(t: f64, digits: i32) -> f64 {
 }
 
 #[track_caller]
-fn reads(stamps: &[f64], stated: Option<Stated>, rate_hz: f64) -> Rate {
+fn reads(stamps: &[f64], stated: Option<Stated>, rate_hz: f64) -> ClockRate {
     let rate = one(stamps, stated).unwrap_or_else(|e| panic!("{e}")).expect("a rate");
     assert!((rate.rate_hz - rate_hz).abs() <= 4.0 * rate.rate_u_hz + 1e-12 * rate_hz, "{rate:?}, true {rate_hz}");
     rate

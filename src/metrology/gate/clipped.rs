@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::character::Character;
 use super::extremes::PART;
-use super::{Fault, Screening};
+use super::{RowFault, Screening};
 use crate::stats;
 
 /// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
@@ -47,7 +47,7 @@ pub(super) fn search(
                 }
                 let is_word = is_word(found, values, block, extreme, scale);
                 for row in block.clone().filter(|row| values[*row] == extreme) {
-                    found.mark(row, if is_word { Fault::FailedRead } else { Fault::Clipped });
+                    found.mark(row, if is_word { RowFault::FailedRead } else { RowFault::Clipped });
                 }
                 if !is_word {
                     found.cut_at(name, number, blocks, extreme);

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::character::Character;
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
-use super::{Fault, Layout, Screening, tails};
+use super::{RecordLayout, RowFault, Screening, tails};
 
 /// Rows beside a row from which its level is known.
 const BESIDE: usize = 5;
@@ -13,7 +13,7 @@ const BESIDE: usize = 5;
 const NEAR: f64 = 8.0;
 
 /// Marks rows in which all channels show 0, or all show -1, where that is no chance.
-pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
+pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &RecordLayout<'_>) {
     let lowest_step = characters.iter().map(|character| character.step).fold(f64::INFINITY, f64::min);
     let mut words = vec![0.0, -1.0];
     if lowest_step.is_finite() && lowest_step > 0.0 {
@@ -76,7 +76,7 @@ fn judge(
                 block += 1;
             }
             if on_end || is_impossible(channels, characters, &blocks[block], word, *row) {
-                found.mark(*row, Fault::FailedRead);
+                found.mark(*row, RowFault::FailedRead);
             } else {
                 unsure.push(*row);
             }
@@ -85,7 +85,7 @@ fn judge(
     let mut excess = Excess::of(unsure.len(), expected, || codes_beside(channels, word, characters));
     for row in unsure {
         if excess.takes(1) {
-            found.mark(row, Fault::FailedRead);
+            found.mark(row, RowFault::FailedRead);
         }
     }
 }
@@ -107,7 +107,7 @@ fn judge_tails(
             let mut excess = Excess::over(tail.len(), natural);
             for row in tail {
                 if excess.takes(1) {
-                    found.mark(row, Fault::FailedRead);
+                    found.mark(row, RowFault::FailedRead);
                 }
             }
         }

@@ -8,12 +8,12 @@ use super::character::Character;
 use super::extremes::PART;
 use super::spikes::{CURVED, REACH, SIDE, limit};
 use super::stale::COMMON;
-use super::{Fault, Layout, Screening};
+use super::{RecordLayout, RowFault, Screening};
 
 /// Marks words that are held for up to [`REACH`] rows. The search for stale rows finds longer ones.
 ///
 /// Only where the record's noise makes repeats rare: a motion without noise has plateaus.
-pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
+pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &RecordLayout<'_>) {
     for piece in character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON) {
         let block = &layout.blocks[piece.block];
         // Of a sensor that is read more often than it updates, only the rows that move tell the scale.
@@ -34,7 +34,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
 fn look(
     found: &mut Screening,
     values: &[f64],
-    layout: &Layout<'_>,
+    layout: &RecordLayout<'_>,
     block: &Range<usize>,
     rows: Range<usize>,
     far: f64,
@@ -51,7 +51,7 @@ fn look(
             && is_far(found, values, block, &(row..end), far)
         {
             for held in row..end {
-                found.mark(held, Fault::FailedRead);
+                found.mark(held, RowFault::FailedRead);
             }
         }
         row = end;

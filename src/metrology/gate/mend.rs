@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::Fault;
+use super::RowFault;
 use super::smoother::{STRIDE, Smoother};
 use crate::{Refusal, quantisation, stats};
 
@@ -19,7 +19,7 @@ const CLOSER: f64 = 0.8;
 const SQUARES: usize = 2048;
 
 /// Runs of rows that are left out, within their blocks.
-fn holes(faults: &[Option<Fault>], block: &Range<usize>) -> Vec<Range<usize>> {
+fn holes(faults: &[Option<RowFault>], block: &Range<usize>) -> Vec<Range<usize>> {
     let mut holes = Vec::new();
     let mut row = block.start;
     while row < block.end.min(faults.len()) {
@@ -40,7 +40,7 @@ fn holes(faults: &[Option<Fault>], block: &Range<usize>) -> Vec<Range<usize>> {
 pub(super) fn unbent(
     name: &str,
     values: &[f64],
-    faults: &[Option<Fault>],
+    faults: &[Option<RowFault>],
     blocks: &[Range<usize>],
 ) -> Result<(), Refusal> {
     for block in blocks {
@@ -71,7 +71,7 @@ pub(super) fn unbent(
 }
 
 /// The line between the neighbours; the nearer one where there is but one.
-pub(super) fn bridge(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<usize>]) -> Vec<f64> {
+pub(super) fn bridge(values: &[f64], faults: &[Option<RowFault>], blocks: &[Range<usize>]) -> Vec<f64> {
     let mut mended = values.to_vec();
     for block in blocks {
         for hole in holes(faults, block) {
@@ -93,7 +93,7 @@ pub(super) fn bridge(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
 ///
 /// The nearest neighbours and the level beside a hole predict it. Where more neighbours on both sides predict better by far,
 /// as beside vibration or behind a low-pass, they do.
-pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<usize>]) -> Vec<f64> {
+pub(super) fn refill(values: &[f64], faults: &[Option<RowFault>], blocks: &[Range<usize>]) -> Vec<f64> {
     let mut mended = bridge(values, faults, blocks);
     for block in blocks {
         let holes = holes(faults, block);
@@ -117,7 +117,7 @@ pub(super) fn refill(values: &[f64], faults: &[Option<Fault>], blocks: &[Range<u
 /// would follow its neighbours and raise every deviation at longer times.
 struct Nearest<'a> {
     values: &'a [f64],
-    faults: &'a [Option<Fault>],
+    faults: &'a [Option<RowFault>],
     block: &'a Range<usize>,
     weight: f64,
     mean: f64,
@@ -125,7 +125,7 @@ struct Nearest<'a> {
 }
 
 impl<'a> Nearest<'a> {
-    fn learn(values: &'a [f64], faults: &'a [Option<Fault>], block: &'a Range<usize>) -> Self {
+    fn learn(values: &'a [f64], faults: &'a [Option<RowFault>], block: &'a Range<usize>) -> Self {
         let (mean, slope) = regression(values, faults, block);
         Self { values, faults, block, weight: weight(values, faults, block), mean, slope }
     }
@@ -177,7 +177,7 @@ impl<'a> Nearest<'a> {
 }
 
 /// Mean of the sound rows beside a hole.
-fn mean_beside(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>, hole: Range<usize>) -> f64 {
+fn mean_beside(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>, hole: Range<usize>) -> f64 {
     let left = (block.start..hole.start).rev().filter(|row| faults[*row].is_none()).take(BESIDE);
     let right = (hole.end..block.end).filter(|row| faults[*row].is_none()).take(BESIDE);
     let beside: Vec<f64> = left.chain(right).map(|row| values[row]).collect();
@@ -185,7 +185,7 @@ fn mean_beside(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>, h
 }
 
 /// Mean of the sound rows, and the regression of a row on the mean of those beside it, between 0 and 1.
-fn regression(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) -> (f64, f64) {
+fn regression(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>) -> (f64, f64) {
     let rows = block.start..block.end.min(block.start + LEARN);
     let sound: Vec<f64> = block.clone().filter(|row| faults[*row].is_none()).map(|row| values[row]).collect();
     if sound.is_empty() {
@@ -215,7 +215,7 @@ fn regression(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) ->
 }
 
 /// `r1 / (1 + r2)`, from rows about the mean of their piece.
-fn weight(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>) -> f64 {
+fn weight(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>) -> f64 {
     const PIECE: usize = 4 * BESIDE;
     let rows = block.start..block.end.min(block.start + LEARN);
     let (mut squares, mut one, mut two) = (0.0, 0.0, 0.0);

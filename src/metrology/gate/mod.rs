@@ -44,7 +44,7 @@ const LEARN_STEP: usize = 1 << 16;
 
 /// What is wrong with a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fault {
+pub enum RowFault {
     /// A word in place of a sample: 0, -1, an end of the range, or any word where the sensor cannot have been.
     FailedRead,
     /// Far from its neighbours on both sides.
@@ -75,19 +75,19 @@ impl LeftOut {
         self.failed_reads + self.spikes + self.stale + self.clipped
     }
 
-    fn of(&mut self, fault: Fault) -> &mut usize {
+    fn of(&mut self, fault: RowFault) -> &mut usize {
         match fault {
-            Fault::FailedRead => &mut self.failed_reads,
-            Fault::Spike => &mut self.spikes,
-            Fault::Stale => &mut self.stale,
-            Fault::Clipped => &mut self.clipped,
+            RowFault::FailedRead => &mut self.failed_reads,
+            RowFault::Spike => &mut self.spikes,
+            RowFault::Stale => &mut self.stale,
+            RowFault::Clipped => &mut self.clipped,
         }
     }
 }
 
 /// What rows mean to a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rows {
+pub enum RowMeaning {
     /// Samples of a mean or points of a curve: their number and order do not matter.
     Samples,
     /// Steps of time, counted. A row too many is time that did not pass.
@@ -98,7 +98,7 @@ pub enum Rows {
 
 /// How a record lies before the gate.
 #[derive(Debug, Clone, Copy)]
-pub struct Layout<'a> {
+pub struct RecordLayout<'a> {
     /// Uninterrupted stretches: positions, runs, captures. Neighbours are sought within one.
     pub blocks: &'a [Range<usize>],
     /// Whether each stretch is meant to have one level, so that a value cut at one side shows.
@@ -107,7 +107,7 @@ pub struct Layout<'a> {
     pub range_end: Option<f64>,
 }
 
-impl Layout<'_> {
+impl RecordLayout<'_> {
     /// Whether a value is an end of the range: the one that is known, or that of a word of 8, 12, 16, 20, 24 or 32 bits.
     fn is_end(&self, value: f64) -> bool {
         let of_word = |bits: i32| value == f64::from(bits).exp2() - 1.0 || value == -f64::from(bits).exp2();
@@ -124,7 +124,7 @@ pub fn one_stretch(rows: usize) -> [Range<usize>; 1] {
 /// What the gate found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screening {
-    faults: Vec<Option<Fault>>,
+    faults: Vec<Option<RowFault>>,
     left_out: LeftOut,
     clipped_at: Option<(String, f64)>,
     polled: Option<f64>,
@@ -135,7 +135,7 @@ impl Screening {
     ///
     /// Channels are equally long; values that are not finite are left to the checks of the method.
     #[must_use]
-    pub fn of(names: &[&str], channels: &[&[f64]], layout: &Layout<'_>) -> Self {
+    pub fn of(names: &[&str], channels: &[&[f64]], layout: &RecordLayout<'_>) -> Self {
         let rows = channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
         let mut found = Self { faults: vec![None; rows], left_out: LeftOut::default(), clipped_at: None, polled: None };
         let characters: Vec<Character> =
@@ -198,7 +198,7 @@ impl Screening {
 
     /// What is wrong with a row, from 0.
     #[must_use]
-    pub fn fault(&self, row: usize) -> Option<Fault> {
+    pub fn fault(&self, row: usize) -> Option<RowFault> {
         self.faults.get(row).copied().flatten()
     }
 
@@ -241,10 +241,10 @@ impl Screening {
     ///
     /// # Errors
     /// [`Refusal::Clipped`], [`Refusal::BadRows`], [`Refusal::Stale`], each with the first row and the share.
-    pub fn admit(&self, rows: Rows) -> Result<(), Refusal> {
+    pub fn admit(&self, rows: RowMeaning) -> Result<(), Refusal> {
         let first = |fault| 1 + self.faults.iter().position(|found| *found == Some(fault)).unwrap_or(0);
         let total = self.rows();
-        let limit_percent = if rows == Rows::Samples { MOST_OF_MEANS_PERCENT } else { MOST_OF_SERIES_PERCENT };
+        let limit_percent = if rows == RowMeaning::Samples { MOST_OF_MEANS_PERCENT } else { MOST_OF_SERIES_PERCENT };
         let above = |count: usize, limit_percent: f64| count as f64 * 100.0 > limit_percent * total as f64;
         let LeftOut { failed_reads, spikes, stale, clipped } = self.left_out;
         // Where one row in four is bad, the scale is spoilt and the end of the noise looks clipped. The refusal names the
@@ -252,25 +252,31 @@ impl Screening {
         let mostly_bad = above(failed_reads + spikes, limit_percent) && failed_reads + spikes > clipped;
         if let Some((channel, value)) = self.clipped_at.as_ref().filter(|_| !mostly_bad) {
             let (channel, value) = (channel.clone(), *value);
-            return Err(Refusal::Clipped { channel, value, samples: clipped, total, first_row: first(Fault::Clipped) });
+            return Err(Refusal::Clipped {
+                channel,
+                value,
+                samples: clipped,
+                total,
+                first_row: first(RowFault::Clipped),
+            });
         }
         if above(failed_reads + spikes, limit_percent) {
             let (what, samples, fault) = if failed_reads >= spikes {
-                ("failed reads", failed_reads, Fault::FailedRead)
+                ("failed reads", failed_reads, RowFault::FailedRead)
             } else {
-                ("spikes", spikes, Fault::Spike)
+                ("spikes", spikes, RowFault::Spike)
             };
             return Err(Refusal::BadRows { what, samples, total, first_row: first(fault), limit_percent });
         }
         let polled = self.polled.is_some_and(|rows| rows <= MOST_POLLED);
         let too_many = match rows {
-            Rows::Samples => above(stale, limit_percent) && !polled,
-            Rows::Steps => stale > 0,
-            Rows::ClockedSteps => above(stale, limit_percent),
+            RowMeaning::Samples => above(stale, limit_percent) && !polled,
+            RowMeaning::Steps => stale > 0,
+            RowMeaning::ClockedSteps => above(stale, limit_percent),
         };
         if too_many {
             let rows_per_update = self.polled.map(|_| total as f64 / (total - stale).max(1) as f64);
-            return Err(Refusal::Stale { samples: stale, total, first_row: first(Fault::Stale), rows_per_update });
+            return Err(Refusal::Stale { samples: stale, total, first_row: first(RowFault::Stale), rows_per_update });
         }
         Ok(())
     }
@@ -288,7 +294,7 @@ impl Screening {
     }
 
     /// Marks a row that nothing is known of yet; whether it did.
-    fn mark(&mut self, row: usize, fault: Fault) -> bool {
+    fn mark(&mut self, row: usize, fault: RowFault) -> bool {
         let Some(place @ None) = self.faults.get_mut(row) else { return false };
         *place = Some(fault);
         *self.left_out.of(fault) += 1;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::Fault;
+use super::RowFault;
 
 /// Rows on each side.
 pub(super) const SIDE: usize = 16;
@@ -33,7 +33,7 @@ pub(super) struct Smoother {
 
 impl Smoother {
     /// `None` where too few rows have sound neighbours.
-    pub(super) fn learn(values: &[f64], faults: &[Option<Fault>], block: &Range<usize>, mean: f64) -> Option<Self> {
+    pub(super) fn learn(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>, mean: f64) -> Option<Self> {
         let rows = rows(faults, block);
         if rows.len() < FEWEST {
             return None;
@@ -86,7 +86,7 @@ fn sums(values: &[f64], row: usize, mean: f64) -> SVector<f64, SIDE> {
 }
 
 /// Rows with sound neighbours on both sides, from all over a block.
-fn rows(faults: &[Option<Fault>], block: &Range<usize>) -> Vec<usize> {
+fn rows(faults: &[Option<RowFault>], block: &Range<usize>) -> Vec<usize> {
     let stretches = if block.len() <= LEARN { block.len().div_ceil(TOGETHER) } else { LEARN / TOGETHER };
     let mut rows = Vec::new();
     for stretch in 0..stretches {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::character::{self, Character, Piece};
 use super::extremes::PART;
-use super::{Fault, Layout, Screening, stale};
+use super::{RecordLayout, RowFault, Screening, stale};
 use crate::stats;
 
 /// Neighbours on each side whose median a sample is compared with: two of them may be spikes themselves.
@@ -40,7 +40,7 @@ const TOUCHING: f64 = 0.01;
 /// Spikes hide each other; each pass finds what the one before laid open.
 const PASSES: usize = 5;
 
-pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
+pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &RecordLayout<'_>) {
     let mut spikes = Vec::new();
     let mut sought = Sought { far: FAR, longest: LONGEST };
     for _ in 0..PASSES {
@@ -50,7 +50,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         }
         // Marked after a whole pass, as what they are only when all are known.
         for row in &spikes[before..] {
-            found.mark(*row, Fault::Spike);
+            found.mark(*row, RowFault::Spike);
         }
         let next = sought.after(&spikes, values.len());
         if spikes.is_empty() || (spikes.len() == before && next == sought) {
@@ -78,8 +78,8 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
 impl Screening {
     /// A spike that is a failed read.
     fn reconsider(&mut self, row: usize) {
-        if let Some(place @ Some(Fault::Spike)) = self.faults.get_mut(row) {
-            *place = Some(Fault::FailedRead);
+        if let Some(place @ Some(RowFault::Spike)) = self.faults.get_mut(row) {
+            *place = Some(RowFault::FailedRead);
             self.left_out.spikes -= 1;
             self.left_out.failed_reads += 1;
         }
@@ -141,7 +141,7 @@ fn look(
     values: &[f64],
     character: &Character,
     piece: &Piece,
-    layout: &Layout<'_>,
+    layout: &RecordLayout<'_>,
     Sought { far, longest }: Sought,
     spikes: &mut Vec<usize>,
 ) {

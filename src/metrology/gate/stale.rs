@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::character::{Character, Piece};
 use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
-use super::{Fault, Layout, Screening};
+use super::{RecordLayout, RowFault, Screening};
 
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
@@ -23,7 +23,7 @@ pub(super) fn search(
     names: &[&str],
     channels: &[&[f64]],
     characters: &[Character],
-    layout: &Layout<'_>,
+    layout: &RecordLayout<'_>,
 ) -> Option<f64> {
     let blocks = layout.blocks;
     let before = found.left_out.stale;
@@ -38,7 +38,13 @@ pub(super) fn search(
 }
 
 /// Marks rows that repeat the row before on all channels.
-fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters: &[Character], layout: &Layout<'_>) {
+fn on_all(
+    found: &mut Screening,
+    names: &[&str],
+    channels: &[&[f64]],
+    characters: &[Character],
+    layout: &RecordLayout<'_>,
+) {
     let blocks = layout.blocks;
     let rows = found.rows();
     let pieces = characters.first().map_or(&[][..], |character| &character.pieces);
@@ -81,7 +87,7 @@ fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters
         for run in runs(at) {
             // What lies still moves before and after a repeat where two spikes stand beside it.
             if !layout.still && pauses(channels, characters, at, block, run[0]) {
-                found.mark(run[0], Fault::Stale);
+                found.mark(run[0], RowFault::Stale);
             }
             // The methods of several channels check that each lies within its range. Those of one leave it to the gate.
             if let ([name], [values], [character]) = (names, channels, characters)
@@ -90,12 +96,12 @@ fn on_all(found: &mut Screening, names: &[&str], channels: &[&[f64]], characters
                 && is_extreme(character, pieces[at].block, values[run[0]])
             {
                 (run[0] - 1..=run[run.len() - 1]).for_each(|row| {
-                    found.mark(row, Fault::Clipped);
+                    found.mark(row, RowFault::Clipped);
                 });
                 found.cut_at(name, pieces[at].block, blocks, values[run[0]]);
             } else if run.len() >= shortest || excess.takes(run.len()) {
                 for row in run {
-                    found.mark(*row, Fault::Stale);
+                    found.mark(*row, RowFault::Stale);
                 }
             }
         }
@@ -112,7 +118,7 @@ fn is_extreme(character: &Character, block: usize, value: f64) -> bool {
 ///
 /// A channel that is read more often than it updates, as a temperature beside rates, does so all the time: for it an update
 /// counts as one row.
-fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: &Layout<'_>) {
+fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: &RecordLayout<'_>) {
     let judged = || character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON);
     // Repeats on end, by piece, with how many of them nothing is known of yet.
     let mut runs: Vec<(&Piece, Vec<usize>, usize)> = Vec::new();
@@ -145,7 +151,7 @@ fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: 
         }
         // A sensor at the end of its range is not frozen.
         for row in run.into_iter().filter(|row| !layout.is_end(values[*row])) {
-            found.mark(row, Fault::Stale);
+            found.mark(row, RowFault::Stale);
         }
     }
 }
@@ -247,7 +253,7 @@ fn polled(found: &Screening, stale: usize, blocks: &[Range<usize>]) -> Option<f6
     for block in blocks {
         let mut length = 0;
         for row in block.clone() {
-            if found.fault(row) != Some(Fault::Stale) {
+            if found.fault(row) != Some(RowFault::Stale) {
                 evenly += even(length);
                 length = 0;
             }

@@ -19,7 +19,7 @@ fn noise(seed: u64, rows: usize, level: f64, sd: f64) -> Vec<f64> {
 
 fn screen(channels: &[&[f64]], blocks: &[Range<usize>], still: bool) -> Screening {
     const NAMES: [&str; 3] = ["x", "y", "z"];
-    Screening::of(&NAMES[..channels.len()], channels, &Layout { blocks, still, range_end: None })
+    Screening::of(&NAMES[..channels.len()], channels, &RecordLayout { blocks, still, range_end: None })
 }
 
 /// What is left out of a single stretch: failed reads, spikes, stale, clipped.
@@ -109,7 +109,7 @@ fn failed_reads_are_found_by_where_they_stand() {
             assert_eq!(found.left_out().total(), 80, "{what} at {level}");
             assert_eq!(found.first_row(), Some(25));
             assert!(bad.iter().all(|row| !found.keeps(*row)));
-            assert_eq!(found.admit(Rows::Samples), Ok(()));
+            assert_eq!(found.admit(RowMeaning::Samples), Ok(()));
         }
     }
     // A single channel about zero: zeros come by chance, and some more of them do not.
@@ -145,8 +145,8 @@ fn stale_rows_are_told_from_chance() {
         // Neighbours that are alike by chance lie in one run with their copies.
         assert!((5000..5500).contains(&found.left_out().stale), "{sd}: {:?}", found.left_out());
         assert_eq!(found.rows_per_update().is_some(), sd > 5.0, "{sd}: {:?}", found.polled);
-        assert_eq!(found.admit(Rows::Samples).is_ok(), sd > 5.0, "{sd}");
-        assert!(matches!(found.admit(Rows::Steps), Err(Refusal::Stale { first_row: 2, .. })));
+        assert_eq!(found.admit(RowMeaning::Samples).is_ok(), sd > 5.0, "{sd}");
+        assert!(matches!(found.admit(RowMeaning::Steps), Err(Refusal::Stale { first_row: 2, .. })));
     }
     // Held for 50 of each 200.
     let held: Vec<f64> = noise(7, 10_000, 10.0, 30.0)
@@ -159,7 +159,7 @@ fn stale_rows_are_told_from_chance() {
         .collect();
     let found = screen(&[&held], &one_stretch(10_000), true);
     assert!((2500..2600).contains(&found.left_out().stale), "{:?}", found.left_out());
-    assert!(found.admit(Rows::Samples).is_err());
+    assert!(found.admit(RowMeaning::Samples).is_err());
 }
 
 #[test]
@@ -170,9 +170,12 @@ fn a_tail_cut_at_one_side_is_found() {
             let from = if half { 2000 } else { 0 };
             values[from..].iter_mut().for_each(|value| *value = value.min(8000.0 + (cut * 40.0_f64).round()));
             let found = screen(&[&values], &one_stretch(4000), true);
-            assert!(matches!(found.admit(Rows::Samples), Err(Refusal::Clipped { .. })), "{cut} {half}");
+            assert!(matches!(found.admit(RowMeaning::Samples), Err(Refusal::Clipped { .. })), "{cut} {half}");
             values.iter_mut().for_each(|value| *value = -*value);
-            assert!(screen(&[&values], &one_stretch(4000), true).admit(Rows::Samples).is_err(), "{cut} {half}, below");
+            assert!(
+                screen(&[&values], &one_stretch(4000), true).admit(RowMeaning::Samples).is_err(),
+                "{cut} {half}, below"
+            );
         }
     }
 }
@@ -264,7 +267,7 @@ fn zeros_of_a_polled_sensor_are_no_failed_reads() {
     let polled: Vec<f64> = updates.iter().flat_map(|update| [*update; 8]).collect();
     let found = screen(&[&polled], &one_stretch(20_000), true);
     assert_eq!(found.left_out().failed_reads, 0, "{:?}", found.left_out());
-    assert_eq!(found.admit(Rows::Samples), Ok(()));
+    assert_eq!(found.admit(RowMeaning::Samples), Ok(()));
 }
 
 #[test]
@@ -313,8 +316,8 @@ fn a_column_that_stays_at_the_end_of_its_range_is_cut() {
         for still in [true, false] {
             let mut values = noise(1, 20_000, 8000.0, 30.0);
             values[500..700].fill(end);
-            let layout = Layout { blocks: &one_stretch(20_000), still, range_end };
-            let refused = Screening::of(&["w"], &[&values], &layout).admit(Rows::Steps).unwrap_err();
+            let layout = RecordLayout { blocks: &one_stretch(20_000), still, range_end };
+            let refused = Screening::of(&["w"], &[&values], &layout).admit(RowMeaning::Steps).unwrap_err();
             let Refusal::Clipped { channel, value, samples, first_row, .. } = refused else { panic!("{refused}") };
             assert_eq!((channel.as_str(), value, samples, first_row), ("w", end, 200, 501), "still: {still}");
         }
@@ -330,11 +333,11 @@ fn what_stands_still_once_has_no_rate_of_its_own() {
     let mut values = noise(1, 20_000, 8000.0, 30.0);
     let held = values[499];
     values[500..800].fill(held);
-    let refused = screen(&[&values], &one_stretch(20_000), true).admit(Rows::Steps).unwrap_err();
+    let refused = screen(&[&values], &one_stretch(20_000), true).admit(RowMeaning::Steps).unwrap_err();
     assert!(matches!(refused, Refusal::Stale { first_row: 501, rows_per_update: None, .. }), "{refused}");
     assert!(!refused.to_string().contains("rate"), "{refused}");
     let doubled: Vec<f64> = noise(2, 10_000, 8000.0, 30.0).iter().flat_map(|value| [*value; 2]).collect();
-    let refused = screen(&[&doubled], &one_stretch(20_000), true).admit(Rows::Steps).unwrap_err();
+    let refused = screen(&[&doubled], &one_stretch(20_000), true).admit(RowMeaning::Steps).unwrap_err();
     assert!(refused.to_string().contains("new rows come at 1/2.0"), "{refused}");
 }
 
@@ -362,14 +365,14 @@ fn channels_that_are_polled_together_are_taken() {
         assert_eq!(found.left_out().stale, 350 * (polled - 1), "{polled} rows");
         assert_eq!(found.left_out().total(), 350 * (polled - 1), "{polled} rows");
         assert_eq!(found.rows_per_update(), Some(polled as f64));
-        assert_eq!(found.admit(Rows::Samples), Ok(()));
+        assert_eq!(found.admit(RowMeaning::Samples), Ok(()));
 
         let mut updates = fresh[0].clone();
         let held = updates[99];
         updates[100..205].fill(held);
         let found = screen(&[&read(&updates), &y, &z], &one_stretch(350 * polled), true);
         assert_eq!(found.left_out().stale, 350 * (polled - 1) + 105, "{polled} rows");
-        assert!(matches!(found.admit(Rows::Samples), Err(Refusal::Stale { .. })), "{polled} rows");
+        assert!(matches!(found.admit(RowMeaning::Samples), Err(Refusal::Stale { .. })), "{polled} rows");
     }
 }
 
@@ -395,7 +398,7 @@ fn a_channel_that_freezes_for_long_is_stale() {
         let found = screen(&[&x, &noise(2, 4000, -3.0, 30.0), &noise(3, 4000, 1.0, 30.0)], &one_stretch(4000), true);
         assert_eq!(found.left_out().stale, length);
         assert_eq!(found.left_out().total(), length);
-        assert_eq!(found.admit(Rows::Samples).is_ok(), length == 120);
+        assert_eq!(found.admit(RowMeaning::Samples).is_ok(), length == 120);
     }
 }
 
@@ -412,7 +415,7 @@ fn few_updates_in_each_block_are_told_by_all_blocks() {
         let repeats = 14 * 200 - updates.len();
         assert!((repeats..=repeats + 5 * polled).contains(&stale), "every {polled} rows: {stale} for {repeats}");
         assert_eq!(found.left_out().total(), stale, "every {polled} rows");
-        assert_eq!(found.admit(Rows::Samples).is_ok(), polled <= 10, "every {polled} rows");
+        assert_eq!(found.admit(RowMeaning::Samples).is_ok(), polled <= 10, "every {polled} rows");
     }
 }
 
@@ -420,7 +423,7 @@ fn few_updates_in_each_block_are_told_by_all_blocks() {
 fn the_larger_number_is_the_cause() {
     let mut values = noise(12, 2400, 8000.0, 3.0);
     (0..2400).step_by(4).for_each(|row| values[row] = 32_767.0);
-    let refused = screen(&[&values], &one_stretch(2400), true).admit(Rows::Samples);
+    let refused = screen(&[&values], &one_stretch(2400), true).admit(RowMeaning::Samples);
     assert!(matches!(refused, Err(Refusal::BadRows { what: "failed reads", .. })), "{refused:?}");
 }
 

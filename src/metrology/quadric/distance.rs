@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
 use wide::f64x4;
 
 use super::block::{self, Frame, GROUPS};
-use super::{Columns, Fit, Surface, unpack};
+use super::{Columns, QuadricFit, Surface, unpack};
 use crate::stats;
 
 #[derive(Clone, Copy)]
@@ -231,7 +231,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
         }
     }
 
-    pub(super) fn finish(&self, sums: &Sums<P>, frame: &Frame<D>, n: usize) -> Fit<D, P> {
+    pub(super) fn finish(&self, sums: &Sums<P>, frame: &Frame<D>, n: usize) -> QuadricFit<D, P> {
         let used = sums.weight;
         let variance = sums.squares / (used - P as f64);
         let (cofactor, condition) = invert(&sums.normal).unwrap_or((SMatrix::repeat(f64::NAN), f64::INFINITY));
@@ -249,7 +249,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
                 p += 1;
             }
         }
-        Fit {
+        QuadricFit {
             surface,
             frame: self.frame,
             parameters,

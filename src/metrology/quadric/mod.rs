@@ -46,7 +46,7 @@ pub(crate) struct Surface<const D: usize> {
 
 /// A fitted surface. `P = D + D (D + 1) / 2` parameters: the centre, then the form by rows of its upper triangle.
 #[derive(Debug, Clone)]
-pub(crate) struct Fit<const D: usize, const P: usize> {
+pub(crate) struct QuadricFit<const D: usize, const P: usize> {
     pub(crate) surface: Surface<D>,
     /// Rotation from the principal frame, in which the covariance is given, to the frame of the record.
     pub(crate) frame: SMatrix<f64, D, D>,
@@ -83,7 +83,7 @@ pub(crate) fn fit<const D: usize, const P: usize>(
     points: &Columns<D>,
     shapes: (&'static str, &'static str),
     far: Far,
-) -> Result<Fit<D, P>, Refusal> {
+) -> Result<QuadricFit<D, P>, Refusal> {
     let n = points[0].len();
     if n < 4 * P {
         return Err(Refusal::TooFew { what: format!("an {}", shapes.0), got: n, needed: 4 * P });
@@ -218,7 +218,7 @@ pub(crate) fn unpack<const D: usize, const P: usize>(parameters: &SVector<f64, P
     Surface { centre: SVector::from_fn(|d, _| parameters[d]), form }
 }
 
-impl<const D: usize, const P: usize> Fit<D, P> {
+impl<const D: usize, const P: usize> QuadricFit<D, P> {
     /// Covariance of figures computed from the surface (delta method, central differences of a hundredth of a standard
     /// deviation).
     pub(crate) fn spread<const N: usize>(&self, figures: impl Fn(&Surface<D>) -> [f64; N]) -> SMatrix<f64, N, N> {

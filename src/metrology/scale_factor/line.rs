@@ -1,6 +1,6 @@
 //! A straight line by least squares, with what it says about its points.
 
-use super::{CurvePoint, Estimate, Point};
+use super::{CurvePoint, Estimate, RatePoint};
 
 /// `output = slope rate + offset`.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +20,7 @@ pub(super) struct Line {
 
 impl Line {
     /// Through points of at least two different rates.
-    pub(super) fn through(points: &[Point]) -> Self {
+    pub(super) fn through(points: &[RatePoint]) -> Self {
         Self::of(points.iter().map(|p| (p.rate, p.output)))
     }
 
@@ -52,7 +52,7 @@ impl Line {
         Self { slope, offset, centre, sum_of_squares: xx, squares, points: count, reach }
     }
 
-    pub(super) fn residual(&self, point: &Point) -> f64 {
+    pub(super) fn residual(&self, point: &RatePoint) -> f64 {
         point.output - self.offset - self.slope * point.rate
     }
 

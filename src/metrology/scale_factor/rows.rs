@@ -4,7 +4,7 @@ use crate::{Refusal, quantisation, series, stats};
 
 /// Mean output at one input.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct RatePoint {
     /// Input, in the record's unit.
     pub rate: f64,
     /// Mean output.
@@ -21,7 +21,7 @@ pub struct Point {
 
 /// Rows of a record; the columns have one length.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rows<'a> {
+pub struct RateRows<'a> {
     /// Input of each row.
     pub rates: &'a [f64],
     /// Output of each row.
@@ -32,13 +32,13 @@ pub struct Rows<'a> {
     pub points: Option<&'a [f64]>,
 }
 
-impl Rows<'_> {
+impl RateRows<'_> {
     /// Means of neighbouring rows of one point: of equal number where points are numbered, else of equal rate; and of one
     /// cycle. A rate that comes again later is a point of its own.
     ///
     /// # Errors
     /// [`Refusal::Lengths`], [`Refusal::NotFinite`].
-    pub fn means(&self) -> Result<Vec<Point>, Refusal> {
+    pub fn means(&self) -> Result<Vec<RatePoint>, Refusal> {
         let same_point = self.points.unwrap_or(self.rates);
         series::channels(
             &["rate", "output", "cycle", "point"],
@@ -49,7 +49,7 @@ impl Rows<'_> {
         let mut first = 0;
         for row in 1..=self.rates.len() {
             if row == self.rates.len() || same_point[row] != same_point[first] || cycle(row) != cycle(first) {
-                points.push(Point {
+                points.push(RatePoint {
                     rate: stats::mean(&self.rates[first..row]),
                     output: stats::mean(&self.outputs[first..row]),
                     cycle: cycle(first),

@@ -10,14 +10,14 @@ const OUTPUTS: [[f64; 9]; 3] = [
 /// `scipy.stats.t.ppf(1 - 0.05 / 9 / 2, 14)`
 const T_OF_14: f64 = 3.2727427095929515;
 
-fn of(rates: &[f64], outputs: &[f64]) -> Vec<Point> {
-    Rows { rates, outputs, cycles: None, points: None }.means().unwrap()
+fn of(rates: &[f64], outputs: &[f64]) -> Vec<RatePoint> {
+    RateRows { rates, outputs, cycles: None, points: None }.means().unwrap()
 }
 
-fn of_cycles(count: usize) -> Vec<Point> {
+fn of_cycles(count: usize) -> Vec<RatePoint> {
     let rows = (0..count).flat_map(|c| (0..9).map(move |j| (RATES[j], OUTPUTS[c][j], c as f64 + 1.0)));
     let (rates, (outputs, cycles)): (Vec<f64>, (Vec<f64>, Vec<f64>)) = rows.map(|(r, o, c)| (r, (o, c))).unzip();
-    Rows { rates: &rates, outputs: &outputs, cycles: Some(&cycles), points: None }.means().unwrap()
+    RateRows { rates: &rates, outputs: &outputs, cycles: Some(&cycles), points: None }.means().unwrap()
 }
 
 #[track_caller]
@@ -28,7 +28,7 @@ fn near(found: f64, expected: f64) {
 /// Expected values by numpy and scipy: `expected.py`.
 #[test]
 fn one_cycle_as_numpy_has_it() {
-    let found = fit(&of(&RATES, &OUTPUTS[0]), &Options::default()).unwrap();
+    let found = fit(&of(&RATES, &OUTPUTS[0]), &ScaleFactorOptions::default()).unwrap();
     near(found.scale_factor.value, 199.68216333622934);
     near(found.offset.value, 31.0);
     near(found.scale_factor.sd, 0.007035551247515632);
@@ -45,16 +45,18 @@ fn one_cycle_as_numpy_has_it() {
     let (sd, dof) = asymmetry.uncertainty.unwrap();
     near(sd, 0.00011733374685970067);
     near(dof, 2.632122818621333);
-    assert_eq!((found.lack_of_fit, found.repeatability.is_err()), (Err(Absent::NoRateTwice), true));
+    assert_eq!((found.lack_of_fit, found.repeatability.is_err()), (Err(MissingFigure::NoRateTwice), true));
     // A range of twice the largest rate halves the first nonlinearity, and nothing else.
-    let wider = fit(&of(&RATES, &OUTPUTS[0]), &Options { full_scale: Some(600.0), ..Options::default() }).unwrap();
+    let wider =
+        fit(&of(&RATES, &OUTPUTS[0]), &ScaleFactorOptions { full_scale: Some(600.0), ..ScaleFactorOptions::default() })
+            .unwrap();
     near(wider.nonlinearity_full_scale.value, 0.0001105840789468795 / 2.0);
     near(wider.nonlinearity_output.value, 0.000590121129508951);
 }
 
 #[test]
 fn three_cycles_as_numpy_has_them() {
-    let found = fit(&of_cycles(3), &Options::default()).unwrap();
+    let found = fit(&of_cycles(3), &ScaleFactorOptions::default()).unwrap();
     near(found.scale_factor.value, 199.6828844483058);
     near(found.scale_factor.sd, 0.01060008490526547);
     near(found.scale_factor.expanded(), 0.045608484253216536);
@@ -82,7 +84,7 @@ fn three_cycles_as_numpy_has_them() {
 fn a_parabola_by_hand() {
     let rates = [-2.0, -1.0, 0.0, 1.0, 2.0];
     let outputs = rates.map(|w: f64| 2.0 * w + 1.0 + 0.01 * (w * w - 2.0));
-    let found = fit(&of(&rates, &outputs), &Options::default()).unwrap();
+    let found = fit(&of(&rates, &outputs), &ScaleFactorOptions::default()).unwrap();
     let close = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     close(found.scale_factor.value, 2.0);
     close(found.offset.value, 1.0);
@@ -96,7 +98,7 @@ fn a_parabola_by_hand() {
     assert_eq!(asymmetry.uncertainty, None);
     assert_eq!(found.suspects, []);
     // A sensor that is mounted the other way round differs in the sign of K alone.
-    let reversed = fit(&of(&rates, &outputs.map(|x| -x)), &Options::default()).unwrap();
+    let reversed = fit(&of(&rates, &outputs.map(|x| -x)), &ScaleFactorOptions::default()).unwrap();
     close(reversed.scale_factor.value, -2.0);
     close(reversed.nonlinearity_full_scale.value, 0.02 / 4.0);
     close(reversed.asymmetry.unwrap().relative, 0.03);
@@ -105,7 +107,7 @@ fn a_parabola_by_hand() {
 /// Measured rates differ from row to row: numbered points are averaged in rate and output.
 #[test]
 fn numbered_points() {
-    let rows = Rows {
+    let rows = RateRows {
         rates: &[9.0, 11.0, -9.5, -10.5, 0.0, 2e-3],
         outputs: &[19.0, 21.0, -19.0, -21.0, 0.5, 0.5],
         cycles: None,
@@ -115,7 +117,7 @@ fn numbered_points() {
     let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.rows)).collect();
     assert_eq!(seen, [(10.0, 20.0, 2), (-10.0, -20.0, 2), (1e-3, 0.5, 2)]);
     // A ten-thousandth of the full scale is rest.
-    let found = fit(&found, &Options::default()).unwrap();
+    let found = fit(&found, &ScaleFactorOptions::default()).unwrap();
     assert_eq!(found.curve.iter().map(|p| p.of_output.is_some()).collect::<Vec<_>>(), [true, false, true]);
     assert_eq!(found.nonlinearity_output.rate.abs(), 10.0);
 }
@@ -126,29 +128,29 @@ fn rows_become_points() {
     let found = of(&[1.0, 1.0, 2.0, 1.0], &[3.0, 5.0, 7.0, 9.0]);
     let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.row, p.rows)).collect();
     assert_eq!(seen, [(1.0, 4.0, 1, 2), (2.0, 7.0, 3, 1), (1.0, 9.0, 4, 1)]);
-    let rows = Rows { rates: &[1.0, 1.0], outputs: &[3.0, 5.0], cycles: Some(&[1.0, 2.0]), points: None };
+    let rows = RateRows { rates: &[1.0, 1.0], outputs: &[3.0, 5.0], cycles: Some(&[1.0, 2.0]), points: None };
     let split = rows.means().unwrap();
     assert_eq!(split.iter().map(|p| (p.cycle, p.row)).collect::<Vec<_>>(), [(1.0, 1), (2.0, 2)]);
 }
 
 #[test]
 fn figures_that_do_not_exist_have_a_reason() {
-    let one_sense = fit(&of(&RATES[4..], &OUTPUTS[0][4..]), &Options::default()).unwrap();
+    let one_sense = fit(&of(&RATES[4..], &OUTPUTS[0][4..]), &ScaleFactorOptions::default()).unwrap();
     let reason = one_sense.asymmetry.unwrap_err().to_string();
     assert_eq!(reason, "0 rates of the negative sense, a line needs 2");
     assert_eq!(one_sense.lack_of_fit.unwrap_err().to_string(), "no rate comes twice");
-    let unequal: Vec<Point> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate != 50.0).collect();
-    let found = fit(&unequal, &Options::default()).unwrap();
+    let unequal: Vec<RatePoint> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate != 50.0).collect();
+    let found = fit(&unequal, &ScaleFactorOptions::default()).unwrap();
     assert_eq!(found.lack_of_fit.unwrap_err().to_string(), "the cycles do not have the same rates");
-    let no_sense: Vec<Point> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate >= 0.0).collect();
-    let reason = fit(&no_sense, &Options::default()).unwrap().asymmetry.unwrap_err().to_string();
+    let no_sense: Vec<RatePoint> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate >= 0.0).collect();
+    let reason = fit(&no_sense, &ScaleFactorOptions::default()).unwrap().asymmetry.unwrap_err().to_string();
     assert_eq!(reason, "0 rates of the negative sense in cycle 2, a line needs 2");
 }
 
 #[test]
 fn refusals() {
     let check = |rates: &[f64], outputs: &[f64], expected: &str| {
-        let refusal = fit(&of(rates, outputs), &Options::default()).unwrap_err();
+        let refusal = fit(&of(rates, outputs), &ScaleFactorOptions::default()).unwrap_err();
         assert_eq!(refusal.to_string(), expected);
         assert!(!refusal.hint().is_empty());
     };
@@ -157,7 +159,7 @@ fn refusals() {
     check(&[-1.0, 1.0, -1.0], &[1.0, 2.0, 3.0], "2 different rates, needs at least 3");
     check(&[0.0, -0.0, 1.0], &[1.0, 2.0, 3.0], "2 different rates, needs at least 3");
     check(&[1.0, 2.0, 3.0], &[7.0; 3], "output: all 3 samples are 7");
-    let not_finite = Rows { rates: &[1.0, f64::NAN], outputs: &[7.0; 2], cycles: None, points: None };
+    let not_finite = RateRows { rates: &[1.0, f64::NAN], outputs: &[7.0; 2], cycles: None, points: None };
     assert_eq!(not_finite.means().unwrap_err().to_string(), "rate: sample 1 is NaN");
     // A rate with the wrong sign: sums by hand give the line 0.5 + 0.5 w, full scale 1, residual 2.5.
     check(
@@ -167,15 +169,15 @@ fn refusals() {
     );
     // No response: noise alone.
     check(&[-1.0, 0.0, 1.0], &[1.0, -1.0, 1.0], "rate 0 (row 2) misses the line by inf % of the full scale, limit 5 %");
-    let twice: Vec<Point> = [1.0, 2.0]
+    let twice: Vec<RatePoint> = [1.0, 2.0]
         .into_iter()
-        .flat_map(|cycle| of(&RATES, &OUTPUTS[0]).into_iter().map(move |p| Point { cycle, ..p }))
+        .flat_map(|cycle| of(&RATES, &OUTPUTS[0]).into_iter().map(move |p| RatePoint { cycle, ..p }))
         .collect();
-    let copied = fit(&twice, &Options::default()).unwrap_err().to_string();
+    let copied = fit(&twice, &ScaleFactorOptions::default()).unwrap_err().to_string();
     assert!(copied.starts_with("all 2 scale factors of the cycles are 199.6821633362293"), "{copied}");
-    let short: Vec<Point> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate > 100.0).collect();
+    let short: Vec<RatePoint> = of_cycles(2).into_iter().filter(|p| p.cycle < 2.0 || p.rate > 100.0).collect();
     assert_eq!(
-        fit(&short, &Options::default()).unwrap_err().to_string(),
+        fit(&short, &ScaleFactorOptions::default()).unwrap_err().to_string(),
         "2 different rates in cycle 2, needs at least 3"
     );
 }
@@ -185,9 +187,9 @@ fn refusals() {
 fn a_point_that_stands_out_is_named() {
     let rates: Vec<f64> = (-5..=5).map(f64::from).collect();
     let mut outputs: Vec<f64> = rates.iter().map(|w| 100.0 * w + 3.0 + (w * 2.7).sin() * 0.1).collect();
-    assert_eq!(fit(&of(&rates, &outputs), &Options::default()).unwrap().suspects, []);
+    assert_eq!(fit(&of(&rates, &outputs), &ScaleFactorOptions::default()).unwrap().suspects, []);
     outputs[8] += 3.0;
-    let found = fit(&of(&rates, &outputs), &Options::default()).unwrap();
+    let found = fit(&of(&rates, &outputs), &ScaleFactorOptions::default()).unwrap();
     assert_eq!(found.suspects.iter().map(|s| (s.point.rate, s.point.row)).collect::<Vec<_>>(), [(3.0, 9)]);
     assert!(found.suspects[0].studentised > 20.0);
 }

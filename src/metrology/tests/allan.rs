@@ -10,7 +10,7 @@
 
 mod truth;
 
-use gnc_metrology::allan::{Absence, Coefficient, Input, Kind, Noise, Taus, analyse};
+use gnc_metrology::allan::{Coefficient, DeviationKind, Input, MissingCoefficient, PowerLawNoise, Taus, analyse};
 use gnc_metrology::{Refusal, psd};
 use truth::noise::{Coverage, LowPass, SENSORS, Sensor};
 use truth::{Dice, chi_square};
@@ -27,7 +27,7 @@ fn nbs14() -> Vec<f64> {
         .collect()
 }
 
-fn deviations(values: &[f64], kind: Kind, taus: &[f64]) -> Vec<f64> {
+fn deviations(values: &[f64], kind: DeviationKind, taus: &[f64]) -> Vec<f64> {
     let analysis = analyse(values, Input::Rate, 1.0, kind, &Taus::Seconds(taus.to_vec()), 2).unwrap();
     analysis.points.iter().map(|p| p.dev).collect()
 }
@@ -39,12 +39,12 @@ fn nbs14_table() {
             assert!((found / expected - 1.0).abs() < 1e-6, "{kind:?}: {found} {expected}");
         }
     };
-    check(Kind::Oadev, [0.2922319, 0.09159953, 0.03241343]);
-    check(Kind::Adev, [0.2922319, 0.09965736, 0.03897804]);
-    check(Kind::Mdev, [0.2922319, 0.06172376, 0.02170921]);
-    check(Kind::Hdev, [0.2943883, 0.1052754, 0.03910860]);
-    check(Kind::Ohdev, [0.2943883, 0.09581083, 0.03237638]);
-    check(Kind::Totdev, [0.2922319, 0.09134743, 0.03406530]);
+    check(DeviationKind::Oadev, [0.2922319, 0.09159953, 0.03241343]);
+    check(DeviationKind::Adev, [0.2922319, 0.09965736, 0.03897804]);
+    check(DeviationKind::Mdev, [0.2922319, 0.06172376, 0.02170921]);
+    check(DeviationKind::Hdev, [0.2943883, 0.1052754, 0.03910860]);
+    check(DeviationKind::Ohdev, [0.2943883, 0.09581083, 0.03237638]);
+    check(DeviationKind::Totdev, [0.2922319, 0.09134743, 0.03406530]);
 }
 
 /// An offset of a million changes nothing but the rounding of the record itself, and threads nothing at all.
@@ -52,7 +52,14 @@ fn nbs14_table() {
 fn offsets_and_threads_do_not_show() {
     let plain = nbs14();
     let offset: Vec<f64> = plain.iter().map(|v| v + 1e6).collect();
-    for kind in [Kind::Adev, Kind::Oadev, Kind::Mdev, Kind::Hdev, Kind::Ohdev, Kind::Totdev] {
+    for kind in [
+        DeviationKind::Adev,
+        DeviationKind::Oadev,
+        DeviationKind::Mdev,
+        DeviationKind::Hdev,
+        DeviationKind::Ohdev,
+        DeviationKind::Totdev,
+    ] {
         let run = |values: &[f64], threads| analyse(values, Input::Rate, 1.0, kind, &Taus::Octave, threads).unwrap();
         let reference = run(&plain, 1);
         for (a, b) in run(&plain, 3).points.iter().zip(&reference.points) {
@@ -95,7 +102,7 @@ fn long_records_follow_the_definition() {
     let lists: [&[f64]; 3] = [&[1.0, 7.0, 14.0, 1000.0, 65_536.0], &[20_000.0, 40_000.0], &[16_385.0, 50_000.0]];
     let lists = lists.into_iter().map(|l| Taus::Seconds(l.to_vec())).chain([Taus::Octave]);
     for (taus, threads) in lists.flat_map(|l| [1, 2, 5].map(|threads| (l.clone(), threads))) {
-        for (kind, order) in [(Kind::Oadev, 2), (Kind::Ohdev, 3)] {
+        for (kind, order) in [(DeviationKind::Oadev, 2), (DeviationKind::Ohdev, 3)] {
             for p in analyse(&values, Input::Rate, 1.0, kind, &taus, threads).unwrap().points {
                 let expected = defined(p.tau_s as usize, order);
                 assert!((p.dev / expected - 1.0).abs() < 1e-9, "{kind:?} {taus:?}: {p:?} {expected}");
@@ -106,7 +113,7 @@ fn long_records_follow_the_definition() {
 
 /// Noise of one kind: the generator, its Allan variance at an averaging factor, the name it should be given.
 struct Source {
-    noise: Noise,
+    noise: PowerLawNoise,
     make: fn(usize, &mut Dice) -> Vec<f64>,
     /// Expected square of a sum of rates with these weights, which add up to nothing.
     variance: fn(&[f64]) -> f64,
@@ -114,14 +121,14 @@ struct Source {
 
 /// Weights of the rates in one difference of the family, from the definitions: neighbouring means, second differences of
 /// three means, and the mean of m shifted ones for the modified.
-fn weights(kind: Kind, m: usize) -> Vec<f64> {
+fn weights(kind: DeviationKind, m: usize) -> Vec<f64> {
     let means = |signs: &[f64]| -> Vec<f64> {
         let norm = signs.iter().map(|s| s * s).sum::<f64>().sqrt() * m as f64;
         signs.iter().flat_map(|s| vec![s / norm; m]).collect()
     };
     match kind {
-        Kind::Hdev | Kind::Ohdev => means(&[1.0, -2.0, 1.0]),
-        Kind::Mdev => {
+        DeviationKind::Hdev | DeviationKind::Ohdev => means(&[1.0, -2.0, 1.0]),
+        DeviationKind::Mdev => {
             let plain = means(&[-1.0, 1.0]);
             (0..3 * m - 1)
                 .map(|i| (0..m).filter_map(|shift| plain.get(i.checked_sub(shift)?)).sum::<f64>() / m as f64)
@@ -132,14 +139,14 @@ fn weights(kind: Kind, m: usize) -> Vec<f64> {
 }
 
 const WHITE: Source = Source {
-    noise: Noise::WhiteRate,
+    noise: PowerLawNoise::WhiteRate,
     make: |n, dice| (0..n).map(|_| dice.normal()).collect(),
     variance: |w| w.iter().map(|v| v * v).sum(),
 };
 
 /// Steps of variance 1, each carried by all later rates.
 const WALK: Source = Source {
-    noise: Noise::RateRandomWalk,
+    noise: PowerLawNoise::RateRandomWalk,
     make: |n, dice| {
         (0..n)
             .scan(0.0, |s, _| {
@@ -165,7 +172,7 @@ fn corner(k: usize) -> (f64, f64) {
     (1.0 - 0.9 * 2.0_f64.powf(-0.5 * k as f64), 1.0)
 }
 const FLICKER: Source = Source {
-    noise: Noise::FlickerRate,
+    noise: PowerLawNoise::FlickerRate,
     make: |n, dice| {
         let mut states: Vec<f64> = (0..CORNERS).map(|k| dice.normal() * corner(k).1).collect();
         let steps: Vec<(f64, f64)> = (0..CORNERS).map(corner).map(|(a, sd)| (a, sd * (1.0 - a * a).sqrt())).collect();
@@ -195,7 +202,14 @@ const FLICKER: Source = Source {
 fn intervals_cover(source: &Source, name: &str) {
     const SEED: u64 = 3;
     const RECORDS: usize = 1000;
-    const KINDS: [Kind; 6] = [Kind::Oadev, Kind::Adev, Kind::Totdev, Kind::Mdev, Kind::Hdev, Kind::Ohdev];
+    const KINDS: [DeviationKind; 6] = [
+        DeviationKind::Oadev,
+        DeviationKind::Adev,
+        DeviationKind::Totdev,
+        DeviationKind::Mdev,
+        DeviationKind::Hdev,
+        DeviationKind::Ohdev,
+    ];
     const FACTORS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
     println!("seed {SEED}");
     let taus = Taus::Seconds(FACTORS.map(|m| m as f64).to_vec());
@@ -209,7 +223,7 @@ fn intervals_cover(source: &Source, name: &str) {
             let points = analyse(&values, Input::Rate, 1.0, kind, &taus, 1).unwrap().points;
             for (k, p) in points.iter().enumerate() {
                 covered[k] += usize::from((p.low..=p.high).contains(&truths[k]));
-                named[k] += usize::from(kind == Kind::Oadev && p.noise == Some(source.noise));
+                named[k] += usize::from(kind == DeviationKind::Oadev && p.noise == Some(source.noise));
             }
         }
     }
@@ -259,7 +273,7 @@ fn coefficients_are_given_where_they_are_seen() {
                     walk + n_true * rate.sqrt() * dice.normal()
                 })
                 .collect();
-            let c = analyse(&values, Input::Rate, rate, Kind::Oadev, &Taus::Octave, 1).unwrap().coefficients;
+            let c = analyse(&values, Input::Rate, rate, DeviationKind::Oadev, &Taus::Octave, 1).unwrap().coefficients;
             for (seen, c) in seen.iter_mut().zip([c.q, c.n, c.b, c.k, c.r]) {
                 *seen += usize::from(c.is_ok());
             }
@@ -292,10 +306,11 @@ fn coefficients_of_a_simulated_gyroscope() {
                 walk + n_true * rate.sqrt() * dice.normal()
             })
             .collect();
-        let found = analyse(&values, Input::Rate, rate, Kind::Oadev, &Taus::Octave, 2).unwrap();
+        let found = analyse(&values, Input::Rate, rate, DeviationKind::Oadev, &Taus::Octave, 2).unwrap();
         let c = found.coefficients;
-        let given =
-            |c: Result<Coefficient, Absence>| c.unwrap_or_else(|why| panic!("seed {seed}: {why}: {:?}", found.fit));
+        let given = |c: Result<Coefficient, MissingCoefficient>| {
+            c.unwrap_or_else(|why| panic!("seed {seed}: {why}: {:?}", found.fit))
+        };
         let (n, k) = (given(c.n), given(c.k));
         assert!((n.value / n_true - 1.0).abs() < 0.02, "seed {seed}: N {}", n.value);
         assert!((k.value / k_true - 1.0).abs() < 0.6, "seed {seed}: K {}", k.value);
@@ -314,15 +329,17 @@ fn a_flat_part_is_bias_instability() {
     let mut dice = Dice::new(5);
     let values = (FLICKER.make)(60_000, &mut dice);
     let run = |kind| analyse(&values, Input::Rate, 1.0, kind, &Taus::Octave, 2).unwrap().coefficients;
-    let b = run(Kind::Oadev).b.unwrap();
-    let truth = (FLICKER.variance)(&weights(Kind::Adev, 64)).sqrt() / 0.664;
+    let b = run(DeviationKind::Oadev).b.unwrap();
+    let truth = (FLICKER.variance)(&weights(DeviationKind::Adev, 64)).sqrt() / 0.664;
     assert!((b.value / truth - 1.0).abs() < 0.15, "{} {truth}", b.value);
-    assert_eq!(run(Kind::Mdev), gnc_metrology::allan::Coefficients::default());
+    assert_eq!(run(DeviationKind::Mdev), gnc_metrology::allan::NoiseCoefficients::default());
 }
 
 #[test]
 fn refusals() {
-    let run = |values: &[f64], rate, taus: Taus| analyse(values, Input::Rate, rate, Kind::Oadev, &taus, 1).unwrap_err();
+    let run = |values: &[f64], rate, taus: Taus| {
+        analyse(values, Input::Rate, rate, DeviationKind::Oadev, &taus, 1).unwrap_err()
+    };
     assert!(matches!(run(&[1.0; 100], 1.0, Taus::Octave), Refusal::Constant { samples: 100, .. }));
     assert!(matches!(run(&[1.0, 2.0], 1.0, Taus::Octave), Refusal::TooFew { got: 2, .. }));
     let mut values = nbs14();
@@ -401,7 +418,7 @@ fn chi_square_of_white_noise_is_distributed_as_it_says() {
     let (mut below, mut held) = ([0; 3], 0);
     for _ in 0..RECORDS {
         let values = sensor.record(&mut dice);
-        let fit = analyse(&values, Input::Rate, 100.0, Kind::Oadev, &Taus::Octave, 1).unwrap().fit.unwrap();
+        let fit = analyse(&values, Input::Rate, 100.0, DeviationKind::Oadev, &Taus::Octave, 1).unwrap().fit.unwrap();
         held += usize::from(fit.holds);
         for (below, p) in below.iter_mut().zip([0.05, 0.3, 0.7]) {
             *below += usize::from(fit.p < p);
@@ -426,7 +443,7 @@ fn a_spike_is_no_random_walk() {
     let run = |spike: f64| {
         let mut values = white.clone();
         values[77_777] += spike;
-        analyse(&values, Input::Rate, 100.0, Kind::Oadev, &Taus::Octave, 2).unwrap()
+        analyse(&values, Input::Rate, 100.0, DeviationKind::Oadev, &Taus::Octave, 2).unwrap()
     };
     // Of 200,000 samples a spike S makes N = S / sqrt(200,000 * 100 Hz).
     for (spike, n) in [(1e6, 223.6), (2000.0, 0.458), (400.0, 0.134)] {
@@ -434,10 +451,10 @@ fn a_spike_is_no_random_walk() {
         println!("{spike}: {:?} {:?}", analysis.coefficients.n, analysis.fit);
         let why = analysis.coefficients.n.unwrap_err();
         match why {
-            Absence::OneEvent { .. } | Absence::Contradicted { .. } => {}
+            MissingCoefficient::OneEvent { .. } | MissingCoefficient::Contradicted { .. } => {}
             other => panic!("{other}"),
         }
-        if let Absence::Contradicted { curve, spectrum } = why {
+        if let MissingCoefficient::Contradicted { curve, spectrum } = why {
             assert!((curve / n - 1.0).abs() < 0.02 && (spectrum / 0.1 - 1.0).abs() < 0.03, "{curve} {spectrum}");
         }
         assert!(!analysis.fit.unwrap().holds);
@@ -456,12 +473,12 @@ fn noise_below_the_resolution_gives_no_coefficient() {
     let step = 0.1;
     let mut run = |sigma: f64, mean: f64| {
         let values: Vec<f64> = (0..20_000).map(|_| (sigma * dice.normal() + mean).round() * step).collect();
-        analyse(&values, Input::Rate, 100.0, Kind::Oadev, &Taus::Octave, 1).unwrap()
+        analyse(&values, Input::Rate, 100.0, DeviationKind::Oadev, &Taus::Octave, 1).unwrap()
     };
     for (sigma, mean) in [(0.15, 0.0), (0.2, 0.0), (0.2, 0.25), (0.2, 0.5), (0.3, 0.0), (0.3, 0.25), (0.3, 0.5)] {
         let a = run(sigma, mean);
         let why = a.coefficients.n.unwrap_err();
-        let Absence::Unresolved { step: found, sd } = why else { panic!("{sigma} {mean}: {why}") };
+        let MissingCoefficient::Unresolved { step: found, sd } = why else { panic!("{sigma} {mean}: {why}") };
         assert!((found / step - 1.0).abs() < 1e-9 && sd < 0.52 * step, "{why}");
         let c = &a.coefficients;
         assert!([c.q, c.b, c.k, c.r].iter().all(|c| *c == Err(why)) && c.b_upper_bound.is_none());
@@ -474,8 +491,12 @@ fn noise_below_the_resolution_gives_no_coefficient() {
     }
     let mut values = vec![1.0; 5000];
     values[1234] = 6.0;
-    let why = analyse(&values, Input::Rate, 100.0, Kind::Oadev, &Taus::Octave, 1).unwrap().coefficients.n.unwrap_err();
-    assert_eq!(why, Absence::Unresolved { step: 5.0, sd: 0.0 });
+    let why = analyse(&values, Input::Rate, 100.0, DeviationKind::Oadev, &Taus::Octave, 1)
+        .unwrap()
+        .coefficients
+        .n
+        .unwrap_err();
+    assert_eq!(why, MissingCoefficient::Unresolved { step: 5.0, sd: 0.0 });
 }
 
 /// The coefficients do not depend on the averaging times asked for, and a fit of all of them costs no more.
@@ -483,7 +504,7 @@ fn noise_below_the_resolution_gives_no_coefficient() {
 fn the_fit_has_averaging_times_of_its_own() {
     let sensor = Sensor { low_pass: LowPass::First(0.25), ..Sensor::WHITE };
     let values = sensor.record(&mut Dice::new(53));
-    let run = |taus: Taus| analyse(&values, Input::Rate, 100.0, Kind::Oadev, &taus, 2).unwrap();
+    let run = |taus: Taus| analyse(&values, Input::Rate, 100.0, DeviationKind::Oadev, &taus, 2).unwrap();
     let octave = run(Taus::Octave);
     for taus in [Taus::All, Taus::Decade, Taus::Seconds(vec![0.5, 7.0])] {
         let other = run(taus);
@@ -501,7 +522,7 @@ fn white_noise_stays_white() {
     let mut dice = Dice::new(SEED);
     for record in 0..120 {
         let values = Sensor::WHITE.record(&mut dice);
-        for kind in [Kind::Oadev, Kind::Adev, Kind::Mdev, Kind::Ohdev] {
+        for kind in [DeviationKind::Oadev, DeviationKind::Adev, DeviationKind::Mdev, DeviationKind::Ohdev] {
             let points = analyse(&values, Input::Rate, 100.0, kind, &Taus::Octave, 1).unwrap().points;
             for pair in points.windows(2) {
                 assert!(pair[1].edf <= pair[0].edf, "{record} {kind:?}: {pair:?}");
@@ -542,7 +563,7 @@ fn white_level_beside_a_weak_flicker() {
     let (mut level, mut above) = (0, 0);
     for _ in 0..RECORDS {
         let found = psd::welch(&sensor.record(&mut dice), sensor.rate_hz, 512).unwrap();
-        let spectrum = psd::Spectrum::of_welch(&found).without_lines();
+        let spectrum = psd::RobustSpectrum::of_welch(&found).without_lines();
         let holds = |n: Coefficient| usize::from((n.low..=n.high).contains(&sensor.n));
         level += holds(spectrum.plateau().unwrap().n());
         above += holds(spectrum.plateau_above_flicker().unwrap().n());

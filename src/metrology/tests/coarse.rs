@@ -4,9 +4,9 @@
 
 mod truth;
 
-use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
+use gnc_metrology::gate::{RecordLayout, RowMeaning, Screening, one_stretch};
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
-use gnc_metrology::rotation::{self, Axis};
+use gnc_metrology::rotation::{self, RotationAxis};
 use gnc_metrology::{AXES, gyro_still, quantisation, scale_factor, six_position, stability, stats, tilt};
 use nalgebra::{Matrix3, Vector3};
 use truth::{Dice, Session, borrowed};
@@ -46,14 +46,14 @@ fn uniform(low: f64, high: f64, dice: &mut Dice) -> f64 {
 }
 
 /// Whether the gate takes a record of such stretches.
-fn is_sound(stretches: &[Vec<&[f64]>], still: bool, rows: Rows) -> bool {
+fn is_sound(stretches: &[Vec<&[f64]>], still: bool, rows: RowMeaning) -> bool {
     let channels: Vec<Vec<f64>> = stretches.iter().map(|stretches| stretches.concat()).collect();
     let mut start = 0;
     let blocks = stretches[0].iter().map(|stretch| {
         start += stretch.len();
         start - stretch.len()..start
     });
-    let layout = Layout { blocks: &blocks.collect::<Vec<_>>(), still, range_end: None };
+    let layout = RecordLayout { blocks: &blocks.collect::<Vec<_>>(), still, range_end: None };
     let slices: Vec<&[f64]> = channels.iter().map(Vec::as_slice).collect();
     Screening::of(&AXES[..slices.len()], &slices, &layout).admit(rows).is_ok()
 }
@@ -74,7 +74,8 @@ fn six_positions() {
             (0..3).for_each(|i| channels[i].extend(rounded(level[i], noise, ROWS, dice)));
         }
         let labels: Vec<&str> = LABELS.into_iter().flat_map(|label| vec![label; ROWS]).collect();
-        is_sound(&channels.each_ref().map(|values| values.chunks(ROWS).collect()), true, Rows::Samples).then_some(())?;
+        is_sound(&channels.each_ref().map(|values| values.chunks(ROWS).collect()), true, RowMeaning::Samples)
+            .then_some(())?;
         let [x, y, z] = &channels;
         let positions = from_labels(&labels, [x, y, z], &Limits::ACCELEROMETER).ok()?;
         let found = six_position::calibrate(&positions, 1.0).ok()?;
@@ -98,7 +99,8 @@ fn gyroscopes_at_rest() {
             (0..3).for_each(|i| channels[i].extend(rounded(offset[i], noise, ROWS, dice)));
         }
         let labels: Vec<&str> = LABELS.into_iter().flat_map(|label| vec![label; ROWS]).collect();
-        is_sound(&channels.each_ref().map(|values| values.chunks(ROWS).collect()), true, Rows::Samples).then_some(())?;
+        is_sound(&channels.each_ref().map(|values| values.chunks(ROWS).collect()), true, RowMeaning::Samples)
+            .then_some(())?;
         let [x, y, z] = &channels;
         let positions = from_labels(&labels, [x, y, z], &Limits::GYROSCOPE).ok()?;
         // Steps of 1 rad/s: the earth's rotation is nothing beside them.
@@ -116,7 +118,7 @@ fn flips() {
     let trial = |noise: f64, dice: &mut Dice| {
         let (offset, gain) = (uniform(-20.0, 20.0, dice), 256.0);
         let values = [rounded(offset + gain, noise, ROWS, dice), rounded(offset - gain, noise, ROWS, dice)].concat();
-        is_sound(&[values.chunks(ROWS).collect()], true, Rows::Samples).then_some(())?;
+        is_sound(&[values.chunks(ROWS).collect()], true, RowMeaning::Samples).then_some(())?;
         let labels: Vec<&str> = (0..2 * ROWS).map(|row| if row < ROWS { "+" } else { "-" }).collect();
         let found = tilt::flip_rows(&labels, &values, 1.0).ok()?;
         let within = |found: f64, truth: f64, sd: f64| (found - truth).abs() <= 1.96 * sd;
@@ -139,8 +141,8 @@ fn rotations() {
         let mut runs = session.runs(dice);
         runs.iter_mut().flat_map(|(_, channels)| channels).flatten().for_each(|value| *value = value.round());
         let of_channel = |i: usize| runs.iter().map(|(_, channels)| channels[i].as_slice()).collect();
-        is_sound(&[0, 1, 2].map(of_channel), false, Rows::Steps).then_some(())?;
-        let found = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar)).ok()?;
+        is_sound(&[0, 1, 2].map(of_channel), false, RowMeaning::Steps).then_some(())?;
+        let found = rotation::calibrate(&borrowed(&runs), &session.options(RotationAxis::Polar)).ok()?;
         let inside = |k: usize| (found.response[k] - session.response[k]).abs() <= found.expanded().0[k];
         Some((0..9).map(inside).collect())
     };
@@ -156,9 +158,9 @@ fn scale_factors() {
         let rates: Vec<f64> = RATES.into_iter().flat_map(|rate| [rate; ROWS]).collect();
         let outputs =
             RATES.into_iter().flat_map(|rate| rounded(offset + slope * rate, noise, ROWS, dice)).collect::<Vec<_>>();
-        is_sound(&[outputs.chunks(ROWS).collect()], true, Rows::Samples).then_some(())?;
-        let rows = scale_factor::Rows { rates: &rates, outputs: &outputs, cycles: None, points: None };
-        let found = scale_factor::fit(&rows.means().ok()?, &scale_factor::Options::default()).ok()?;
+        is_sound(&[outputs.chunks(ROWS).collect()], true, RowMeaning::Samples).then_some(())?;
+        let rows = scale_factor::RateRows { rates: &rates, outputs: &outputs, cycles: None, points: None };
+        let found = scale_factor::fit(&rows.means().ok()?, &scale_factor::ScaleFactorOptions::default()).ok()?;
         let within = |found: scale_factor::Estimate, truth: f64| (found.value - truth).abs() <= found.expanded();
         Some(vec![within(found.scale_factor, slope), within(found.offset, offset)])
     };
@@ -173,7 +175,7 @@ fn spreads() {
         let truth: Vec<f64> = (0..8).map(|_| level + 0.15 * dice.normal()).collect();
         let runs: Vec<Vec<f64>> = truth.iter().map(|mean| rounded(*mean, noise, ROWS, dice)).collect();
         let slices: Vec<&[f64]> = runs.iter().map(Vec::as_slice).collect();
-        is_sound(std::slice::from_ref(&slices), true, Rows::Samples).then_some(())?;
+        is_sound(std::slice::from_ref(&slices), true, RowMeaning::Samples).then_some(())?;
         let means: Vec<f64> = slices.iter().map(|run| stats::mean(run)).collect();
         let found = stability::repeatability(&means, quantisation::mean_error_sd(&slices)).ok()?;
         let is_mean_held = (found.mean - level).abs() <= found.mean_expanded();
@@ -183,7 +185,7 @@ fn spreads() {
     holds("repeatability", &repeated, 0.3);
     let blocks = |noise: f64, dice: &mut Dice| {
         let values = rounded(uniform(-20.0, 20.0, dice), noise, 20 * ROWS, dice);
-        is_sound(&[vec![&values[..]]], true, Rows::Steps).then_some(())?;
+        is_sound(&[vec![&values[..]]], true, RowMeaning::Steps).then_some(())?;
         let found = stability::stability(&values, 1.0, ROWS as f64).ok()?;
         // Rounding is part of an output's noise.
         let of_row = if noise < 0.5 { noise } else { noise.hypot(1.0 / 12.0_f64.sqrt()) };
@@ -204,7 +206,7 @@ fn clean_captures_of_a_code_or_two_lose_no_row() {
                 rounded(100.0 + level, noise, 400, dice)
             });
             let blocks = one_stretch(400);
-            let layout = Layout { blocks: &blocks, still: true, range_end: None };
+            let layout = RecordLayout { blocks: &blocks, still: true, range_end: None };
             Screening::of(&AXES, &channels.each_ref().map(Vec::as_slice), &layout).left_out().total() > 0
         });
         let bad = bad.count();

@@ -11,7 +11,7 @@
 mod truth;
 
 use gnc_metrology::position::{LABELS, Position, up_of};
-use gnc_metrology::rotation::{self, Axis};
+use gnc_metrology::rotation::{self, RotationAxis};
 use gnc_metrology::{ellipse, ellipsoid, six_position};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use truth::{Dice, Session, borrowed};
@@ -78,7 +78,7 @@ fn rotations() {
     let session = Session::example();
     compare(600, |dice| {
         let runs = session.runs(dice);
-        let c = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar)).unwrap();
+        let c = rotation::calibrate(&borrowed(&runs), &session.options(RotationAxis::Polar)).unwrap();
         (of_triad(&c.matrix, &c.epsilon_rps), dynamic(&c.covariance))
     });
 }

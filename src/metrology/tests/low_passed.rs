@@ -6,7 +6,7 @@ mod truth;
 
 use gnc_metrology::earth::EARTH_RATE_RPS;
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
-use gnc_metrology::rotation::{self, Axis};
+use gnc_metrology::rotation::{self, RotationAxis};
 use gnc_metrology::{Refusal, tilt};
 use truth::{Dice, Session, borrowed};
 
@@ -146,7 +146,7 @@ fn runs_of(mut session: Session, part: f64, seed: u64) -> Vec<(String, [Vec<f64>
 
 #[test]
 fn rotations_behind_a_low_pass_rest() {
-    let options = Session::example().options(Axis::Polar);
+    let options = Session::example().options(RotationAxis::Polar);
     for part in [0.1, 0.2, 0.4] {
         for seed in 0..20 {
             let runs = rotation_runs(part, seed);
@@ -168,7 +168,7 @@ fn intervals_of_vertical_rotations_hold_behind_a_low_pass() {
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
     let session = || Session { earth_rps: (EARTH_RATE_RPS * sin, EARTH_RATE_RPS * cos), ..Session::example() };
     let matrix = session().response.try_inverse().unwrap();
-    let options = session().options(Axis::Vertical { latitude_deg });
+    let options = session().options(RotationAxis::Vertical { latitude_deg });
     for part in [0.05, 0.1, 0.2, 0.4, 10.0] {
         let (mut held, mut given) = ([0; 9], 0);
         for seed in 0..SESSIONS {

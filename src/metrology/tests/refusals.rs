@@ -11,7 +11,7 @@
 mod truth;
 
 use gnc_metrology::position::{LABELS, Limits, Position, from_directions, from_labels, up_of};
-use gnc_metrology::rotation::{self, Axis};
+use gnc_metrology::rotation::{self, RotationAxis};
 use gnc_metrology::{Refusal, ellipse, ellipsoid, six_position};
 use nalgebra::Vector3;
 use truth::{Dice, Session, borrowed};
@@ -44,7 +44,7 @@ impl Record {
         record
     }
 
-    fn calibrate(&self) -> Result<six_position::Calibration, Refusal> {
+    fn calibrate(&self) -> Result<six_position::SixPositionCalibration, Refusal> {
         let [x, y, z] = &self.channels;
         six_position::calibrate(&from_labels(&self.labels, [x, y, z], &Limits::ACCELEROMETER)?, G)
     }
@@ -120,10 +120,14 @@ fn attitudes_that_do_not_span_space() {
 }
 
 #[track_caller]
-fn rotation_refused(change: impl FnOnce(&mut Runs), options: impl FnOnce(&mut rotation::Options), expected: &str) {
+fn rotation_refused(
+    change: impl FnOnce(&mut Runs),
+    options: impl FnOnce(&mut rotation::RotationOptions),
+    expected: &str,
+) {
     let session = Session::example();
     let mut runs = session.runs(&mut Dice::new(2));
-    let mut how = session.options(Axis::Polar);
+    let mut how = session.options(RotationAxis::Polar);
     change(&mut runs);
     options(&mut how);
     let refusal = rotation::calibrate(&borrowed(&runs), &how).expect_err("a refusal").to_string();
@@ -184,7 +188,7 @@ fn a_channel_that_froze_through_a_run() {
     let mut runs = session.runs(&mut Dice::new(2));
     runs.iter_mut().flat_map(|run| &mut run.1).flatten().for_each(|v| *v = (*v / 60.0).round() * 60.0);
     assert!(runs[0].1[1].iter().all(|v| *v == runs[0].1[1][0]));
-    let found = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar));
+    let found = rotation::calibrate(&borrowed(&runs), &session.options(RotationAxis::Polar));
     assert!(!matches!(found, Err(Refusal::Stuck { .. })), "{found:?}");
 }
 
@@ -198,7 +202,7 @@ fn unequal_scale_factors_are_normal() {
     }
     session.noise[0] *= 100.0;
     let runs = session.runs(&mut Dice::new(2));
-    let c = rotation::calibrate(&borrowed(&runs), &session.options(Axis::Polar)).unwrap();
+    let c = rotation::calibrate(&borrowed(&runs), &session.options(RotationAxis::Polar)).unwrap();
     assert!((c.response[(0, 0)] / 200_000.0 - 1.0).abs() < 1e-3 && (c.response[(1, 1)] / 3000.0 - 1.0).abs() < 1e-3);
 }
 

@@ -4,7 +4,7 @@
 
 mod truth;
 
-use gnc_metrology::scale_factor::{Options, Rows, ScaleFactor, fit};
+use gnc_metrology::scale_factor::{RateRows, ScaleFactor, ScaleFactorOptions, fit};
 use truth::Dice;
 
 const SEED: u64 = 81;
@@ -16,7 +16,7 @@ const OFFSET: f64 = 31.0;
 const RATES: [f64; 11] = [-300.0, -200.0, -100.0, -50.0, -20.0, 0.0, 20.0, 50.0, 100.0, 200.0, 300.0];
 
 fn fitted(rates: &[f64], outputs: &[f64], cycles: Option<&[f64]>) -> ScaleFactor {
-    fit(&Rows { rates, outputs, cycles, points: None }.means().unwrap(), &Options::default()).unwrap()
+    fit(&RateRows { rates, outputs, cycles, points: None }.means().unwrap(), &ScaleFactorOptions::default()).unwrap()
 }
 
 /// What the 95 % interval of a name covered.

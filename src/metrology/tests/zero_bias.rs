@@ -10,7 +10,7 @@
 
 mod truth;
 
-use gnc_metrology::zero_bias::{Copies, Eliminator, Kalman, Model, Settings, Stored};
+use gnc_metrology::zero_bias::{BiasModel, Copies, Eliminator, Kalman, Stored, ZeroBiasSettings};
 use truth::Dice;
 
 const SEED: u64 = 17;
@@ -47,7 +47,7 @@ fn two_hundred_power_cycles() {
     println!("seed {SEED}");
     let mut dice = Dice::new(SEED);
     // deg/h: a constant part, its change at power-on, the noise of a sample (0.3 deg/sqrt(h)), a slow walk.
-    let (constant, model) = (120.0, Model { repeatability: 10.0, n: 18.0, b: 2.0, rate_hz: RATE_HZ });
+    let (constant, model) = (120.0, BiasModel { repeatability: 10.0, n: 18.0, b: 2.0, rate_hz: RATE_HZ });
     let noise = model.n * RATE_HZ.sqrt();
     let (mut copies, mut for_kalman) = (Copies::default(), Stored::default());
     let (mut raw, mut print, mut fusion) = (Errors::default(), Errors::default(), Errors::default());
@@ -55,7 +55,7 @@ fn two_hundred_power_cycles() {
     for cycle in 0..CYCLES {
         let mut bias = constant + model.repeatability * dice.normal();
         let stored = copies.load();
-        let mut eliminator = Eliminator::new(Settings::default(), stored.clone()).unwrap();
+        let mut eliminator = Eliminator::new(ZeroBiasSettings::default(), stored.clone()).unwrap();
         let mut kalman = Kalman::new(&model, &for_kalman).unwrap();
         for k in 0..SAMPLES {
             bias += 0.01 * dice.normal();
@@ -87,7 +87,7 @@ fn two_hundred_power_cycles() {
                 fusion.add(k, kalman.bias() - bias);
             }
         }
-        for_kalman.push(kalman.bias(), Settings::default().slots);
+        for_kalman.push(kalman.bias(), ZeroBiasSettings::default().slots);
     }
     let stored = copies.load();
     println!("{writes} writes, {cuts} cut off; stored {:?}", stored.biases());
@@ -98,7 +98,7 @@ fn two_hundred_power_cycles() {
         fusion.rms()
     );
     assert!(writes > 50 && cuts > 20);
-    assert_eq!(stored.biases().len(), Settings::default().slots);
+    assert_eq!(stored.biases().len(), ZeroBiasSettings::default().slots);
     // The mean of the stored biases is the constant part: ten of them scatter by 10 / sqrt(10).
     assert!((stored.mean().unwrap() - constant).abs() < 4.0 * 10.0 / 10.0_f64.sqrt());
     let ((raw_early, _), (print_early, print_late), (fusion_early, fusion_late)) =

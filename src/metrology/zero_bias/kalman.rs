@@ -5,7 +5,7 @@ use crate::{Refusal, series};
 
 /// What the module's own record says about its bias; unit u of the rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Model {
+pub struct BiasModel {
     /// Standard deviation of the bias from one power-on to the next, u.
     pub repeatability: f64,
     /// Random walk of the integral (Allan coefficient N), u sqrt(s).
@@ -32,7 +32,7 @@ impl Kalman {
     ///
     /// # Errors
     /// [`Refusal::Parameter`] for figures that are not above zero.
-    pub fn new(model: &Model, stored: &Stored) -> Result<Self, Refusal> {
+    pub fn new(model: &BiasModel, stored: &Stored) -> Result<Self, Refusal> {
         series::positive("repeatability", model.repeatability)?;
         let n = series::positive("N", model.n)?;
         let floor = (0.664_282 * series::positive("B", model.b)?).powi(2);

@@ -13,7 +13,7 @@ mod kalman;
 mod still;
 mod store;
 
-pub use kalman::{Kalman, Model};
+pub use kalman::{BiasModel, Kalman};
 pub use still::StillDetector;
 pub use store::{Copies, Stored};
 
@@ -21,7 +21,7 @@ use crate::Refusal;
 
 /// Lengths of the method. The text gives the first three; slots and rest have no value in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Settings {
+pub struct ZeroBiasSettings {
     /// Samples over which the stored bias hands over to the measured one (FuseNum, below 1000).
     pub fusion: usize,
     /// Still samples of a block (M, at most 200).
@@ -34,13 +34,13 @@ pub struct Settings {
     pub rest: usize,
 }
 
-impl Default for Settings {
+impl Default for ZeroBiasSettings {
     fn default() -> Self {
         Self { fusion: 500, block: 50, ring: 30, slots: 10, rest: 3000 }
     }
 }
 
-impl Settings {
+impl ZeroBiasSettings {
     /// # Errors
     /// [`Refusal::Parameter`] for the first length out of its range.
     pub fn check(&self) -> Result<(), Refusal> {
@@ -60,7 +60,7 @@ impl Settings {
 
 /// What a sample gave.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Output {
+pub struct FilterOutput {
     /// Rate less the bias.
     pub rate: f64,
     /// The bias that was taken off.
@@ -72,7 +72,7 @@ pub struct Output {
 /// The method, for one axis from one power-on to the next.
 #[derive(Debug, Clone)]
 pub struct Eliminator {
-    settings: Settings,
+    settings: ZeroBiasSettings,
     stored: Stored,
     /// Samples since power-on, up to the end of the fusion (SC).
     count: usize,
@@ -97,8 +97,8 @@ impl Eliminator {
     /// Powers on with what was stored.
     ///
     /// # Errors
-    /// As [`Settings::check`].
-    pub fn new(settings: Settings, stored: Stored) -> Result<Self, Refusal> {
+    /// As [`ZeroBiasSettings::check`].
+    pub fn new(settings: ZeroBiasSettings, stored: Stored) -> Result<Self, Refusal> {
         settings.check()?;
         let bias = stored.mean().unwrap_or(0.0);
         Ok(Self {
@@ -118,7 +118,7 @@ impl Eliminator {
     }
 
     /// Takes one sample. A sample that is not finite counts as moving and changes nothing.
-    pub fn step(&mut self, rate: f64, still: bool) -> Output {
+    pub fn step(&mut self, rate: f64, still: bool) -> FilterOutput {
         let still = still && rate.is_finite();
         let fusing = self.count < self.settings.fusion;
         self.count = (self.count + 1).min(self.settings.fusion);
@@ -131,7 +131,7 @@ impl Eliminator {
             self.turn(mean);
         }
         let store = self.store();
-        Output { rate: rate - self.bias, bias: self.bias, store }
+        FilterOutput { rate: rate - self.bias, bias: self.bias, store }
     }
 
     /// The bias now.
@@ -207,7 +207,7 @@ impl Eliminator {
 mod tests {
     use super::*;
 
-    const SMALL: Settings = Settings { fusion: 10, block: 2, ring: 3, slots: 2, rest: 6 };
+    const SMALL: ZeroBiasSettings = ZeroBiasSettings { fusion: 10, block: 2, ring: 3, slots: 2, rest: 6 };
 
     fn powered(stored: &[f64]) -> Eliminator {
         let mut s = Stored::default();
@@ -273,13 +273,17 @@ mod tests {
 
     #[test]
     fn settings_are_checked() {
-        let check =
-            |s: Settings| Eliminator::new(s, Stored::default()).err().map(|e| e.to_string()).unwrap_or_default();
-        assert_eq!(check(Settings::default()), "");
+        let check = |s: ZeroBiasSettings| {
+            Eliminator::new(s, Stored::default()).err().map(|e| e.to_string()).unwrap_or_default()
+        };
+        assert_eq!(check(ZeroBiasSettings::default()), "");
         assert_eq!(
-            check(Settings { rest: 100, ..Settings::default() }),
+            check(ZeroBiasSettings { rest: 100, ..ZeroBiasSettings::default() }),
             "rest (samples) is 100, expected at least ring times block"
         );
-        assert_eq!(check(Settings { block: 0, ..Settings::default() }), "block (samples) is 0, expected 2 to 200");
+        assert_eq!(
+            check(ZeroBiasSettings { block: 0, ..ZeroBiasSettings::default() }),
+            "block (samples) is 0, expected 2 to 200"
+        );
     }
 }

@@ -7,7 +7,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use gnc_protocol::serial::{Decoder, encode};
+use gnc_protocol::serial::{FrameDecoder, encode};
 use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
 
 /// What one core should manage, in MB (10^6 bytes) of the wire a second.
@@ -36,7 +36,7 @@ fn fastest(bytes: &[u8]) -> (f64, f64) {
     let mut best = Duration::MAX;
     let mut frames = 0;
     for _ in 0..ROUNDS {
-        let mut decoder = Decoder::default();
+        let mut decoder = FrameDecoder::default();
         let start = Instant::now();
         for chunk in bytes.chunks(CHUNK) {
             let mut rest = chunk;

@@ -7,7 +7,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use gnc_protocol::can::slcan::{Decoder, encode};
+use gnc_protocol::can::slcan::{SlcanDecoder, encode};
 use gnc_protocol::can::{CanFrame, CanId};
 
 /// What one core should manage.
@@ -37,7 +37,7 @@ fn main() {
     for (name, bytes) in cases {
         let mut best = Duration::MAX;
         for _ in 0..ROUNDS {
-            let mut decoder = Decoder::default();
+            let mut decoder = SlcanDecoder::default();
             let start = Instant::now();
             for mut chunk in bytes.chunks(CHUNK) {
                 while let Some(item) = decoder.next(&mut chunk) {

@@ -27,13 +27,13 @@ pub const fn compensated_bits(rate_hz: u32) -> (u32, u32) {
 
 /// The board's end.
 #[derive(Debug, Default)]
-pub(super) struct Packer {
+pub(super) struct CompensatedPacker {
     next: Option<u32>,
     rate_hz: u16,
     dropped: u32,
 }
 
-impl Packer {
+impl CompensatedPacker {
     pub(super) fn start(&mut self, rate_hz: u16) {
         (self.next, self.rate_hz) = (None, rate_hz);
     }
@@ -64,7 +64,7 @@ impl Packer {
 /// The host's end. A sample of which a frame is missing is not delivered; nothing is before the first clock, since its
 /// time is not known.
 #[derive(Debug, Default)]
-pub(super) struct Unpacker {
+pub(super) struct CompensatedUnpacker {
     rate_hz: u16,
     /// Number, samples dropped.
     mark: Option<(u32, u32)>,
@@ -74,7 +74,7 @@ pub(super) struct Unpacker {
     bytes: heapless::Vec<u8, COMPENSATED_SAMPLE>,
 }
 
-impl Unpacker {
+impl CompensatedUnpacker {
     pub(super) fn start(&mut self, rate_hz: u16) {
         *self = Self { rate_hz, ..Self::default() };
     }

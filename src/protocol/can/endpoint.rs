@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use heapless::{Deque, Vec};
 
-use super::isotp::{self, Failure, Flow, Received, Receiver, Sender};
+use super::isotp::{self, Failure, Flow, IsoTpReceived, IsoTpReceiver, IsoTpSender};
 use super::stream::{Packer, Unpacker};
 use super::{CanFrame, CanId, id};
 use crate::frame::{Frame, FrameError, MAX_FRAME};
@@ -31,7 +31,7 @@ type Pdu = Vec<u8, MAX_FRAME>;
 
 /// Which end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
+pub enum EndpointRole {
     /// Commands.
     Host,
     /// Answers.
@@ -42,8 +42,8 @@ pub enum Role {
 struct Channel {
     out: u16,
     back: u16,
-    sender: Sender<MAX_FRAME>,
-    receiver: Receiver<MAX_FRAME>,
+    sender: IsoTpSender<MAX_FRAME>,
+    receiver: IsoTpReceiver<MAX_FRAME>,
     waiting: Deque<Pdu, QUEUE>,
     /// Flow control to send; it goes before all else.
     flow: Option<Flow>,
@@ -56,8 +56,8 @@ impl Channel {
         Self {
             out,
             back,
-            sender: Sender::default(),
-            receiver: Receiver::default(),
+            sender: IsoTpSender::default(),
+            receiver: IsoTpReceiver::default(),
             waiting: Deque::new(),
             flow: None,
             sequence: 0,
@@ -113,7 +113,7 @@ pub struct TransferCounters {
 /// One end of the link.
 #[derive(Debug)]
 pub struct Endpoint {
-    role: Role,
+    role: EndpointRole,
     urgent: Channel,
     work: Channel,
     nonce: Option<[u8; 4]>,
@@ -129,13 +129,13 @@ pub struct Endpoint {
 impl Endpoint {
     /// The end of the host or of the board.
     #[must_use]
-    pub fn new(role: Role) -> Self {
+    pub fn new(role: EndpointRole) -> Self {
         let (urgent, work) = match role {
-            Role::Host => (
+            EndpointRole::Host => (
                 Channel::new(id::URGENT_TO_BOARD, id::URGENT_TO_HOST),
                 Channel::new(id::WORK_TO_BOARD, id::WORK_TO_HOST),
             ),
-            Role::Board => (
+            EndpointRole::Board => (
                 Channel::new(id::URGENT_TO_HOST, id::URGENT_TO_BOARD),
                 Channel::new(id::WORK_TO_HOST, id::WORK_TO_BOARD),
             ),
@@ -226,9 +226,11 @@ impl Endpoint {
         match number {
             _ if number == self.urgent.back => self.take(true, can.data(), now),
             _ if number == self.work.back => self.take(false, can.data(), now),
-            id::KEEP_ALIVE if self.role == Role::Board => Some(Ok(event_frame(event::KEEP_ALIVE, Payload::new()))),
-            id::BOARD_EVENTS if self.role == Role::Host => self.board_event(can.data()).map(Ok),
-            id::IMU_GYRO..=id::COMPENSATED_CLOCK if self.role == Role::Host => {
+            id::KEEP_ALIVE if self.role == EndpointRole::Board => {
+                Some(Ok(event_frame(event::KEEP_ALIVE, Payload::new())))
+            }
+            id::BOARD_EVENTS if self.role == EndpointRole::Host => self.board_event(can.data()).map(Ok),
+            id::IMU_GYRO..=id::COMPENSATED_CLOCK if self.role == EndpointRole::Host => {
                 let samples = self.unpacker.receive(number, can.data())?;
                 let stream = StreamId::from_number(samples.head.stream)?;
                 Some(Ok(Frame { header: stream_header(stream), payload: samples.to_payload().ok()? }))
@@ -246,12 +248,12 @@ impl Endpoint {
             return None;
         }
         match channel.receiver.receive(data, now) {
-            Received::Nothing => None,
-            Received::Flow(flow) => {
+            IsoTpReceived::Nothing => None,
+            IsoTpReceived::Flow(flow) => {
                 channel.flow = Some(flow);
                 None
             }
-            Received::Failed(failure) => {
+            IsoTpReceived::Failed(failure) => {
                 match failure {
                     Failure::Malformed => self.transfers.strange = self.transfers.strange.wrapping_add(1),
                     Failure::TooLong { .. } => channel.flow = Some(Flow::Overflow),
@@ -261,7 +263,7 @@ impl Endpoint {
                 self.transfers.not_received = self.transfers.not_received.wrapping_add(lost);
                 None
             }
-            Received::Complete => {
+            IsoTpReceived::Complete => {
                 let outcome = Frame::from_bytes(channel.receiver.pdu());
                 match &outcome {
                     Ok(frame) => self.count(urgent, frame),
@@ -276,11 +278,14 @@ impl Endpoint {
     }
 
     fn count(&mut self, urgent: bool, frame: &Frame) {
-        if frame.header.kind == Kind::Hello && self.role == Role::Board {
+        if frame.header.kind == Kind::Hello && self.role == EndpointRole::Board {
             self.greeted(&frame.payload);
             self.restart_sequence();
         }
-        if frame.header.kind == Kind::Request && self.role == Role::Board && !frame.header.flags.has(Flags::RESENT) {
+        if frame.header.kind == Kind::Request
+            && self.role == EndpointRole::Board
+            && !frame.header.flags.has(Flags::RESENT)
+        {
             self.note_stream(frame);
         }
         let channel = if urgent { &mut self.urgent } else { &mut self.work };
@@ -299,7 +304,7 @@ impl Endpoint {
     /// A HELLO opens the way: answers that nobody may have fetched are in it, and those of another session are lies.
     fn greeted(&mut self, payload: &[u8]) {
         let nonce = payload.get(NONCE).and_then(|bytes| bytes.try_into().ok());
-        if self.role == Role::Board || self.nonce != nonce {
+        if self.role == EndpointRole::Board || self.nonce != nonce {
             self.urgent.drop_outgoing();
         }
         if self.nonce != nonce {
@@ -315,8 +320,8 @@ impl Endpoint {
             && let Ok(start) = StreamStart::from_payload(&frame.payload)
         {
             match self.role {
-                Role::Host => self.unpacker.start(&start),
-                Role::Board => self.packer.start(&start),
+                EndpointRole::Host => self.unpacker.start(&start),
+                EndpointRole::Board => self.packer.start(&start),
             }
         }
     }
@@ -330,7 +335,7 @@ impl Endpoint {
     }
 
     fn send_event(&mut self, frame: &Frame, raw: &mut impl FnMut(CanFrame)) {
-        let number = if self.role == Role::Host { id::KEEP_ALIVE } else { id::BOARD_EVENTS };
+        let number = if self.role == EndpointRole::Host { id::KEEP_ALIVE } else { id::BOARD_EVENTS };
         let mut send = |bytes: &[u8]| {
             CanFrame::new(CanId::Standard(number), bytes).map(&mut *raw);
         };

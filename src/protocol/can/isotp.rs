@@ -1,6 +1,6 @@
 //! ISO 15765-2 (ISO-TP) over classic CAN, normal addressing: one message of up to 4095 bytes in frames of eight.
 //!
-//! [`Sender`] and [`Receiver`] are the two state machines for one id in one direction; link time is passed in. Any
+//! [`IsoTpSender`] and [`IsoTpReceiver`] are the two state machines for one id in one direction; link time is passed in. Any
 //! frames may come: they never panic, and every wait has an end.
 
 mod receiver;
@@ -8,8 +8,8 @@ mod sender;
 
 use core::time::Duration;
 
-pub use receiver::{Failure, Received, Receiver, Settings};
-pub use sender::{SendError, Sender, StartError};
+pub use receiver::{Failure, FlowSettings, IsoTpReceived, IsoTpReceiver};
+pub use sender::{IsoTpSender, SendError, StartError};
 
 /// Longest message whose length fits into the twelve bits of a first frame.
 pub const MAX_PDU: usize = 4095;

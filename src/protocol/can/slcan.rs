@@ -15,7 +15,7 @@ const END: u8 = b'\r';
 const BELL: u8 = 7;
 
 /// A frame as a line.
-pub type Line = heapless::Vec<u8, MAX_ENCODED>;
+pub type SlcanLine = heapless::Vec<u8, MAX_ENCODED>;
 
 /// What opens an adapter at 500 kbit/s: an end for whatever half line was sent before, close, rate, open.
 pub const OPEN_500K: &[u8] = b"\rC\rS6\rO\r";
@@ -24,7 +24,7 @@ pub const CLOSE: &[u8] = b"C\r";
 
 /// A line that means something.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Item {
+pub enum SlcanEvent {
     /// A data frame.
     Frame(CanFrame),
     /// A remote frame; this protocol has none.
@@ -68,18 +68,18 @@ const fn digits() -> [u8; 256] {
 
 /// Finds lines in whatever arrives. Holds at most one line; never stalls.
 #[derive(Debug, Default)]
-pub struct Decoder {
+pub struct SlcanDecoder {
     /// A line that came in pieces, as far as it came.
     pending: heapless::Vec<u8, MAX_LINE>,
     overflowed: bool,
     counters: Counters,
 }
 
-impl Decoder {
+impl SlcanDecoder {
     /// Takes bytes up to and including the next line that means something off the front of `bytes`. Empty lines mean
     /// nothing; bad ones are counted. `None`: all bytes are consumed.
     #[inline]
-    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Item> {
+    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<SlcanEvent> {
         loop {
             let Some(end) = memchr::memchr2(END, BELL, bytes) else {
                 self.keep(bytes);
@@ -93,7 +93,7 @@ impl Decoder {
                 self.counters.bad_lines += u32::from(!chunk.is_empty() || !self.pending.is_empty());
                 self.pending.clear();
                 self.overflowed = false;
-                return Some(Item::Refused);
+                return Some(SlcanEvent::Refused);
             }
             // A line that came in one piece is read where it lies.
             let item = if self.pending.is_empty() && !self.overflowed {
@@ -123,7 +123,7 @@ impl Decoder {
     }
 
     #[inline]
-    fn close(&mut self, line: &[u8]) -> Option<Item> {
+    fn close(&mut self, line: &[u8]) -> Option<SlcanEvent> {
         // Too long is too long, in pieces or not.
         let too_long = line.len() > MAX_LINE;
         // Some adapters end lines with CR LF, so that the next one begins with the LF.
@@ -134,7 +134,7 @@ impl Decoder {
         }
         let item = if overflowed { None } else { parse(line) };
         match item {
-            Some(Item::Frame(_)) => self.counters.frames = self.counters.frames.wrapping_add(1),
+            Some(SlcanEvent::Frame(_)) => self.counters.frames = self.counters.frames.wrapping_add(1),
             None => self.counters.bad_lines = self.counters.bad_lines.wrapping_add(1),
             Some(_) => {}
         }
@@ -143,24 +143,24 @@ impl Decoder {
 }
 
 #[inline]
-fn parse(line: &[u8]) -> Option<Item> {
+fn parse(line: &[u8]) -> Option<SlcanEvent> {
     let (&letter, rest) = line.split_first()?;
     match letter {
         b't' => frame(CanId::Standard(number::<3>(rest)? as u16), &rest[3..]),
         b'T' => frame(CanId::Extended(number::<8>(rest)?), &rest[8..]),
         b'r' => remote(CanId::Standard(number::<3>(rest)? as u16), &rest[3..]),
         b'R' => remote(CanId::Extended(number::<8>(rest)?), &rest[8..]),
-        b'O' if rest.is_empty() => Some(Item::Open),
-        b'L' if rest.is_empty() => Some(Item::Listen),
-        b'C' if rest.is_empty() => Some(Item::Close),
+        b'O' if rest.is_empty() => Some(SlcanEvent::Open),
+        b'L' if rest.is_empty() => Some(SlcanEvent::Listen),
+        b'C' if rest.is_empty() => Some(SlcanEvent::Close),
         b'S' => match rest {
-            [rate @ b'0'..=b'8'] => Some(Item::Rate(rate - b'0')),
+            [rate @ b'0'..=b'8'] => Some(SlcanEvent::Rate(rate - b'0')),
             _ => None,
         },
         // z, Z: a frame was sent; F: status; V, N: version, serial number; s, M, m, W, X, Z0, U..: set-up that
         // adapters differ in.
         b'z' | b'Z' | b'F' | b'V' | b'v' | b'N' | b's' | b'M' | b'm' | b'W' | b'X' | b'U' | b'P' | b'A' | b'Q' => {
-            Some(Item::Other(letter))
+            Some(SlcanEvent::Other(letter))
         }
         _ => None,
     }
@@ -181,7 +181,7 @@ fn number<const COUNT: usize>(text: &[u8]) -> Option<u32> {
 
 /// Length and data; adapters may add a timestamp of four digits.
 #[inline]
-fn frame(id: CanId, rest: &[u8]) -> Option<Item> {
+fn frame(id: CanId, rest: &[u8]) -> Option<SlcanEvent> {
     let (length, rest) = length(rest)?;
     if rest.len() != 2 * length && !has_timestamp(rest, 2 * length) {
         return None;
@@ -195,13 +195,13 @@ fn frame(id: CanId, rest: &[u8]) -> Option<Item> {
     if wrong >= 0x10 {
         return None;
     }
-    CanFrame::new(id, &data[..length]).map(Item::Frame)
+    CanFrame::new(id, &data[..length]).map(SlcanEvent::Frame)
 }
 
-fn remote(id: CanId, rest: &[u8]) -> Option<Item> {
+fn remote(id: CanId, rest: &[u8]) -> Option<SlcanEvent> {
     let (_, rest) = length(rest)?;
     let good = id.is_valid() && (rest.is_empty() || has_timestamp(rest, 0));
-    good.then_some(Item::Remote(id))
+    good.then_some(SlcanEvent::Remote(id))
 }
 
 #[inline]
@@ -216,9 +216,9 @@ fn has_timestamp(rest: &[u8], at: usize) -> bool {
 
 /// A frame as a line, with its end.
 #[must_use]
-pub fn encode(frame: &CanFrame) -> Line {
+pub fn encode(frame: &CanFrame) -> SlcanLine {
     const HEX: &[u8; 16] = b"0123456789ABCDEF";
-    let mut line = Line::new();
+    let mut line = SlcanLine::new();
     // The buffer holds the longest line, so that no push can fail.
     let mut put = |byte| {
         let _ = line.push(byte);

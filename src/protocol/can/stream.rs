@@ -6,7 +6,7 @@
 
 use crate::message::StreamStart;
 use crate::stream::{Format, ImuSample, PpsCapture, SATURATION, StreamFrame, StreamHead, StreamId};
-use crate::wire::{Reader, Wire as _};
+use crate::wire::{FieldReader, Wire as _};
 
 pub use super::compensated::compensated_bits;
 use super::{BIT_RATE, CanFrame, CanId, MAX_DATA, bits, compensated, id, worst_bits};
@@ -100,7 +100,7 @@ pub struct Packer {
     rate_hz: u16,
     dropped: u32,
     pulses: u8,
-    compensated: compensated::Packer,
+    compensated: compensated::CompensatedPacker,
 }
 
 impl Packer {
@@ -122,7 +122,7 @@ impl Packer {
         let head = &frame.head;
         match Format::from_number(head.format) {
             Some(Format::Imu) => {
-                let mut reader = Reader::new(&frame.samples);
+                let mut reader = FieldReader::new(&frame.samples);
                 for at in 0..u32::from(head.count) {
                     let Ok(sample) = ImuSample::get(&mut reader) else { return };
                     let time_us = head.board_time_us + after_us(at, self.rate_hz);
@@ -141,7 +141,7 @@ impl Packer {
                 }
             }
             Some(Format::Pps) => {
-                let mut reader = Reader::new(&frame.samples);
+                let mut reader = FieldReader::new(&frame.samples);
                 for _ in 0..head.count {
                     let Ok(capture) = PpsCapture::get(&mut reader) else { return };
                     let word = capture.board_time_ns << 8 | u64::from(self.pulses);
@@ -192,7 +192,7 @@ pub struct Unpacker {
     bytes: u32,
     bytes_time_us: u64,
     pulses: u32,
-    compensated: compensated::Unpacker,
+    compensated: compensated::CompensatedUnpacker,
 }
 
 impl Unpacker {

@@ -4,7 +4,7 @@
 
 use gnc_protocol::frame::{CRC, checksum};
 use gnc_protocol::pattern::Xorshift32;
-use gnc_protocol::serial::{Decoder, encode};
+use gnc_protocol::serial::{FrameDecoder, encode};
 use gnc_protocol::{Flags, Frame, Header, Kind, MAX_PAYLOAD, Payload};
 
 fn frame(kind: Kind, payload: &[u8]) -> Frame {
@@ -136,7 +136,7 @@ impl Line {
 
     fn check(&mut self, flips: &[usize]) {
         flips.iter().for_each(|bit| flip(&mut self.wire, self.start + bit));
-        let (mut decoder, mut rest, mut found) = (Decoder::default(), self.wire.as_slice(), Vec::new());
+        let (mut decoder, mut rest, mut found) = (FrameDecoder::default(), self.wire.as_slice(), Vec::new());
         while let Some(outcome) = decoder.next(&mut rest) {
             found.extend(outcome.ok());
         }

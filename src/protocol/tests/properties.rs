@@ -6,7 +6,7 @@ use std::fmt::Debug;
 use gnc_protocol::calibration::*;
 use gnc_protocol::frame::{FrameError, MAX_FRAME};
 use gnc_protocol::message::*;
-use gnc_protocol::serial::{self, Decoder, LineCounters, MAX_ON_WIRE};
+use gnc_protocol::serial::{self, FrameDecoder, LineCounters, MAX_ON_WIRE};
 use gnc_protocol::stream::*;
 use gnc_protocol::wire::{Wire, WireError};
 use gnc_protocol::{Flags, Frame, Header, Kind, MAX_PAYLOAD, Payload, Request};
@@ -16,7 +16,7 @@ type Outcome = Result<Frame, FrameError>;
 
 /// Everything that comes out of `bytes` handed over in pieces of the given lengths (the last one again and again).
 fn decode(bytes: &[u8], pieces: &[usize]) -> (Vec<Outcome>, LineCounters) {
-    let (mut decoder, mut outcomes, mut rest, mut at) = (Decoder::default(), Vec::new(), bytes, 0);
+    let (mut decoder, mut outcomes, mut rest, mut at) = (FrameDecoder::default(), Vec::new(), bytes, 0);
     while !rest.is_empty() {
         let length = pieces.get(at).or(pieces.last()).copied().unwrap_or(rest.len()).clamp(1, rest.len());
         at += 1;

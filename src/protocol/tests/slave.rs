@@ -6,10 +6,12 @@ use std::time::Duration;
 
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::*;
-use gnc_protocol::serial::{Decoder, encode};
-use gnc_protocol::slave::{Board, BoardIdentity, Done, Fault, KEPT_RESULTS, MAX_RUNNING, Output, Refusal, Slave};
+use gnc_protocol::serial::{FrameDecoder, encode};
+use gnc_protocol::slave::{
+    BoardIdentity, BoardOutput, KEPT_RESULTS, MAX_RUNNING, RequestDone, RequestFault, RequestRefusal, Slave, SlaveBoard,
+};
 use gnc_protocol::stream::{ImuSample, StreamFrame, StreamHead, StreamId};
-use gnc_protocol::wire::{Reader, Wire, text};
+use gnc_protocol::wire::{FieldReader, Wire, text};
 use gnc_protocol::{Call, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, Request, timing};
 use proptest::prelude::*;
 
@@ -20,27 +22,27 @@ struct Scripted {
     aborted: Vec<u16>,
     made_safe: u32,
     new_sessions: u32,
-    refuse_next: Option<Refusal>,
-    outputs: VecDeque<Output>,
+    refuse_next: Option<RequestRefusal>,
+    outputs: VecDeque<BoardOutput>,
     state_bits: u8,
     boot_id: Option<u32>,
     serial: &'static str,
     firmware: &'static str,
 }
 
-impl Board for Scripted {
+impl SlaveBoard for Scripted {
     fn identity(&self) -> BoardIdentity {
         let boot_id = self.boot_id.unwrap_or(77);
         BoardIdentity { boot_id, capabilities: 1, serial: text(self.serial), firmware: text(self.firmware) }
     }
-    fn start(&mut self, request: u16, _: Request) -> Result<u32, Refusal> {
+    fn start(&mut self, request: u16, _: Request) -> Result<u32, RequestRefusal> {
         if let Some(refusal) = self.refuse_next.take() {
             return Err(refusal);
         }
         self.started.push(request);
         Ok(u32::from(request) * 10)
     }
-    fn poll(&mut self) -> Option<Output> {
+    fn poll(&mut self) -> Option<BoardOutput> {
         self.outputs.pop_front()
     }
     fn progress(&self, request: u16) -> Progress {
@@ -118,7 +120,7 @@ impl Bench {
 
     fn finish(&mut self, request: u16, body: &impl Wire) -> Vec<Frame> {
         let outcome = Ok(body.to_payload().unwrap());
-        self.board.outputs.push_back(Output::Done(Done { request, elapsed_us: 5, outcome }));
+        self.board.outputs.push_back(BoardOutput::Done(RequestDone { request, elapsed_us: 5, outcome }));
         self.tick()
     }
 }
@@ -136,7 +138,7 @@ fn nak_code(frames: &[Frame]) -> NakCode {
 
 fn status(frame: &Frame) -> FaultCode {
     assert_eq!(frame.header.kind, Kind::Result);
-    ResultHead::get(&mut Reader::new(&frame.payload)).unwrap().status
+    ResultHead::get(&mut FieldReader::new(&frame.payload)).unwrap().status
 }
 
 const RAM: RamTest = RamTest { ram: 0, pattern: 0 };
@@ -289,7 +291,7 @@ fn refusals() {
     assert_eq!(nak_code(&other), NakCode::UnknownMessage);
     assert_eq!(bench.board.started, []);
     for &code in NakCode::ALL {
-        bench.board.refuse_next = Some(Refusal::new(code, "why"));
+        bench.board.refuse_next = Some(RequestRefusal::new(code, "why"));
         let sent = bench.ask(2, &RAM);
         assert_eq!(nak_code(&sent), code);
         assert_eq!(Nak::from_payload(&sent[0].payload).unwrap().text, "why");
@@ -350,10 +352,10 @@ fn make_safe_ends_everything_but_the_session() {
 fn a_fault_of_the_board_is_a_result_with_a_text() {
     let mut bench = Bench::in_session();
     bench.ask(1, &RAM);
-    let fault = Fault { code: FaultCode::DeviceTimeout, text: text("no answer") };
-    bench.board.outputs.push_back(Output::Done(Done { request: 1, elapsed_us: 250, outcome: Err(fault) }));
+    let fault = RequestFault { code: FaultCode::DeviceTimeout, text: text("no answer") };
+    bench.board.outputs.push_back(BoardOutput::Done(RequestDone { request: 1, elapsed_us: 250, outcome: Err(fault) }));
     let sent = bench.tick();
-    let mut reader = Reader::new(&sent[0].payload);
+    let mut reader = FieldReader::new(&sent[0].payload);
     let head = ResultHead::get(&mut reader).unwrap();
     assert_eq!((head.status, head.elapsed_us), (FaultCode::DeviceTimeout, 250));
     assert_eq!(reader.take_rest(), b"\x09no answer");
@@ -506,7 +508,7 @@ fn stream_frames_pass_with_the_stream_as_their_message() {
     let head = StreamHead { stream: 1, format: 1, count: 1, ..StreamHead::default() };
     let samples = heapless::Vec::from_slice(&ImuSample::default().to_payload().unwrap()).unwrap();
     let frame = StreamFrame { head, samples };
-    bench.board.outputs.push_back(Output::Stream(StreamId::Imu, frame.clone()));
+    bench.board.outputs.push_back(BoardOutput::Stream(StreamId::Imu, frame.clone()));
     let sent = bench.tick();
     assert_eq!(brief(&sent), [(Kind::Stream, 0, 1)]);
     assert_eq!(StreamFrame::from_payload(&sent[0].payload).unwrap(), frame);
@@ -544,7 +546,7 @@ fn the_board_answers_a_hello_with_the_bytes_of_the_vector() {
         bench.ask(1, &Identity {});
     }
     let mut answer = |bytes: &[u8]| {
-        let (mut decoder, mut rest, mut wire) = (Decoder::default(), bytes, Vec::new());
+        let (mut decoder, mut rest, mut wire) = (FrameDecoder::default(), bytes, Vec::new());
         while let Some(frame) = decoder.next(&mut rest) {
             let mut send = |frame: Frame| wire.extend_from_slice(&encode(&frame));
             bench.slave.receive(&frame.unwrap(), bench.now, &mut bench.board, &mut send);

@@ -12,9 +12,9 @@ use gnc_protocol::calibration::*;
 use gnc_protocol::error::FaultCode;
 use gnc_protocol::message::*;
 use gnc_protocol::pattern::Xorshift32;
-use gnc_protocol::serial::{self, Decoder};
+use gnc_protocol::serial::{self, FrameDecoder};
 use gnc_protocol::stream::*;
-use gnc_protocol::wire::{List, Reader, Wire, text};
+use gnc_protocol::wire::{FieldReader, List, Wire, text};
 use gnc_protocol::{Call, Flags, Frame, Header, Kind, NakCode, Payload, Request};
 
 /// A vector as it stands in the file.
@@ -78,7 +78,7 @@ fn frames_encode_to_the_bytes_and_decode_to_the_values() {
             assert_eq!(vector.frame.to_bytes().as_slice(), vector.unstuffed, "{file} {name}: frame");
             assert_eq!(serial::encode(&vector.frame).as_slice(), vector.wire, "{file} {name}: wire");
             assert!(vector.wire.len() <= serial::on_wire(vector.frame.payload.len()), "{file} {name}: length");
-            let mut decoder = Decoder::default();
+            let mut decoder = FrameDecoder::default();
             let mut rest = vector.wire.as_slice();
             assert_eq!(decoder.next(&mut rest), Some(Ok(vector.frame)), "{file} {name}: decoded");
             assert!(rest.is_empty(), "{file} {name}: bytes left");
@@ -100,7 +100,7 @@ impl Checklist {
     fn result(&mut self, name: &str, message: u16, expected: ResultHead, body: &impl Wire) {
         let vector = self.0.remove(name).unwrap_or_else(|| panic!("no vector {name}"));
         assert_eq!((vector.frame.header.kind, vector.frame.header.message), (Kind::Result, message), "{name}: header");
-        let mut reader = Reader::new(&vector.frame.payload);
+        let mut reader = FieldReader::new(&vector.frame.payload);
         assert_eq!(ResultHead::get(&mut reader).unwrap(), expected, "{name}: head");
         assert_eq!(reader.take_rest(), body.to_payload().unwrap().as_slice(), "{name}: body");
         assert_eq!(expected.to_payload().unwrap().as_slice(), &vector.frame.payload[..6], "{name}: head encoded");
@@ -427,7 +427,7 @@ fn a_full_run_at_the_end_may_be_followed_by_a_code_of_its_own() {
         let mut wire = vector.wire;
         let delimiter = wire.pop();
         wire.extend([1, delimiter.unwrap()]);
-        assert_eq!(Decoder::default().next(&mut wire.as_slice()), Some(Ok(vector.frame)), "payload of {length}");
+        assert_eq!(FrameDecoder::default().next(&mut wire.as_slice()), Some(Ok(vector.frame)), "payload of {length}");
     }
 }
 

@@ -5,7 +5,7 @@
 use std::io::Cursor;
 use std::time::Instant;
 
-use gnc_analysis::capture::{About, HostView, Pose};
+use gnc_analysis::capture::{CaptureHead, HostView, Pose};
 use gnc_protocol::stream::{ImuSample, Losses};
 use gnc_records::raw::{Piece, RawWriter, read};
 
@@ -36,7 +36,7 @@ fn main() {
     let samples: Vec<ImuSample> = (0..SAMPLES).map(|_| sample()).collect();
     let pose = Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 };
     let rate_hz = 200;
-    let about = About { label: "z+".into(), series: 1, pose, rate_hz };
+    let about = CaptureHead { label: "z+".into(), series: 1, pose, rate_hz };
     let pieces = samples.chunks(FRAME as usize).enumerate().map(|(index, part)| {
         let first = index as u32 * FRAME;
         let board_time_us = u64::from(first) * 5000;

@@ -2,7 +2,7 @@
 
 use gnc_analysis::details::{self, BUDGET, FRAMES};
 use gnc_analysis::figures::calibration::CALIBRATION;
-use gnc_analysis::figures::{Calibration, FigureError, Findings};
+use gnc_analysis::figures::{FigureError, Findings, ModuleCalibration};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::BenchKind;
 use gnc_executive::measurement::Value;
@@ -15,12 +15,14 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS};
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
-use super::{Accel, Alignment, Budget, Conditions, Gyro, Origin, Passport, TempCoeff, Uncertainty};
+use super::{
+    Alignment, Conditions, Gyro, Origin, Passport, PassportAccel, PassportBudget, PassportUncertainty, TempCoeff,
+};
 
 /// A passport needs all of them.
 const NEEDED: [ItemId; 3] = [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation];
 /// The parts of a calibration, in the order in which their budgets are listed.
-const PARTS: [fn(&Calibration) -> bool; 4] = [
+const PARTS: [fn(&ModuleCalibration) -> bool; 4] = [
     |known| known.accel.is_some(),
     |known| known.gyro_still.is_some(),
     |known| known.gyro_scale.is_some(),
@@ -136,7 +138,7 @@ pub(super) fn of(
     found: &[(String, Findings)],
 ) -> Result<Passport, NoPassport> {
     let missing = |item: ItemId| FigureError::NotCalibrated { item };
-    let calibration = Calibration::of(found)?;
+    let calibration = ModuleCalibration::of(found)?;
     let [accel, still, turned, _] = PARTS.map(|has| newest(found, has));
     let (_, six) = accel.ok_or(missing(ItemId::SixPosition))?;
     let (_, still) = still.ok_or(missing(ItemId::GyroStill))?;
@@ -169,9 +171,9 @@ fn alignment(six: &Findings, turned: &Findings) -> Alignment {
     }
 }
 
-fn accelerometers(per_count: &[[f64; 3]; 3], six: &Findings, found: &[(String, Findings)]) -> Accel {
+fn accelerometers(per_count: &[[f64; 3]; 3], six: &Findings, found: &[(String, Findings)]) -> PassportAccel {
     let walk = worst(found, "velocity_random_walk_", Unit::MetrePerSecondPerRootHour);
-    Accel {
+    PassportAccel {
         response: relative(inverse(per_count), ACCEL_LSB_PER_G / STANDARD_GRAVITY_MPS2),
         bias_mg: each(six, "bias_", Unit::Milligravity),
         temp_coeff: TempCoeff { bias_mg_per_c: None },
@@ -217,7 +219,7 @@ fn check(passport: Passport) -> Result<Passport, NoPassport> {
 }
 
 /// The newest findings that hold this part of a calibration.
-fn newest(found: &[(String, Findings)], has: impl Fn(&Calibration) -> bool) -> Option<&(String, Findings)> {
+fn newest(found: &[(String, Findings)], has: impl Fn(&ModuleCalibration) -> bool) -> Option<&(String, Findings)> {
     found.iter().rev().find(|(_, findings)| CALIBRATION.of(&findings.details).is_some_and(|known| has(&known)))
 }
 
@@ -261,7 +263,7 @@ fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
 }
 
 /// Both with the larger of their coverage factors.
-fn uncertainty(six: &Findings, still: &Findings, budget: Vec<Budget>) -> Uncertainty {
+fn uncertainty(six: &Findings, still: &Findings, budget: Vec<PassportBudget>) -> PassportUncertainty {
     let of = |findings: &Findings, unit: Unit| {
         let known = AXES.iter().filter_map(|axis| match findings.value(&format!("bias_{axis}")) {
             Some(Value::Estimate(quantity, known)) => {
@@ -274,19 +276,19 @@ fn uncertainty(six: &Findings, still: &Findings, budget: Vec<Budget>) -> Uncerta
     };
     let ((accel, accel_k), (gyro, gyro_k)) = (of(six, Unit::Milligravity), of(still, Unit::DegreePerSecond));
     let k = accel_k.max(gyro_k);
-    Uncertainty { k, accel_mg: k * accel, gyro_dps: k * gyro, budget }
+    PassportUncertainty { k, accel_mg: k * accel, gyro_dps: k * gyro, budget }
 }
 
 /// Those of all parts of the calibration.
-fn budgets(found: &[(String, Findings)]) -> Vec<Budget> {
+fn budgets(found: &[(String, Findings)]) -> Vec<PassportBudget> {
     let of_part = |(item, findings): &(String, Findings)| {
         let written = findings.details.get(BUDGET.key()).and_then(serde_json::Value::as_object);
         // One that is not whole, since a number in it is none, is no reason to drop the others.
         let budgets = written.into_iter().flatten().filter_map(|(figure, written)| {
-            let details::Budget { unit, u, dof, k, expanded, probability, contributions, .. } =
-                details::Budget::deserialize(written).ok()?;
+            let details::BudgetDetails { unit, u, dof, k, expanded, probability, contributions, .. } =
+                details::BudgetDetails::deserialize(written).ok()?;
             let (item, figure) = (plain(item), figure.clone());
-            Some(Budget { item, figure, unit, u, dof, k, expanded, probability, contributions })
+            Some(PassportBudget { item, figure, unit, u, dof, k, expanded, probability, contributions })
         });
         budgets.collect::<Vec<_>>()
     };

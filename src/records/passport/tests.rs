@@ -1,6 +1,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may end with a panic")]
 
-use gnc_analysis::details::Frames;
+use gnc_analysis::details::AxesDetails;
 use gnc_analysis::figures::{FigureError, Findings};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
@@ -24,7 +24,7 @@ fn found() -> Vec<(String, Findings)> {
         measured: measured.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         details,
     };
-    let frames = Frames {
+    let frames = AxesDetails {
         coupling_to_table: [[0.0; 3]; 3],
         coupling_to_seat: [[0.0; 3]; 3],
         nonorthogonality_rad: [1e-4, -2e-4, 3e-4],
@@ -191,7 +191,8 @@ fn the_budget_of_the_calibration_is_in_it() {
     // Another item's budget is no part of the calibration.
     all[3].1.details["budget"] = budget();
     let passport = of("SN-1", None, Origin::default(), &all).unwrap();
-    let [Budget { item, figure, k, dof, expanded, contributions, .. }] = &passport.uncertainty.budget[..] else {
+    let [PassportBudget { item, figure, k, dof, expanded, contributions, .. }] = &passport.uncertainty.budget[..]
+    else {
         panic!("{:?}", passport.uncertainty.budget)
     };
     assert_eq!(

@@ -1,6 +1,6 @@
 //! `gnc.CaptureMark`: where a capture begins and ends.
 
-use gnc_analysis::capture::{About, HostView, Pose};
+use gnc_analysis::capture::{CaptureHead, HostView, Pose};
 use gnc_protocol::stream::Losses;
 use gnc_rig::Along;
 
@@ -8,9 +8,9 @@ use super::proto::{Fields, next};
 
 /// A mark.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Mark {
+pub(super) enum RawMark {
     /// What comes from here on is of this.
-    Begin(About),
+    Begin(CaptureHead),
     /// Here it ends, so much is missing, and so the board's clock ran against the host's.
     End(Losses, HostView),
 }
@@ -20,11 +20,11 @@ const END: u64 = 2;
 
 const ALONG: [(Along, &str); 3] = [(Along::Up, "up"), (Along::North, "north"), (Along::Polar, "polar")];
 
-impl Mark {
+impl RawMark {
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         let mut fields = Fields(out);
         match self {
-            Self::Begin(About { label, series, pose, rate_hz }) => {
+            Self::Begin(CaptureHead { label, series, pose, rate_hz }) => {
                 fields.unsigned(1, BEGIN).bytes(2, label.as_bytes());
                 fields.unsigned(3, (*series).into()).unsigned(4, (*rate_hz).into());
                 put_pose(&mut fields, pose);
@@ -113,11 +113,16 @@ struct Flat {
 }
 
 impl Flat {
-    fn mark(self) -> Option<Mark> {
+    fn mark(self) -> Option<RawMark> {
         match self.edge {
             BEGIN => {
                 let pose = self.pose()?;
-                Some(Mark::Begin(About { label: self.label, series: self.series, pose, rate_hz: self.rate_hz }))
+                Some(RawMark::Begin(CaptureHead {
+                    label: self.label,
+                    series: self.series,
+                    pose,
+                    rate_hz: self.rate_hz,
+                }))
             }
             END => {
                 let host = match (self.host_u_ppm, self.host_nothing) {
@@ -125,7 +130,7 @@ impl Flat {
                     (None, Some(why)) => HostView::Nothing(why),
                     (None, None) => HostView::default(),
                 };
-                Some(Mark::End(self.losses, host))
+                Some(RawMark::End(self.losses, host))
             }
             _ => None,
         }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 
-use gnc_analysis::capture::{About, Capture, HostView, Receiver, Said, Timing};
+use gnc_analysis::capture::{Capture, CaptureHead, HostView, ReceiverCapture, Said, Timing};
 use gnc_protocol::stream::Losses;
 use mcap::McapError;
 use mcap::records::{Record, op};
@@ -12,7 +12,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::Topic;
 use super::ending::CutOff;
-use super::mark::Mark;
+use super::mark::RawMark;
 use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 
 /// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
@@ -40,7 +40,7 @@ pub struct RawRecord {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unfinished {
     /// What it is of.
-    pub about: About,
+    pub about: CaptureHead,
     /// Samples that were filed.
     pub samples: usize,
 }
@@ -254,9 +254,9 @@ impl Found {
     fn message(&mut self, topic: Topic, (number, time_ns): (u32, u64), data: &[u8]) -> Result<(), RawError> {
         let name = topic.message();
         match topic {
-            Topic::Capture => match Mark::get(data) {
-                Some(Mark::Begin(about)) => self.begin(about, time_ns),
-                Some(Mark::End(losses, host)) => self.end(losses, host),
+            Topic::Capture => match RawMark::get(data) {
+                Some(RawMark::Begin(about)) => self.begin(about, time_ns),
+                Some(RawMark::End(losses, host)) => self.end(losses, host),
                 None => Err(self.foreign(format!("{name} cannot be read"))),
             },
             Topic::Imu => {
@@ -297,7 +297,7 @@ impl Found {
         }
     }
 
-    fn begin(&mut self, about: About, time_ns: u64) -> Result<(), RawError> {
+    fn begin(&mut self, about: CaptureHead, time_ns: u64) -> Result<(), RawError> {
         if let Some(open) = &self.open {
             let what = format!("a capture begins in the middle of `{}`", open.about.label);
             return Err(self.foreign(what));
@@ -315,7 +315,7 @@ impl Found {
             samples: Vec::new(),
             compensated: Vec::new(),
             losses: Losses::default(),
-            receiver: Receiver::default(),
+            receiver: ReceiverCapture::default(),
             timing,
         });
         Ok(())

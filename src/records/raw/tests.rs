@@ -2,7 +2,7 @@ use std::cell::RefCell;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::rc::Rc;
 
-use gnc_analysis::capture::{About, Capture, HostView, Pose, Receiver, Said, Timing};
+use gnc_analysis::capture::{Capture, CaptureHead, HostView, Pose, ReceiverCapture, Said, Timing};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::{ImuSample, Losses, SATURATION};
 use gnc_rig::Along;
@@ -33,7 +33,7 @@ fn captures() -> Vec<Capture> {
     let mut rails = samples(3, 9);
     rails[1].gyro = [SATURATION, -SATURATION - 1, 0];
     rails[2] = ImuSample { gyro: [i32::MIN; 3], mag: [i32::MAX; 3], accel_temperature: i16::MIN, ..rails[2] };
-    let still = |label: &str, heading_deg| About {
+    let still = |label: &str, heading_deg| CaptureHead {
         label: label.to_owned(),
         series: 1,
         pose: Pose::Still { up: [-0.0, 1.0 / 3.0, f64::MIN_POSITIVE], heading_deg },
@@ -41,7 +41,7 @@ fn captures() -> Vec<Capture> {
     };
     let turn = Pose::Rotating { axis: 2, angle_deg: -1080.0, span_s: 5.0, along: Along::Polar };
     let spin = Pose::Spinning { axis: 1, rate_dps: 5400.0, along: Along::North };
-    let no_receiver = Receiver::default();
+    let no_receiver = ReceiverCapture::default();
     let compared = HostView::Compared { error_ppm: -3.25, u_ppm: 29.5 };
     let received = |received, on_board, on_line| Losses { received, on_board, on_line };
     vec![
@@ -55,7 +55,7 @@ fn captures() -> Vec<Capture> {
             timing: Timing { host: compared, ..Timing::even(200, 123_456_789, 500) },
         },
         Capture {
-            about: About { label: "z- \u{3b1}".into(), series: 6, pose: turn, rate_hz: 1000 },
+            about: CaptureHead { label: "z- \u{3b1}".into(), series: 6, pose: turn, rate_hz: 1000 },
             first_us: 223_456_789,
             compensated: Vec::new(),
             samples: rails,
@@ -83,7 +83,7 @@ fn captures() -> Vec<Capture> {
             timing: Timing::even(200, 323_456_789, 2500),
         },
         Capture {
-            about: About { label: "spin".into(), series: 2, pose: spin, rate_hz: 1000 },
+            about: CaptureHead { label: "spin".into(), series: 2, pose: spin, rate_hz: 1000 },
             first_us: 0,
             compensated: Vec::new(),
             samples: Vec::new(),
@@ -97,7 +97,7 @@ fn captures() -> Vec<Capture> {
             compensated: Vec::new(),
             samples: Vec::new(),
             losses: received(6, 0, 0),
-            receiver: Receiver {
+            receiver: ReceiverCapture {
                 said: vec![
                     Said { board_time_us: 7, bytes: b"$GP\0\xff".to_vec() },
                     Said { board_time_us: 8, bytes: vec![b'\n'] },

@@ -2,14 +2,14 @@
 
 use std::io::{Cursor, Seek, Write};
 
-use gnc_analysis::capture::{About, Capture, HostView, Said};
+use gnc_analysis::capture::{Capture, CaptureHead, HostView, Said};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::stream::{ImuSample, Losses};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions};
 
 use super::Topic;
-use super::mark::Mark;
+use super::mark::RawMark;
 use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
 use super::schema::descriptor_set;
 
@@ -19,7 +19,7 @@ pub enum Piece {
     /// It begins.
     Begin {
         /// What it is of.
-        about: About,
+        about: CaptureHead,
         /// Board time of its first sample.
         board_time_us: u64,
     },
@@ -115,11 +115,11 @@ impl<W: Write + Seek> RawWriter<W> {
     pub fn write(&mut self, piece: Piece) -> McapResult<()> {
         match piece {
             Piece::Begin { about, board_time_us } => {
-                Mark::Begin(about).put(&mut self.message);
+                RawMark::Begin(about).put(&mut self.message);
                 self.message(Topic::Capture, nanoseconds(board_time_us))
             }
             Piece::End { losses, host, board_time_us } => {
-                Mark::End(losses, host).put(&mut self.message);
+                RawMark::End(losses, host).put(&mut self.message);
                 self.message(Topic::Capture, nanoseconds(board_time_us))
             }
             Piece::Imu { first, board_time_us, rate_hz, samples } => {

@@ -1,10 +1,10 @@
 //! What the module's passport says, for people; or why the run has none.
 
-use super::markup::Page;
+use super::markup::SvgPage;
 use super::number;
 use crate::passport::{NoPassport, PASSPORT, PASSPORT_XML, Passport};
 
-pub(super) fn show(page: &mut Page, passport: &Result<Passport, NoPassport>) {
+pub(super) fn show(page: &mut SvgPage, passport: &Result<Passport, NoPassport>) {
     let passport = match passport {
         // A plan that calibrates nothing needs no word about it.
         Err(NoPassport::NoCalibration) => return,
@@ -71,7 +71,7 @@ pub(super) fn show(page: &mut Page, passport: &Result<Passport, NoPassport>) {
     page.close("table");
 }
 
-fn matrix(page: &mut Page, name: &str, rows: &[[f64; 3]; 3]) {
+fn matrix(page: &mut SvgPage, name: &str, rows: &[[f64; 3]; 3]) {
     page.open("div", "");
     page.element("h4", "", name);
     page.open("table", "");

@@ -10,7 +10,7 @@
 use gnc_analysis::figures::calibration::CALIBRATION;
 use serde_json::{Map, Value};
 
-use super::markup::Page;
+use super::markup::SvgPage;
 use super::{number, plots};
 
 /// The key that makes an object one figure's uncertainty budget.
@@ -24,7 +24,7 @@ const PROSE: [&str; 2] = ["equation", "label"];
 /// The calibration once more, in the form in which later items read it.
 const FOR_ITEMS: &str = CALIBRATION.key();
 
-pub(super) fn show(page: &mut Page, details: &Value) {
+pub(super) fn show(page: &mut SvgPage, details: &Value) {
     let Value::Object(map) = details else { return };
     for text in PROSE.iter().filter_map(|key| map.get(*key)) {
         page.element("p", "", &inline(text));
@@ -42,7 +42,7 @@ pub(super) fn show(page: &mut Page, details: &Value) {
     page.close("div");
 }
 
-fn entry(page: &mut Page, name: &str, value: &Value) {
+fn entry(page: &mut SvgPage, name: &str, value: &Value) {
     match value {
         Value::Object(map) if is_budget(value) => {
             page.element("h4", "", &heading(name));
@@ -70,7 +70,7 @@ fn is_budget(value: &Value) -> bool {
 
 /// An uncertainty budget: of each figure its contributions, then what they come to together. The input's uncertainty
 /// times the sensitivity is `u`, in the unit of the figure.
-fn budget(page: &mut Page, figures: &Map<String, Value>) {
+fn budget(page: &mut SvgPage, figures: &Map<String, Value>) {
     page.open("table", "");
     page.row(
         "th",
@@ -116,7 +116,7 @@ fn freedom(of: &Value) -> String {
 }
 
 /// Names and values, those of nested objects with their path.
-fn facts(page: &mut Page, whole: &Value) {
+fn facts(page: &mut SvgPage, whole: &Value) {
     page.open("table", "facts");
     for (name, value) in flattened("", whole) {
         page.fact(&heading(&name), &inline(value));
@@ -124,7 +124,7 @@ fn facts(page: &mut Page, whole: &Value) {
     page.close("table");
 }
 
-fn objects(page: &mut Page, rows: &[Value]) {
+fn objects(page: &mut SvgPage, rows: &[Value]) {
     let flat: Vec<Vec<(String, &Value)>> = rows.iter().take(MOST_ROWS).map(|row| flattened("", row)).collect();
     let mut names: Vec<&String> = Vec::new();
     for (name, _) in flat.iter().flatten() {
@@ -158,7 +158,7 @@ fn objects(page: &mut Page, rows: &[Value]) {
     rest(page, rows.len());
 }
 
-fn value_cell(page: &mut Page, value: &Value) {
+fn value_cell(page: &mut SvgPage, value: &Value) {
     page.element("td", if value.is_number() { "number" } else { "" }, &inline(value));
 }
 
@@ -169,7 +169,7 @@ fn flattened<'v>(path: &str, value: &'v Value) -> Vec<(String, &'v Value)> {
     map.iter().flat_map(|(name, value)| flattened(&below(name), value)).collect()
 }
 
-fn matrix(page: &mut Page, rows: &[Value]) {
+fn matrix(page: &mut SvgPage, rows: &[Value]) {
     page.open("table", "");
     for row in rows.iter().take(MOST_ROWS) {
         page.open("tr", "");
@@ -182,7 +182,7 @@ fn matrix(page: &mut Page, rows: &[Value]) {
     rest(page, rows.len());
 }
 
-fn rest(page: &mut Page, rows: usize) {
+fn rest(page: &mut SvgPage, rows: usize) {
     if let Some(more @ 1..) = rows.checked_sub(MOST_ROWS) {
         page.element("p", "hint", &format!("and {more} more in run.json"));
     }

@@ -45,13 +45,13 @@ const STYLE: &str = include_str!("style.css");
 const PIECE: usize = 1 << 16;
 
 /// A page that grows from top to bottom.
-pub(super) struct Page<'a> {
+pub(super) struct SvgPage<'a> {
     out: &'a mut dyn io::Write,
     text: String,
     written: io::Result<()>,
 }
 
-impl<'a> Page<'a> {
+impl<'a> SvgPage<'a> {
     pub(super) fn new(out: &'a mut dyn io::Write, title: &str) -> Self {
         let text = format!("{HEAD}<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n", Text(title));
         Self { out, text, written: Ok(()) }

@@ -3,7 +3,7 @@
 use gnc_executive::measurement::{Measurement, Reading};
 use gnc_executive::outcome::Outcome;
 
-use super::markup::Page;
+use super::markup::SvgPage;
 use super::{class, word};
 
 const WIDTH: f64 = 140.0;
@@ -11,7 +11,7 @@ const HEIGHT: f64 = 16.0;
 /// Share of the picture on each side that lies beyond the limits.
 const BEYOND: f64 = 0.2;
 
-pub(super) fn table(page: &mut Page, measurements: &[Measurement]) {
+pub(super) fn table(page: &mut SvgPage, measurements: &[Measurement]) {
     if measurements.is_empty() {
         return;
     }

@@ -1,8 +1,10 @@
 //! The page as a function of the record: what it must say, and what no text may do to it.
 
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::event::{Bench, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Program, RunHeader};
-use gnc_executive::limit::{Kind, Limit};
+use gnc_executive::event::{
+    BenchInfo, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, ProgramVersion, RunHeader,
+};
+use gnc_executive::limit::{Limit, MeasurementKind};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Phase;
@@ -25,8 +27,8 @@ fn record(serial_number: &str) -> RunRecord {
         serial_number: serial_number.to_owned(),
         operator: Some(HOSTILE.to_owned()),
         station: "line-2".to_owned(),
-        program: Program { name: "gnc-station".to_owned(), version: "0".to_owned() },
-        bench: Bench::simulated("good", "max", 1),
+        program: ProgramVersion { name: "gnc-station".to_owned(), version: "0".to_owned() },
+        bench: BenchInfo::simulated("good", "max", 1),
         plan: PlanInfo { name: "functional".to_owned(), version: "1.0".to_owned(), sha256: "0".repeat(64) },
         site: None,
         recomputed: None,
@@ -42,7 +44,7 @@ fn record(serial_number: &str) -> RunRecord {
         optional: false,
         selected: true,
     };
-    let limit = Limit::parse("0 .. 1 deg/s", Kind::Number(Dimension::AngularRate)).expect("a limit");
+    let limit = Limit::parse("0 .. 1 deg/s", MeasurementKind::Number(Dimension::AngularRate)).expect("a limit");
     let value = Value::number(2.0, Unit::DegreePerSecond);
     let measurement =
         Measurement::judge("gyro_x", &value, Unit::DegreePerSecond, Some(&limit), Decision::default(), serial_number);

@@ -39,7 +39,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// A closed run in the chain.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Link {
+struct ChainEntry {
     number: u64,
     before: String,
     digest: String,
@@ -48,7 +48,7 @@ struct Link {
     run: String,
 }
 
-impl Link {
+impl ChainEntry {
     fn new(number: u64, before: &str, digest: &str, run: &str) -> Self {
         let link = digest::hexadecimal(&Sha256::digest(format!("{number} {before} {digest} {run}")));
         Self { number, before: before.to_owned(), digest: digest.to_owned(), link, run: run.to_owned() }
@@ -84,7 +84,7 @@ pub(super) fn append(run: &Path) -> Result<(), StoreError> {
     let (number, before) = last(records)?;
     let digest = digest::of_file(&run.join(DIGESTS))?;
     let name = run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned();
-    let link = Link::new(number + 1, &before, &digest, &name);
+    let link = ChainEntry::new(number + 1, &before, &digest, &name);
     let path = day.join(CHAIN);
     let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
     on(file.write_all(link.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path)?;
@@ -99,7 +99,7 @@ pub(super) fn append(run: &Path) -> Result<(), StoreError> {
 pub(super) fn unknown(records: &Path, runs: Vec<PathBuf>) -> Result<Vec<PathBuf>, StoreError> {
     let days: Vec<PathBuf> =
         reader::days(records)?.into_iter().rev().take(NEWEST_DAYS).map(|(day, _)| records.join(day)).collect();
-    let links: Vec<Link> = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).collect();
+    let links: Vec<ChainEntry> = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).collect();
     let known: HashSet<PathBuf> = links.into_iter().map(|link| records.join(link.run)).collect();
     let is_new = |run: &PathBuf| days.iter().any(|day| run.starts_with(day)) && !known.contains(run);
     Ok(runs.into_iter().filter(is_new).collect())
@@ -154,7 +154,7 @@ fn counter(records: &Path) -> Result<Option<(u64, String)>, StoreError> {
 /// The chain of a day.
 struct DayChain {
     path: PathBuf,
-    links: Vec<Link>,
+    links: Vec<ChainEntry>,
     /// Lines that are none; the last one may be half a line of a power cut.
     broken: usize,
 }
@@ -168,7 +168,7 @@ fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
             read => on(read, "read", &path)?,
         };
-        let links: Vec<Link> = text.lines().filter_map(Link::parse).collect();
+        let links: Vec<ChainEntry> = text.lines().filter_map(ChainEntry::parse).collect();
         let broken = text.lines().count() - links.len();
         chains.push(DayChain { path, links, broken });
     }
@@ -177,7 +177,7 @@ fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
 
 /// What a look at the chain found.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Checked {
+pub struct ChainCheck {
     /// Runs in the chain.
     pub runs: usize,
     /// Number of the first one; earlier days were moved elsewhere if it is not 1.
@@ -190,13 +190,13 @@ pub struct Checked {
 ///
 /// # Errors
 /// The folder cannot be read.
-pub fn verify(records: &Path) -> Result<Checked, StoreError> {
-    let mut checked = Checked::default();
+pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
+    let mut checked = ChainCheck::default();
     let chains = chains(records, usize::MAX)?;
     for day in chains.iter().filter(|day| day.broken > 0) {
         checked.problems.push(format!("{}: {} lines are none of a chain", day.path.display(), day.broken));
     }
-    let mut links: Vec<Link> = chains.into_iter().flat_map(|day| day.links).collect();
+    let mut links: Vec<ChainEntry> = chains.into_iter().flat_map(|day| day.links).collect();
     links.sort_by_key(|link| link.number);
     checked.runs = links.len();
     checked.first = links.first().map_or(0, |link| link.number);
@@ -231,7 +231,7 @@ pub fn verify(records: &Path) -> Result<Checked, StoreError> {
     Ok(checked)
 }
 
-fn look_at(records: &Path, link: &Link, problems: &mut Vec<String>) {
+fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
     if !link.is_true() {
         problems.push(format!("run {} ({}): its line in the chain was changed", link.number, link.run));
     }
@@ -244,7 +244,7 @@ fn look_at(records: &Path, link: &Link, problems: &mut Vec<String>) {
 }
 
 /// Closed runs of a day with a chain that the chain does not know. Days before there was a chain have none.
-fn slipped_in(records: &Path, links: &[Link], problems: &mut Vec<String>) -> Result<(), StoreError> {
+fn slipped_in(records: &Path, links: &[ChainEntry], problems: &mut Vec<String>) -> Result<(), StoreError> {
     let known: HashSet<&str> = links.iter().map(|link| link.run.as_str()).collect();
     let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return Ok(()) };
     for found in reader::list(records)?.into_iter().filter(|found| found.sealed) {

@@ -11,7 +11,7 @@ use gnc_executive::text;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::cut_off::CutOffFile;
-use super::digest::{self, Sums};
+use super::digest::{self, FileDigests};
 use super::folder::PART;
 use super::{
     DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, cut_off, on, reader,
@@ -37,7 +37,7 @@ pub(crate) fn goes_on(run: &Path) -> bool {
 
 /// Closes the folder of a run with what its journal says. `cut_off` are the raw files that had no end.
 pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[CutOffFile]) -> Result<(), StoreError> {
-    let mut sums = Sums::default();
+    let mut sums = FileDigests::default();
     if let Some(record) = record {
         folder.put(LOG, |out| out.write_all(log(record, cut_off).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;
@@ -72,7 +72,7 @@ fn file_papers(
     folder: &RunFolder,
     record: &RunRecord,
     cut_off: &[CutOffFile],
-    sums: &mut Sums,
+    sums: &mut FileDigests,
 ) -> Result<(), StoreError> {
     let record_sha256 = sums.of_record();
     let passport = passport::of_run(record, &record_sha256);

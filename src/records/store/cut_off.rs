@@ -24,7 +24,7 @@ const SCHEMA: &str = "gnc-station/cut-off/1";
 
 /// The raw files of a run that had no end when it was sealed.
 #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Report {
+pub(super) struct CutOffReport {
     schema: String,
     pub(super) files: Vec<CutOffFile>,
 }
@@ -73,7 +73,7 @@ impl CutOffFile {
 ///
 /// # Errors
 /// [`StoreError::File`].
-pub(super) fn complete(folder: &RunFolder) -> Result<Report, StoreError> {
+pub(super) fn complete(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
     let path = folder.path();
     let report = match told(path)? {
         Some(report) => report,
@@ -86,7 +86,7 @@ pub(super) fn complete(folder: &RunFolder) -> Result<Report, StoreError> {
 }
 
 /// What an earlier start meant to do.
-fn told(run: &Path) -> Result<Option<Report>, StoreError> {
+fn told(run: &Path) -> Result<Option<CutOffReport>, StoreError> {
     let path = run.join(CUT_OFF);
     match fs::read(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
@@ -98,8 +98,8 @@ fn told(run: &Path) -> Result<Option<Report>, StoreError> {
 }
 
 /// Looks through the files, keeps what will be cut off, and files what will be done.
-fn look(folder: &RunFolder) -> Result<Report, StoreError> {
-    let mut report = Report { schema: SCHEMA.to_owned(), files: Vec::new() };
+fn look(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
+    let mut report = CutOffReport { schema: SCHEMA.to_owned(), files: Vec::new() };
     for path in captures::files(folder.path())? {
         let file = path.strip_prefix(folder.path()).unwrap_or(&path).to_string_lossy().into_owned();
         let survey = match survey(&path) {

@@ -84,9 +84,9 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
 
 /// Digests of the files of a run's folder, by their relative paths: what `SHA256SUMS` holds.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Sums(BTreeMap<PathBuf, String>);
+pub struct FileDigests(BTreeMap<PathBuf, String>);
 
-impl Sums {
+impl FileDigests {
     /// Adds the files of a folder that are not yet among them. Raw samples are large, and are read once.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use gnc_executive::plan::MAX_PLAN_FILES;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
-use super::digest::Sums;
+use super::digest::FileDigests;
 use super::folder::folder_name;
 use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
 
@@ -321,7 +321,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
         let problem = format!("{DIGESTS} is missing: nothing vouches for this run");
         return Ok(Verified { problems: vec![problem], newer });
     }
-    let (sums, bad) = Sums::read(folder)?;
+    let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is no digest"); bad];
     let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {

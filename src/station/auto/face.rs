@@ -6,9 +6,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use gnc_bench::control::Control;
+use gnc_bench::control::RunControl;
 use gnc_bench::runner::{Doing, Live};
-use gnc_executive::event::{Event, EventKind, Level};
+use gnc_executive::event::{Event, EventKind, NoteLevel};
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::state::RunState;
 use gnc_executive::text;
@@ -49,7 +49,7 @@ impl Face {
     }
 
     /// Waits until everything is written, or nobody wants to wait any more: a terminal may stand still for ever.
-    pub(super) async fn join(self, control: &Control) {
+    pub(super) async fn join(self, control: &RunControl) {
         let joined = tokio::task::spawn_blocking(move || self.thread.join());
         tokio::select! {
             _ = control.asked_times(2) => {}
@@ -123,7 +123,7 @@ impl Writer {
                     self.say(&line);
                 }
             }
-            EventKind::Note { level: Level::Warning | Level::Error, text, .. } => {
+            EventKind::Note { level: NoteLevel::Warning | NoteLevel::Error, text, .. } => {
                 self.say(&format!("note: {}", printable(text)));
             }
             EventKind::BoardRebooted { .. } => self.say("note: the slave board restarted"),

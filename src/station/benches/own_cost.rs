@@ -12,18 +12,18 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use chrono::Local;
-use gnc_bench::journal::Journal;
+use gnc_bench::journal::RunJournal;
 use gnc_board::stream::Stream;
-use gnc_board::{Advance, Board, BoardError, Desk};
-use gnc_executive::event::{Bench, EVENTS_SCHEMA, EventKind, PlanInfo, Program, RunHeader};
+use gnc_board::{Advance, BoardClient, BoardError, BoardLease};
+use gnc_executive::event::{BenchInfo, EVENTS_SCHEMA, EventKind, PlanInfo, ProgramVersion, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job, Next};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Plan;
 use gnc_link::{Link, Target};
 use gnc_protocol::message::{ModulePower, StreamStart};
 use gnc_protocol::stream::{StreamFrame, StreamId};
-use gnc_records::store::{RunFolder, Scribe};
-use hw_mocks::{Options, RunningBench, Speed};
+use gnc_records::store::{RecordWriter, RunFolder};
+use hw_mocks::{BenchOptions, RunningBench, Speed};
 use tokio::sync::watch;
 
 /// Own cost of a trivial item, journal and record included.
@@ -110,8 +110,8 @@ fn items(count: usize) {
 
 async fn run(job: &Job, records: &Path) {
     let folder = RunFolder::create(records, Local::now().fixed_offset(), "BENCH", "many").expect("a folder");
-    let scribe = Scribe::start(folder, job.plan(), Vec::new()).expect("a scribe");
-    let journal = Journal::new(scribe);
+    let writer = RecordWriter::start(folder, job.plan(), Vec::new()).expect("a writer");
+    let journal = RunJournal::new(writer);
     let header = Box::new(header());
     journal.emit(EventKind::RunStarted { header, items: job.planned() }).await.expect("written");
     loop {
@@ -147,8 +147,8 @@ fn header() -> RunHeader {
         serial_number: "BENCH".to_owned(),
         operator: None,
         station: "bench".to_owned(),
-        program: Program { name: "own_cost".to_owned(), version: "0".to_owned() },
-        bench: Bench::real(),
+        program: ProgramVersion { name: "own_cost".to_owned(), version: "0".to_owned() },
+        bench: BenchInfo::real(),
         plan: PlanInfo { name: "many".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
         site: None,
         recomputed: None,
@@ -162,8 +162,8 @@ fn header() -> RunHeader {
 /// lost.
 fn stream(seconds: u32) {
     let wanted = seconds * u32::from(RATE_HZ);
-    let (lost, busy) = beside_a_board(Speed::Times(1.0), async |desk| {
-        let mut stream = started(desk, wanted).await;
+    let (lost, busy) = beside_a_board(Speed::Times(1.0), async |lease| {
+        let mut stream = started(lease, wanted).await;
         let before = thread_time();
         while !is_last(stream.next().await, wanted) {}
         (wanted - stream.losses().received, thread_time() - before)
@@ -177,8 +177,8 @@ fn day(hours: u32) {
     let hour = 3600 * u32::from(RATE_HZ);
     let wanted = hours * hour;
     let began = Instant::now();
-    let (lost, grown) = beside_a_board(Speed::Max, async |desk| {
-        let mut stream = started(desk, wanted).await;
+    let (lost, grown) = beside_a_board(Speed::Max, async |lease| {
+        let mut stream = started(lease, wanted).await;
         let mut after_an_hour = None;
         loop {
             let frame = stream.next().await;
@@ -198,8 +198,8 @@ fn day(hours: u32) {
 /// longest in milliseconds.
 fn waits(count: u32) {
     let wait = Duration::from_millis(WAIT_MS.0 as u64);
-    let lasted = beside_a_board(Speed::Times(1.0), async |desk| {
-        let mut stream = started(desk, 0).await;
+    let lasted = beside_a_board(Speed::Times(1.0), async |lease| {
+        let mut stream = started(lease, 0).await;
         let mut lasted = Vec::new();
         for _ in 0..count {
             let began = Instant::now();
@@ -214,25 +214,25 @@ fn waits(count: u32) {
 }
 
 /// Works at a board whose module is switched on, as one item does.
-fn beside_a_board<T>(speed: Speed, work: impl AsyncFnOnce(&Desk<'_>) -> T) -> T {
-    let options = Options { speed, ..Options::default() };
+fn beside_a_board<T>(speed: Speed, work: impl AsyncFnOnce(&BoardLease<'_>) -> T) -> T {
+    let options = BenchOptions { speed, ..BenchOptions::default() };
     let bench = RunningBench::start(&options).expect("a simulated bench");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
         let target = Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud };
         let link = Link::open(&target).expect("a port");
-        let board = Board::connect(link, 1, Default::default()).await.expect("a board");
-        let desk = Desk::new(&board, watch::channel(Advance::default()).0);
-        desk.call(&ModulePower { on: 1 }).await.expect("power");
-        work(&desk).await
+        let board = BoardClient::connect(link, 1, Default::default()).await.expect("a board");
+        let lease = BoardLease::new(&board, watch::channel(Advance::default()).0);
+        lease.call(&ModulePower { on: 1 }).await.expect("power");
+        work(&lease).await
     })
 }
 
 /// The stream of the IMU, so many samples of it; without end for 0.
-async fn started(desk: &Desk<'_>, count: u32) -> Stream {
-    let stream = desk.listen(StreamId::Imu).await.expect("a stream");
+async fn started(lease: &BoardLease<'_>, count: u32) -> Stream {
+    let stream = lease.listen(StreamId::Imu).await.expect("a stream");
     let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: RATE_HZ, count, samples_per_frame: 0 };
-    desk.call(&start).await.expect("started");
+    lease.call(&start).await.expect("started");
     stream
 }
 

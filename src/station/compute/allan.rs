@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use gnc_analysis::figures::fit_json;
-use gnc_metrology::allan::{self, Absence, Analysis, Coefficient, Input, Kind, Taus};
+use gnc_metrology::allan::{self, Analysis, Coefficient, DeviationKind, Input, MissingCoefficient, Taus};
 use gnc_plot::{Mark, Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
-use super::record::{Record, Triad};
-use super::report::Report;
-use super::table::{Reading, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::record::{OutputTriad, Record};
+use super::report::FigureReport;
+use super::table::{ReadingOptions, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 /// Which deviation.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -25,7 +25,7 @@ enum Dev {
     Totdev,
 }
 
-impl From<Dev> for Kind {
+impl From<Dev> for DeviationKind {
     fn from(dev: Dev) -> Self {
         match dev {
             Dev::Adev => Self::Adev,
@@ -39,7 +39,7 @@ impl From<Dev> for Kind {
 }
 
 #[derive(Debug, Args)]
-pub(super) struct Allan {
+pub(super) struct AllanArgs {
     /// Table with a header row
     file: PathBuf,
     /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
@@ -77,11 +77,11 @@ fn taus(text: &str) -> Result<Taus, String> {
     }
 }
 
-impl Allan {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl AllanArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let names = self.gate.behind(&[&self.column]);
         let wanted = Wanted { numbers: &names, rate_hz: self.rate, time: TimeUse::Rate, ..Wanted::default() };
-        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, OutputTriad::Gyro, reading)?.read(&wanted)?;
         let rate_hz = columns.rate_hz()?;
         let gated = self.gate.series(&self.column, &mut columns, !self.phase)?;
         let values = columns.numbers.swap_remove(0);
@@ -106,7 +106,7 @@ impl Allan {
         ];
         let reasons: serde_json::Map<String, Value> =
             named.iter().filter_map(|(k, _, c)| Some(((*k).to_owned(), c.err()?.to_string().into()))).collect();
-        let mut report = Report::new("allan");
+        let mut report = FigureReport::new("allan");
         report
             .record(&columns)
             .put("deviation", "", format!("{:?}", self.dev).to_lowercase())
@@ -124,7 +124,7 @@ impl Allan {
         let points = || analysis.points.iter().map(|p| (p.tau_s, p.dev));
         let bars = analysis.points.iter().map(|p| (p.low, p.high)).collect();
         let mut series = vec![Series::new("deviation, 68.3 %", Mark::Bars(bars), points())];
-        let slopes: [(&str, Result<Coefficient, Absence>, Curve); 5] = [
+        let slopes: [(&str, Result<Coefficient, MissingCoefficient>, Curve); 5] = [
             ("Q, slope -1", c.q, |c, t| 3.0_f64.sqrt() * c / t),
             ("N, slope -1/2", c.n, |c, t| c / t.sqrt()),
             ("B, flat", c.b, |c, _| 0.664_282 * c),
@@ -138,7 +138,7 @@ impl Allan {
         }
         let title = format!("{} of {}", format!("{:?}", self.dev).to_lowercase(), self.column);
         let panel = Panel::new(title, "averaging time, s", "deviation", series).log();
-        Ok(Outcome { report, panels: vec![panel] })
+        Ok(ComputeOutcome { report, panels: vec![panel] })
     }
 }
 
@@ -147,7 +147,7 @@ fn interval(c: Coefficient) -> Value {
 }
 
 /// How well the fit holds, and N once more by the spectrum.
-fn told(report: &mut Report, analysis: &Analysis) {
+fn told(report: &mut FigureReport, analysis: &Analysis) {
     let fit = analysis.fit.as_ref().map_or(Value::Null, fit_json);
     let spectrum = analysis.plateau.as_ref().map_or(Value::Null, |plateau| {
         let n = plateau.n();
@@ -156,7 +156,7 @@ fn told(report: &mut Report, analysis: &Analysis) {
         })
     });
     let compared = match (analysis.coefficients.n, analysis.plateau) {
-        (Err(Absence::Contradicted { .. }), _) => "contradict each other",
+        (Err(MissingCoefficient::Contradicted { .. }), _) => "contradict each other",
         (Ok(_), Some(_)) => "agree",
         _ => "not compared",
     };

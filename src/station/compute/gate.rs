@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use clap::Args;
-use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
+use gnc_metrology::gate::{RecordLayout, RowMeaning, Screening, one_stretch};
 use gnc_metrology::{Refusal, series};
 use serde_json::{Value, json};
 
@@ -42,8 +42,8 @@ impl GateColumns {
             true => series::stretches(rows, |a, b| directions.iter().all(|values| values[a] == values[b])),
             false => series::stretches(rows, |a, b| columns.labels[a] == columns.labels[b]),
         };
-        let layout = Layout { blocks: &blocks, still: true, range_end };
-        let gated = self.screen(chip, columns, &layout, Rows::Samples)?;
+        let layout = RecordLayout { blocks: &blocks, still: true, range_end };
+        let gated = self.screen(chip, columns, &layout, RowMeaning::Samples)?;
         gated.keep(columns);
         Ok(gated)
     }
@@ -54,8 +54,12 @@ impl GateColumns {
         let numbers = &columns.numbers;
         let rows = numbers.first().map_or(0, Vec::len);
         let blocks = series::stretches(rows, |a, b| by.iter().all(|column| numbers[*column][a] == numbers[*column][b]));
-        let gated =
-            self.screen(chip, columns, &Layout { blocks: &blocks, still: true, range_end: None }, Rows::Samples)?;
+        let gated = self.screen(
+            chip,
+            columns,
+            &RecordLayout { blocks: &blocks, still: true, range_end: None },
+            RowMeaning::Samples,
+        )?;
         gated.keep(columns);
         Ok(gated)
     }
@@ -68,8 +72,8 @@ impl GateColumns {
         range_end: Option<f64>,
     ) -> Result<Gated, Refusal> {
         let blocks = one_stretch(columns.numbers.first().map_or(0, Vec::len));
-        let layout = Layout { blocks: &blocks, still: false, range_end };
-        let gated = self.screen(chip, columns, &layout, Rows::Samples)?;
+        let layout = RecordLayout { blocks: &blocks, still: false, range_end };
+        let gated = self.screen(chip, columns, &layout, RowMeaning::Samples)?;
         gated.keep(columns);
         Ok(gated)
     }
@@ -83,8 +87,8 @@ impl GateColumns {
     ) -> Result<Gated, Refusal> {
         let labels = &columns.labels;
         let blocks = series::stretches(labels.len(), |a, b| labels[a] == labels[b]);
-        let layout = Layout { blocks: &blocks, still: false, range_end };
-        let gated = self.screen(chip, columns, &layout, Rows::Steps)?;
+        let layout = RecordLayout { blocks: &blocks, still: false, range_end };
+        let gated = self.screen(chip, columns, &layout, RowMeaning::Steps)?;
         if gated.screening.left_out().total() > 0 {
             for (name, values) in chip.iter().zip(&mut columns.numbers) {
                 *values = gated.screening.bridged(name, values, &blocks)?;
@@ -107,8 +111,8 @@ impl GateColumns {
         blocks: &[Range<usize>],
         still: bool,
     ) -> Result<Gated, Refusal> {
-        let layout = Layout { blocks, still, range_end: None };
-        let gated = self.screen(&[column], columns, &layout, Rows::Steps)?;
+        let layout = RecordLayout { blocks, still, range_end: None };
+        let gated = self.screen(&[column], columns, &layout, RowMeaning::Steps)?;
         if gated.screening.left_out().total() > 0 {
             columns.numbers[0] = gated.screening.refilled(&columns.numbers[0], blocks);
         }
@@ -119,7 +123,13 @@ impl GateColumns {
     ///
     /// # Errors
     /// A value that is not finite, and what [`Screening::admit`] refuses.
-    fn screen(&self, chip: &[&str], columns: &mut Columns, layout: &Layout<'_>, rows: Rows) -> Result<Gated, Refusal> {
+    fn screen(
+        &self,
+        chip: &[&str],
+        columns: &mut Columns,
+        layout: &RecordLayout<'_>,
+        rows: RowMeaning,
+    ) -> Result<Gated, Refusal> {
         let own = columns.numbers.len() - self.names.len();
         let others = columns.numbers.split_off(own);
         columns.names.truncate(own);
@@ -132,7 +142,7 @@ impl GateColumns {
         let mut screening = Screening::of(chip, &slices(&columns.numbers[..chip.len()]), layout);
         if !others.is_empty() {
             series::channels(&names, &slices(&others))?;
-            let layout = Layout { still: false, range_end: None, ..*layout };
+            let layout = RecordLayout { still: false, range_end: None, ..*layout };
             screening = screening.and(Screening::of(&names, &slices(&others), &layout));
         }
         if screening.left_out().total() > 0 {
@@ -140,10 +150,10 @@ impl GateColumns {
             series::channels(chip, &slices(&columns.numbers[..chip.len()]))?;
         }
         screening.admit(match rows {
-            Rows::Steps if columns.about.clock.is_checked() => Rows::ClockedSteps,
+            RowMeaning::Steps if columns.about.clock.is_checked() => RowMeaning::ClockedSteps,
             other => other,
         })?;
-        Ok(Gated { screening, replaced: rows != Rows::Samples })
+        Ok(Gated { screening, replaced: rows != RowMeaning::Samples })
     }
 }
 

@@ -10,13 +10,13 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::gate::GateColumns;
-use super::record::{Record, Triad};
-use super::report::{Report, matrix, vector};
-use super::table::{Reading, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::record::{OutputTriad, Record};
+use super::report::{FigureReport, matrix, vector};
+use super::table::{ReadingOptions, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 #[derive(Debug, Args)]
-pub(super) struct Ellipse {
+pub(super) struct EllipseArgs {
     /// Columns x,y
     file: PathBuf,
     /// Output at which a channel is saturated
@@ -29,18 +29,18 @@ pub(super) struct Ellipse {
     residual: f64,
 }
 
-impl Ellipse {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl EllipseArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let names = self.gate.behind(&["x", "y"]);
         let wanted = Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() };
-        let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, OutputTriad::Mag, reading)?.read(&wanted)?;
         let gated = self.gate.points(&["x", "y"], &mut columns, self.saturation)?;
         columns.unit(0..2, Dimension::MagneticField)?;
         let (x, y) = (&columns.numbers[0], &columns.numbers[1]);
         let e = ellipse::fit_within(x, y, self.saturation, self.residual / 100.0)?;
         let correction =
             |c: &ellipse::Correction| json!({ "dx": c.dx, "dy": c.dy, "ky": c.ky, "sin_alpha": c.sin_alpha });
-        let mut report = Report::new("ellipse");
+        let mut report = FigureReport::new("ellipse");
         report
             .record(&columns)
             .put("equation", "", ellipse::EQUATION)
@@ -104,12 +104,12 @@ impl Ellipse {
             Panel::new("Residuals", "direction, deg", "radius error / radius", vec![Series::dots("record", radial)])
                 .within(None, Some((-limit, limit))),
         ];
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }
 
 #[derive(Debug, Args)]
-pub(super) struct Ellipsoid {
+pub(super) struct EllipsoidArgs {
     /// Columns x,y,z
     file: PathBuf,
     /// Strength of the field, in the unit wanted for corrected vectors
@@ -125,18 +125,18 @@ pub(super) struct Ellipsoid {
     residual: f64,
 }
 
-impl Ellipsoid {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl EllipsoidArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let names = self.gate.behind(&AXES);
         let wanted = Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() };
-        let mut columns = Record::open(&self.file, Triad::Mag, reading)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, OutputTriad::Mag, reading)?.read(&wanted)?;
         let gated = self.gate.points(&AXES, &mut columns, self.saturation)?;
         // Accelerometers over many attitudes lie on an ellipsoid too.
         let accelerations = columns.units.iter().any(|unit| columns.is_in(unit.as_ref(), Dimension::Acceleration));
         columns.unit(0..3, if accelerations { Dimension::Acceleration } else { Dimension::MagneticField })?;
         let [x, y, z] = [0, 1, 2].map(|i| columns.numbers[i].as_slice());
         let e = ellipsoid::fit_within([x, y, z], self.field, self.saturation, self.residual / 100.0)?;
-        let mut report = Report::new("ellipsoid");
+        let mut report = FigureReport::new("ellipsoid");
         report
             .record(&columns)
             .put("equation", "", ellipsoid::EQUATION)
@@ -187,6 +187,6 @@ impl Ellipsoid {
         let residuals = Panel::new("Residuals", "row", "|corrected| / field - 1", vec![Series::dots("record", errors)])
             .within(None, Some((-limit, limit)));
         let panels = vec![view(0, 1), view(0, 2), residuals, view_corrected(0, 1), view_corrected(0, 2)];
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }

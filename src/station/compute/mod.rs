@@ -30,8 +30,8 @@ use gnc_plot::Panel;
 use gnc_text::printable;
 use thiserror::Error;
 
-use report::Report;
-use table::{Reading, TableError};
+use report::FigureReport;
+use table::{ReadingOptions, TableError};
 
 /// Arguments of `compute`.
 #[derive(Debug, ClapArgs)]
@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, global = true)]
     json: bool,
     #[command(flatten)]
-    reading: Reading,
+    reading: ReadingOptions,
     /// Also draw the result into this SVG file
     #[arg(long, global = true, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -54,25 +54,25 @@ enum Method {
     /// Accelerometer calibration from six positions or any known attitudes
     SixPosition(triad::SixPosition),
     /// Gyroscope bias and g-sensitivity from still positions
-    GyroStill(triad::GyroStill),
+    GyroStill(triad::GyroStillArgs),
     /// Gyroscope scale factor from rotations by a known angle
     Rotation(triad::Rotation),
     /// Two-axis magnetometer turned in its plane: ellipse and correction
-    Ellipse(magnetometer::Ellipse),
+    Ellipse(magnetometer::EllipseArgs),
     /// Three-axis magnetometer over many attitudes: hard and soft iron
-    Ellipsoid(magnetometer::Ellipsoid),
+    Ellipsoid(magnetometer::EllipsoidArgs),
     /// Allan deviation family with intervals and noise coefficients
-    Allan(allan::Allan),
+    Allan(allan::AllanArgs),
     /// Power spectral density after Welch
-    Psd(spectrum::Psd),
+    Psd(spectrum::PsdArgs),
     /// Spread of the means of disjoint blocks
-    Stability(spectrum::Stability),
+    Stability(spectrum::StabilityArgs),
     /// Scale factor, nonlinearity and asymmetry from the output at many rates of both senses
-    ScaleFactor(scale_factor::ScaleFactor),
+    ScaleFactor(scale_factor::ScaleFactorArgs),
     /// Spread of a figure over repeated runs
-    Repeatability(repeatability::Repeatability),
+    Repeatability(repeatability::RepeatabilityArgs),
     /// Accelerometer offset and gain from a flip between +1 g and -1 g
-    Flip(tilt::Flip),
+    Flip(tilt::FlipArgs),
     /// Accelerometer offset over temperature from three points
     TiltTemperature(tilt::TiltTemperature),
     /// Tilt accuracy from a budget of contributions
@@ -82,8 +82,8 @@ enum Method {
 }
 
 /// A result and its picture.
-struct Outcome {
-    report: Report,
+struct ComputeOutcome {
+    report: FigureReport,
     panels: Vec<Panel>,
 }
 
@@ -129,7 +129,7 @@ impl From<TableError> for ComputeError {
 
 impl Args {
     /// The method's name and what it gave.
-    fn outcome(&self) -> (&'static str, Result<Outcome, ComputeError>) {
+    fn outcome(&self) -> (&'static str, Result<ComputeOutcome, ComputeError>) {
         match &self.method {
             Method::SixPosition(m) => ("six-position", m.compute(&self.reading)),
             Method::GyroStill(m) => ("gyro-still", m.compute(&self.reading)),

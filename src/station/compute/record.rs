@@ -12,11 +12,11 @@ use gnc_records::store::captures::{self, CapturesError};
 use thiserror::Error;
 
 use super::ComputeError;
-use super::table::{About, Clock, Columns, Reading, Table, Wanted};
+use super::table::{About, Columns, ReadingOptions, RecordClock, RecordTable, Wanted};
 
 /// Three sensors of one kind, whose outputs are `x`, `y`, `z`.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Triad {
+pub(super) enum OutputTriad {
     Gyro,
     Accel,
     Mag,
@@ -33,20 +33,20 @@ pub(super) enum RecordError {
 
 /// A record that was opened.
 pub(super) enum Record {
-    Table(Table, Triad),
+    Table(RecordTable, OutputTriad),
     Raw(Raw),
 }
 
 /// Captures as a table.
 pub(super) struct Raw {
     path: PathBuf,
-    triad: Triad,
+    triad: OutputTriad,
     captures: Vec<Capture>,
 }
 
 impl Record {
     /// Opens a file; `triad` is what the method is about.
-    pub(super) fn open(path: &Path, triad: Triad, reading: &Reading) -> Result<Self, ComputeError> {
+    pub(super) fn open(path: &Path, triad: OutputTriad, reading: &ReadingOptions) -> Result<Self, ComputeError> {
         let text = path.to_string_lossy();
         let split = |ending: &str| {
             let (file, label) = text.split_once(&format!("{ending}#"))?;
@@ -55,8 +55,8 @@ impl Record {
         let labelled = [".mcap", ".csv", ".parquet"].into_iter().find_map(split).filter(|_| !path.exists());
         let (file, label) = labelled.unwrap_or_else(|| (path.to_owned(), None));
         if file.extension().is_none_or(|extension| extension != "mcap") {
-            let reading = Reading { capture: label.map(str::to_owned), ..reading.clone() };
-            return Ok(Self::Table(Table::open(&file, &reading)?, triad));
+            let reading = ReadingOptions { capture: label.map(str::to_owned), ..reading.clone() };
+            return Ok(Self::Table(RecordTable::open(&file, &reading)?, triad));
         }
         let mut captures = captures::read(&file).map_err(RecordError::from)?.captures;
         if let Some(label) = label {
@@ -156,7 +156,7 @@ impl Raw {
                 values.extend((0..capture.samples.len()).map(|row| column(capture, row, axis)));
             }
         }
-        let clock = Clock::OnGrid;
+        let clock = RecordClock::OnGrid;
         let units = vec![None; numbers.len()];
         let names = wanted.numbers.iter().map(|name| (*name).to_owned()).collect();
         Ok(Columns {
@@ -210,7 +210,7 @@ fn rate(captures: &[&Capture]) -> Result<f64, String> {
     }
 }
 
-impl Triad {
+impl OutputTriad {
     fn name(self) -> &'static str {
         match self {
             Self::Gyro => "gyro",

@@ -8,12 +8,12 @@ use gnc_plot::{Panel, Series};
 use serde_json::json;
 
 use super::gate::GateColumns;
-use super::report::Report;
-use super::table::{Columns, Reading, Table, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::report::FigureReport;
+use super::table::{Columns, ReadingOptions, RecordTable, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 #[derive(Debug, Args)]
-pub(super) struct Repeatability {
+pub(super) struct RepeatabilityArgs {
     /// Columns run,x: the rows of a run are averaged; without a column run every row is a run
     file: PathBuf,
     /// Column of the figure
@@ -29,10 +29,10 @@ struct Run {
     values: Vec<f64>,
 }
 
-impl Repeatability {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl RepeatabilityArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         // Between runs time passes as it likes.
-        let table = Table::open(&self.file, reading)?;
+        let table = RecordTable::open(&self.file, reading)?;
         let has_run = table.has("run");
         let mut names = vec![self.column.as_str()];
         names.extend(has_run.then_some("run"));
@@ -51,7 +51,7 @@ impl Repeatability {
         let resolution_sd = quantisation::mean_error_sd(if are_rows { &figures } else { &stretches });
         let found = stability::repeatability(&means, resolution_sd)?;
         let unit = format!("unit of {}", self.column);
-        let mut report = Report::new("repeatability");
+        let mut report = FigureReport::new("repeatability");
         report
             .record(&columns)
             .put("runs", "", found.runs)
@@ -104,11 +104,11 @@ impl Repeatability {
         let dots = runs.iter().zip(&means).map(|(run, mean)| (run.number, *mean)).collect::<Vec<_>>();
         let title = format!("Means of {}", self.column);
         let panel = Panel::new(title, "run", unit, vec![Series::dots("runs", dots)]);
-        Ok(Outcome { report, panels: vec![panel] })
+        Ok(ComputeOutcome { report, panels: vec![panel] })
     }
 }
 
-impl Repeatability {
+impl RepeatabilityArgs {
     fn runs(&self, columns: &Columns, has_run: bool) -> Result<Vec<Run>, Refusal> {
         let values = &columns.numbers[0];
         series::finite(&self.column, values)?;

@@ -6,10 +6,10 @@ use gnc_metrology::Refusal;
 use nalgebra::{SMatrix, Vector3};
 use serde_json::{Map, Value, json};
 
-use super::table::{Clock, Columns};
+use super::table::{Columns, RecordClock};
 
 /// Named figures in the order in which people read them.
-pub(super) struct Report {
+pub(super) struct FigureReport {
     method: &'static str,
     entries: Vec<Entry>,
     /// Keys whose figure does not exist, and why.
@@ -41,7 +41,7 @@ enum Body {
     Told(String, Value),
 }
 
-impl Report {
+impl FigureReport {
     pub(super) fn new(method: &'static str) -> Self {
         Self { method, entries: Vec::new(), absent: Vec::new(), deprecated: Vec::new() }
     }
@@ -186,19 +186,19 @@ impl Report {
 }
 
 /// What a clock says, in words and as an object.
-fn told(clock: &Clock) -> (String, Value) {
+fn told(clock: &RecordClock) -> (String, Value) {
     match clock {
-        Clock::OnGrid => {
+        RecordClock::OnGrid => {
             let said = "checked, the board's times of all frames lie on the grid of the rate".to_owned();
             let object = json!({ "said": said, "checked": true, "column": "board time of the frames" });
             (said, object)
         }
-        Clock::NotChecked(why) => {
+        RecordClock::NotChecked(why) => {
             let said = format!("not checked: {why}");
             let object = json!({ "said": said, "checked": false, "reason": why });
             (said, object)
         }
-        Clock::Checked { rate, column, tolerance } => {
+        RecordClock::Checked { rate, column, tolerance } => {
             // 95 % of a normal deviation, with two digits of it.
             let expanded_hz = 1.96 * rate.rate_u_hz;
             let decimals = (1.0 - expanded_hz.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;

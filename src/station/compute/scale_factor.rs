@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, Options, Rows};
+use gnc_metrology::scale_factor::{self, Asymmetry, LackOfFit, Largest, RateRows, ScaleFactorOptions};
 use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
-use super::report::Report;
-use super::table::{Columns, Reading, Table, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::report::FigureReport;
+use super::table::{Columns, ReadingOptions, RecordTable, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 /// Relative figures are given in parts per million.
 const PPM: f64 = 1e6;
@@ -19,7 +19,7 @@ const PPM: f64 = 1e6;
 const MANY_POINTS: usize = 100;
 
 #[derive(Debug, Args)]
-pub(super) struct ScaleFactor {
+pub(super) struct ScaleFactorArgs {
     /// Columns rate,x: one row a rate, or many in a block, which are averaged; optional columns cycle, point
     file: PathBuf,
     /// Column of the output
@@ -38,10 +38,10 @@ pub(super) struct ScaleFactor {
     gate: GateColumns,
 }
 
-impl ScaleFactor {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl ScaleFactorArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         // Means at settled rates are cut out of a longer record: their times say nothing.
-        let table = Table::open(&self.file, reading)?;
+        let table = RecordTable::open(&self.file, reading)?;
         let (has_cycle, has_point) = (table.has("cycle"), table.has("point"));
         let mut names = vec![self.column.as_str(), self.input.as_str()];
         names.extend(has_cycle.then_some("cycle"));
@@ -54,14 +54,14 @@ impl ScaleFactor {
         by.extend(has_cycle.then_some(2));
         let gated = self.gate.levels(&names[..1], &mut read, &by)?;
         let columns = &read.numbers;
-        let rows = Rows {
+        let rows = RateRows {
             rates: &columns[1],
             outputs: &columns[0],
             cycles: has_cycle.then(|| columns[2].as_slice()),
             points: has_point.then(|| columns[point].as_slice()),
         };
         let points = rows.means()?;
-        let options = Options { full_scale: self.full_scale, residual: self.residual / 100.0 };
+        let options = ScaleFactorOptions { full_scale: self.full_scale, residual: self.residual / 100.0 };
         let found = scale_factor::fit(&points, &options)?;
         let mut report = self.report(&read, &found);
         report.put("gate", "rows", gated.json());
@@ -72,12 +72,12 @@ impl ScaleFactor {
                 "every row has a rate of its own: number the points in a column point to average them",
             );
         }
-        Ok(Outcome { report, panels: self.panels(&found) })
+        Ok(ComputeOutcome { report, panels: self.panels(&found) })
     }
 
-    fn report(&self, columns: &Columns, c: &scale_factor::ScaleFactor) -> Report {
+    fn report(&self, columns: &Columns, c: &scale_factor::ScaleFactor) -> FigureReport {
         let (k, offset) = (c.scale_factor, c.offset);
-        let mut report = Report::new("scale-factor");
+        let mut report = FigureReport::new("scale-factor");
         report
             .record(columns)
             .put("equation", "", scale_factor::EQUATION)
@@ -171,7 +171,7 @@ impl ScaleFactor {
 }
 
 /// A figure, or `null` with its reason.
-fn put(report: &mut Report, key: &'static str, unit: &str, value: Result<Value, &scale_factor::Absent>) {
+fn put(report: &mut FigureReport, key: &'static str, unit: &str, value: Result<Value, &scale_factor::MissingFigure>) {
     match value {
         Ok(value) => report.put(key, unit, value),
         Err(why) => report.absent(key, why.to_string()),
@@ -194,7 +194,7 @@ fn asymmetry(found: &Asymmetry) -> Value {
         "expanded_ppm": estimate.map(|e| e.expanded() * PPM), "dof": estimate.map(|e| e.dof),
     });
     if estimate.is_none() {
-        value["expanded_absent"] = json!(scale_factor::Absent::NoResidual.to_string());
+        value["expanded_absent"] = json!(scale_factor::MissingFigure::NoResidual.to_string());
     }
     value
 }

@@ -8,10 +8,10 @@ use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::{GateColumns, Gated};
-use super::record::{Record, Triad};
-use super::report::Report;
-use super::table::{Columns, Reading, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::record::{OutputTriad, Record};
+use super::report::FigureReport;
+use super::table::{Columns, ReadingOptions, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 /// One column of a record with a rate.
 #[derive(Debug, Args)]
@@ -40,10 +40,10 @@ struct Sampled {
 }
 
 impl Source {
-    fn read(&self, reading: &Reading) -> Result<Sampled, ComputeError> {
+    fn read(&self, reading: &ReadingOptions) -> Result<Sampled, ComputeError> {
         let names = self.gate.behind(&[&self.column]);
         let wanted = Wanted { numbers: &names, rate_hz: self.rate, time: TimeUse::Rate, ..Wanted::default() };
-        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, OutputTriad::Gyro, reading)?.read(&wanted)?;
         let gated = self.gate.series(&self.column, &mut columns, true)?;
         let values = columns.numbers.swap_remove(0);
         Ok(Sampled { values, rate_hz: columns.rate_hz()?, columns, gated })
@@ -51,7 +51,7 @@ impl Source {
 }
 
 #[derive(Debug, Args)]
-pub(super) struct Psd {
+pub(super) struct PsdArgs {
     #[command(flatten)]
     source: Source,
     /// Samples of a segment
@@ -59,16 +59,16 @@ pub(super) struct Psd {
     segment: usize,
 }
 
-impl Psd {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl PsdArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let Sampled { values, rate_hz, columns, gated } = self.source.read(reading)?;
         let psd = psd::welch(&values, rate_hz, self.segment)?;
-        let plateau = psd::Spectrum::of(&values, rate_hz).and_then(|spectrum| spectrum.without_lines().plateau());
+        let plateau = psd::RobustSpectrum::of(&values, rate_hz).and_then(|spectrum| spectrum.without_lines().plateau());
         let n = plateau.map_or(Value::Null, |plateau| {
             let n = plateau.n();
             json!({ "value": n.value, "low": n.low, "high": n.high, "from_hz": plateau.from_hz, "to_hz": plateau.to_hz })
         });
-        let mut report = Report::new("psd");
+        let mut report = FigureReport::new("psd");
         report
             .record(&columns)
             .put("frequency_hz", "", json!(psd.frequency_hz))
@@ -80,12 +80,12 @@ impl Psd {
         let title = format!("Spectrum of {}", self.source.column);
         let series = vec![Series::line("Welch", points)];
         let panel = Panel::new(title, "frequency, Hz", "density, unit^2 / Hz", series).log();
-        Ok(Outcome { report, panels: vec![panel] })
+        Ok(ComputeOutcome { report, panels: vec![panel] })
     }
 }
 
 #[derive(Debug, Args)]
-pub(super) struct Stability {
+pub(super) struct StabilityArgs {
     #[command(flatten)]
     source: Source,
     /// Length of a block, s
@@ -93,12 +93,12 @@ pub(super) struct Stability {
     block: f64,
 }
 
-impl Stability {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl StabilityArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let Sampled { values, rate_hz, mut columns, gated } = self.source.read(reading)?;
         let block_s = self.block_s(rate_hz, &mut columns);
         let s = stability::stability(&values, rate_hz, block_s)?;
-        let mut report = Report::new("stability");
+        let mut report = FigureReport::new("stability");
         report
             .record(&columns)
             .put("blocks", "", s.block_means.len())
@@ -114,7 +114,7 @@ impl Stability {
         let points = s.block_means.iter().enumerate().map(|(i, m)| ((i as f64 + 0.5) * block_s, *m));
         let title = format!("Block means of {}", self.source.column);
         let panel = Panel::new(title, "time, s", "mean of a block", vec![Series::dots("blocks", points)]);
-        Ok(Outcome { report, panels: vec![panel] })
+        Ok(ComputeOutcome { report, panels: vec![panel] })
     }
     /// Length of a block, s, of whole samples: rounded where clocks told the rate, since they tell no whole number.
     fn block_s(&self, rate_hz: f64, columns: &mut Columns) -> f64 {

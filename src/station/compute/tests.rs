@@ -7,7 +7,7 @@ use clap::Parser;
 use gnc_metrology::position::{LABELS, up_of};
 use serde_json::Value;
 
-use super::{Args, ComputeError, Outcome};
+use super::{Args, ComputeError, ComputeOutcome};
 
 #[derive(Parser)]
 struct Command {
@@ -79,7 +79,7 @@ fn series(samples: usize) -> String {
     table("t,w", (0..samples).map(|k| format!("{},{}", k as f64 * 0.01, 7.0 + noise(k))))
 }
 
-fn compute(words: &str, record: &str) -> Result<Outcome, ComputeError> {
+fn compute(words: &str, record: &str) -> Result<ComputeOutcome, ComputeError> {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(&file, record).unwrap();
     let (method, options) = words.split_once(' ').unwrap_or((words, ""));

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_config::{Source, Table};
+use gnc_config::{SourceText, TomlTable};
 use gnc_metrology::tilt;
 use gnc_plot::{Panel, Series};
 use serde_json::json;
 
 use super::gate::GateColumns;
-use super::report::Report;
-use super::table::{self, Reading, TableError, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::report::FigureReport;
+use super::table::{self, ReadingOptions, TableError, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 /// Bytes of a budget; one has about 1 kB.
 const MOST_BYTES: usize = 1 << 20;
@@ -23,7 +23,7 @@ const MOST_MG: (f64, f64) = (0.0, 1e6);
 const SIDES: [&str; 2] = ["+", "-"];
 
 #[derive(Debug, Args)]
-pub(super) struct Flip {
+pub(super) struct FlipArgs {
     /// Columns position,a; position is + or -, many rows of each are averaged
     file: PathBuf,
     /// Gravity in the unit of the record
@@ -33,15 +33,15 @@ pub(super) struct Flip {
     gate: GateColumns,
 }
 
-impl Flip {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl FlipArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let names = self.gate.behind(&["a"]);
         let wanted = Wanted { numbers: &names, label: Some(("position", &SIDES)), ..Wanted::default() };
-        let mut columns = table::Table::open(&self.file, reading)?.read(&wanted, None)?;
+        let mut columns = table::RecordTable::open(&self.file, reading)?.read(&wanted, None)?;
         let gated = self.gate.positions(&["a"], &mut columns, None)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| SIDES[usize::from(*c)]).collect();
         let f = tilt::flip_rows(&labels, &columns.numbers[0], self.gravity)?;
-        let mut report = Report::new("flip");
+        let mut report = FigureReport::new("flip");
         report
             .record(&columns)
             .put("equation", "", "actual = (out - offset) / gain")
@@ -59,7 +59,7 @@ impl Flip {
             Panel::new("Flip", "actual", "output", fit),
             Panel::new("Residuals", "row", "(out - offset) / gain - actual", vec![Series::dots("rows", residuals)]),
         ];
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }
 
@@ -70,14 +70,14 @@ pub(super) struct TiltTemperature {
 }
 
 impl TiltTemperature {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let wanted = Wanted { numbers: &["temperature", "offset"], time: TimeUse::Free, ..Wanted::default() };
-        let columns = table::Table::open(&self.file, reading)?.read(&wanted, None)?;
+        let columns = table::RecordTable::open(&self.file, reading)?.read(&wanted, None)?;
         let points: Vec<(f64, f64)> =
             columns.numbers[0].iter().copied().zip(columns.numbers[1].iter().copied()).collect();
         let c = tilt::temperature_rows(&columns.numbers[0], &columns.numbers[1])?;
         let [cold, _, hot] = c.temperatures_c;
-        let mut report = Report::new("tilt-temperature");
+        let mut report = FigureReport::new("tilt-temperature");
         report
             .record(&columns)
             .put("equation", "", "offset = a t^2 + b t + c, t in degC")
@@ -100,7 +100,7 @@ impl TiltTemperature {
             "offset",
             vec![Series::dots("points", points), Series::line("parabola", curve)],
         );
-        Ok(Outcome { report, panels: vec![panel] })
+        Ok(ComputeOutcome { report, panels: vec![panel] })
     }
 }
 
@@ -111,14 +111,14 @@ pub(super) struct TiltBudget {
 }
 
 /// A budget as its file has it: contributions, and the range of tilt.
-fn budget(root: &Table<'_, '_>) -> (Vec<tilt::Contribution>, f64) {
-    let number = |table: &Table<'_, '_>, key: &'static str, (low, high): (f64, f64)| {
+fn budget(root: &TomlTable<'_, '_>) -> (Vec<tilt::TiltContribution>, f64) {
+    let number = |table: &TomlTable<'_, '_>, key: &'static str, (low, high): (f64, f64)| {
         let entry = table.required(key, &format!("it may be {low} to {high}"))?;
         entry.number((low, high))
     };
-    let contribution = |table: &Table<'_, '_>| {
+    let contribution = |table: &TomlTable<'_, '_>| {
         let name = table.required_text("name", "write what contributes: name = \"zero-g offset\"");
-        tilt::Contribution {
+        tilt::TiltContribution {
             name: name.map(|(name, _)| name.to_owned()).unwrap_or_default(),
             before_mg: number(table, "before_mg", MOST_MG).unwrap_or_default(),
             after_mg: number(table, "after_mg", MOST_MG).unwrap_or_default(),
@@ -132,10 +132,10 @@ fn budget(root: &Table<'_, '_>) -> (Vec<tilt::Contribution>, f64) {
 }
 
 impl TiltBudget {
-    pub(super) fn compute(&self) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self) -> Result<ComputeOutcome, ComputeError> {
         let unreadable = |source| TableError::Io { path: self.file.clone(), source };
         let bytes = std::fs::read(&self.file).map_err(unreadable)?;
-        let source = Source::new(&self.file.display().to_string(), bytes, MOST_BYTES)?;
+        let source = SourceText::new(&self.file.display().to_string(), bytes, MOST_BYTES)?;
         let (lines, range_deg) = gnc_config::read(&source, budget)?;
         let (before, after) = tilt::budget(&lines, range_deg)?;
         let total = |t: &tilt::Total| {
@@ -147,7 +147,7 @@ impl TiltBudget {
             })
         };
         let rows = lines.iter().map(|c| vec![json!(c.name), json!(c.before_mg), json!(c.after_mg)]).collect();
-        let mut report = Report::new("tilt-budget");
+        let mut report = FigureReport::new("tilt-budget");
         report
             .rows("contributions", &["name", "before_mg", "after_mg"], rows)
             .put("range_deg", "+-", range_deg)
@@ -160,7 +160,7 @@ impl TiltBudget {
                 .map(move |t| (t, tilt::tilt_error_deg(t, mg)))
         };
         let series = vec![Series::line("before", curve(before.sum_mg)), Series::line("after", curve(after.sum_mg))];
-        Ok(Outcome {
+        Ok(ComputeOutcome {
             report,
             panels: vec![Panel::new("Tilt error of the linear sum", "tilt, deg", "error, deg", series)],
         })

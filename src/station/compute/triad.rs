@@ -11,10 +11,10 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::gate::{GateColumns, Gated};
-use super::record::{Record, Triad};
-use super::report::{Report, matrix, vector};
-use super::table::{Columns, Named, Reading, TableError, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::record::{OutputTriad, Record};
+use super::report::{FigureReport, matrix, vector};
+use super::table::{Columns, Named, ReadingOptions, TableError, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 /// Gravity, given or from the place.
 #[derive(Debug, Args)]
@@ -69,17 +69,17 @@ pub(super) struct SixPosition {
 }
 
 impl SixPosition {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let gravity = self.gravity.mps2()?;
         let limits = Limits { motion: self.motion, saturation: self.saturation, ..Limits::ACCELEROMETER };
-        let read = still_positions(&self.file, reading, Triad::Accel, &limits, &self.gate, |columns| {
+        let read = still_positions(&self.file, reading, OutputTriad::Accel, &limits, &self.gate, |columns| {
             columns.unit(0..3, Dimension::Acceleration)?;
             Ok(1.0)
         })?;
         let Still { columns, positions, gated, .. } = read;
         let c = six_position::calibrate(&positions, gravity)?;
         let k = c.coverage_factor();
-        let mut report = Report::new("six-position");
+        let mut report = FigureReport::new("six-position");
         report
             .record(&columns)
             .put("equation", "", six_position::EQUATION)
@@ -135,12 +135,12 @@ impl SixPosition {
             .put("gate", "rows", gated.json());
         let panels =
             residual_panels("f", "m/s^2", &positions, &c.residuals_mps2, |p| c.compensate(&p.mean), |p| gravity * p.up);
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }
 
 #[derive(Debug, Args)]
-pub(super) struct GyroStill {
+pub(super) struct GyroStillArgs {
     /// Columns position,x,y,z or ux,uy,uz,x,y,z (rad/s unless --response or --deg); nx,ny,nz: true north, if known
     file: PathBuf,
     /// Geodetic latitude, degrees
@@ -168,21 +168,21 @@ pub(super) struct GyroStill {
     gate: GateColumns,
 }
 
-impl GyroStill {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+impl GyroStillArgs {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let gravity = match self.gravity {
             Some(gravity) => given_gravity(gravity, self.any_gravity)?,
             None => earth::normal_gravity_mps2(self.latitude, self.height)?,
         };
         let limits = Limits { saturation: self.saturation, ..Limits::GYROSCOPE };
         let Still { columns, positions, north, gated } =
-            still_positions(&self.file, reading, Triad::Gyro, &limits, &self.gate, |columns| {
+            still_positions(&self.file, reading, OutputTriad::Gyro, &limits, &self.gate, |columns| {
                 self.rps_per_unit(columns)
             })?;
         let c = gyro_still::calibrate(&positions, gravity, self.latitude, north.as_deref())?;
         let k = c.coverage_factor();
         let dph = 3600.0_f64.to_degrees();
-        let mut report = Report::new("gyro-still");
+        let mut report = FigureReport::new("gyro-still");
         report
             .record(&columns)
             .put("equation", "", gyro_still::EQUATION)
@@ -229,11 +229,11 @@ impl GyroStill {
             .put("gate", "rows", gated.json());
         let fitted = |p: &Position| c.bias_rps + c.g_sensitivity * (gravity * p.up);
         let panels = residual_panels("w_out", "rad/s", &positions, &c.residuals_rps, |p| p.mean, fitted);
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }
 
-impl GyroStill {
+impl GyroStillArgs {
     /// Factor from the outputs of a record to rad/s: what the options say and what the header says are compared.
     fn rps_per_unit(&self, columns: &mut Columns) -> Result<f64, ComputeError> {
         let named = columns.unit(0..3, Dimension::AngularRate)?;
@@ -269,8 +269,8 @@ struct Still {
 /// Reads still positions, outputs times a factor that may depend on their units.
 fn still_positions(
     file: &std::path::Path,
-    reading: &Reading,
-    triad: Triad,
+    reading: &ReadingOptions,
+    triad: OutputTriad,
     limits: &Limits,
     gate: &GateColumns,
     factor: impl FnOnce(&mut Columns) -> Result<f64, ComputeError>,
@@ -396,11 +396,11 @@ pub(super) struct Rotation {
 }
 
 impl Rotation {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
         let axis = match (self.axis, self.latitude) {
-            (None, _) => rotation::Axis::Unknown,
-            (Some(AxisKind::Polar), _) => rotation::Axis::Polar,
-            (Some(AxisKind::Vertical), Some(latitude_deg)) => rotation::Axis::Vertical { latitude_deg },
+            (None, _) => rotation::RotationAxis::Unknown,
+            (Some(AxisKind::Polar), _) => rotation::RotationAxis::Polar,
+            (Some(AxisKind::Vertical), Some(latitude_deg)) => rotation::RotationAxis::Vertical { latitude_deg },
             (Some(AxisKind::Vertical), None) => return Err(ComputeError::Usage("give --latitude".to_owned())),
         };
         let names = self.gate.behind(&AXES);
@@ -411,20 +411,20 @@ impl Rotation {
             time: TimeUse::Scale,
             ..Wanted::default()
         };
-        let mut columns = Record::open(&self.file, Triad::Gyro, reading)?.read(&wanted)?;
+        let mut columns = Record::open(&self.file, OutputTriad::Gyro, reading)?.read(&wanted)?;
         let rate_hz = columns.rate_hz()?;
         let gated = self.gate.motion(&AXES, &mut columns, self.saturation)?;
         columns.unit(0..3, Dimension::AngularRate)?;
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         let blocks = position::blocks(&labels)?;
-        let runs: Vec<rotation::Run> = blocks
+        let runs: Vec<rotation::RotationRun> = blocks
             .iter()
-            .map(|b| rotation::Run {
+            .map(|b| rotation::RotationRun {
                 label: labels[b.start].to_owned(),
                 channels: [0, 1, 2].map(|i| &columns.numbers[i][b.clone()]),
             })
             .collect();
-        let options = rotation::Options {
+        let options = rotation::RotationOptions {
             rate_hz,
             turns: self.turns,
             axis,
@@ -450,7 +450,7 @@ impl Rotation {
                 ]
             })
             .collect();
-        let mut report = Report::new("rotation");
+        let mut report = FigureReport::new("rotation");
         report
             .record(&columns)
             .put("equation", "", rotation::EQUATION)
@@ -491,11 +491,11 @@ impl Rotation {
             .deprecated("sd.offset_lsb", vector(&c.bias_sd_lsb), "read sd.bias_lsb")
             .deprecated("expanded.bias", vector(&c.expanded().1), "read expanded.bias_rps")
             .put("gate", "rows", gated.json());
-        let rates = |run: &rotation::Run, i: usize| {
+        let rates = |run: &rotation::RotationRun, i: usize| {
             let points = run.channels[i].iter().enumerate().map(|(n, v)| (n as f64 / rate_hz, *v));
             Series::line(AXES[i], points.collect::<Vec<_>>())
         };
-        let window = |run: &rotation::Run| {
+        let window = |run: &rotation::RotationRun| {
             let found = c.windows.iter().find(|w| w.label == run.label);
             let corners = found.map(|w| [w.start, w.start, w.end, w.end].map(|i| i as f64 / rate_hz));
             let peak = found.map_or(0.0, |w| w.peak_lsb);
@@ -511,6 +511,6 @@ impl Rotation {
         let rest =
             |i: usize| Series::dots(AXES[i], c.residuals_rad.iter().enumerate().map(|(r, v)| (r as f64 + 1.0, v[i])));
         panels.push(Panel::new("Residuals", "run, x+ x- y+ y- z+ z-", "angle, rad", (0..3).map(rest).collect()));
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }

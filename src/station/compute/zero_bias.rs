@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gnc_metrology::zero_bias::{Eliminator, Kalman, Model, Settings, StillDetector, Stored};
+use gnc_metrology::zero_bias::{BiasModel, Eliminator, Kalman, StillDetector, Stored, ZeroBiasSettings};
 use gnc_metrology::{series, stats};
 use gnc_plot::{Panel, Series};
 use serde_json::{Value, json};
 
 use super::gate::GateColumns;
-use super::report::Report;
-use super::table::{Reading, Table, TimeUse, Wanted};
-use super::{ComputeError, Outcome};
+use super::report::FigureReport;
+use super::table::{ReadingOptions, RecordTable, TimeUse, Wanted};
+use super::{ComputeError, ComputeOutcome};
 
 #[derive(Debug, Args)]
 pub(super) struct ZeroBias {
@@ -24,19 +24,19 @@ pub(super) struct ZeroBias {
     #[arg(long, value_name = "NAME", default_value = "w")]
     column: String,
     /// Samples over which the stored bias hands over
-    #[arg(long, default_value_t = Settings::default().fusion)]
+    #[arg(long, default_value_t = ZeroBiasSettings::default().fusion)]
     fusion: usize,
     /// Still samples of a block
-    #[arg(long, default_value_t = Settings::default().block)]
+    #[arg(long, default_value_t = ZeroBiasSettings::default().block)]
     block: usize,
     /// Blocks of the ring
-    #[arg(long, default_value_t = Settings::default().ring)]
+    #[arg(long, default_value_t = ZeroBiasSettings::default().ring)]
     ring: usize,
     /// Stored biases
-    #[arg(long, default_value_t = Settings::default().slots)]
+    #[arg(long, default_value_t = ZeroBiasSettings::default().slots)]
     slots: usize,
     /// Still samples on end before a bias is stored
-    #[arg(long, default_value_t = Settings::default().rest)]
+    #[arg(long, default_value_t = ZeroBiasSettings::default().rest)]
     rest: usize,
     /// Change of the bias from one power-on to the next, unit of the record (for the inverse-variance fusion)
     #[arg(long, value_name = "SD", requires = "instability")]
@@ -49,11 +49,16 @@ pub(super) struct ZeroBias {
 }
 
 impl ZeroBias {
-    pub(super) fn compute(&self, reading: &Reading) -> Result<Outcome, ComputeError> {
-        let settings =
-            Settings { fusion: self.fusion, block: self.block, ring: self.ring, slots: self.slots, rest: self.rest };
+    pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
+        let settings = ZeroBiasSettings {
+            fusion: self.fusion,
+            block: self.block,
+            ring: self.ring,
+            slots: self.slots,
+            rest: self.rest,
+        };
         settings.check()?;
-        let table = Table::open(&self.file, reading)?;
+        let table = RecordTable::open(&self.file, reading)?;
         let (has_cycle, has_still) = (table.has("cycle"), table.has("still"));
         let mut names = vec![self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
@@ -74,7 +79,7 @@ impl ZeroBias {
         let mut steps: Vec<f64> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
         // Median of |difference| of normal noise is 0.954 of its standard deviation; motion does not enter.
         let noise = series::positive("noise of a sample", stats::median(&mut steps) / 0.953_87)?;
-        let model = self.repeatability.zip(self.instability).map(|(repeatability, b)| Model {
+        let model = self.repeatability.zip(self.instability).map(|(repeatability, b)| BiasModel {
             repeatability,
             n: noise / rate_hz.sqrt(),
             b,
@@ -140,7 +145,7 @@ impl ZeroBias {
             Panel::new(format!("Bias elimination of {}", self.column), "time, s", "rate", rates),
             Panel::new("Means at rest", "power cycle", "rate", means),
         ];
-        let mut report = Report::new("zero-bias");
+        let mut report = FigureReport::new("zero-bias");
         report
             .record(&columns)
             .put("noise", "of a sample, unit of the record", noise)
@@ -154,6 +159,6 @@ impl ZeroBias {
             .put("rms_inverse_variance", "with --repeatability and --instability", json!(fused))
             .put("stored", "", json!(stored.biases()))
             .put("gate", "rows", gated.json());
-        Ok(Outcome { report, panels })
+        Ok(ComputeOutcome { report, panels })
     }
 }

@@ -11,12 +11,12 @@ use ::parquet::file::properties::WriterProperties;
 use ::parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use ::parquet::schema::parser::parse_message_type;
 
-use super::table::{Kind, PLACE, TEMPERATURES, Table};
+use super::table::{PLACE, SampleTable, TEMPERATURES, TableKind};
 
 /// Rows of a group, which is worked out in memory: some 50 MB.
 const GROUP: usize = 500_000;
 
-pub(super) fn write<'a>(file: File, kind: Kind, tables: impl Iterator<Item = Table<'a>>) -> Result<()> {
+pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item = SampleTable<'a>>) -> Result<()> {
     let schema = Arc::new(parse_message_type(&schema(kind))?);
     let properties = Arc::new(WriterProperties::builder().set_compression(Compression::SNAPPY).build());
     let mut out = SerializedFileWriter::new(file, schema, properties)?;
@@ -33,7 +33,7 @@ pub(super) fn write<'a>(file: File, kind: Kind, tables: impl Iterator<Item = Tab
 
 /// The columns with their types, in the words of the format. Whole numbers have 64 bits: programs that square and sum
 /// in the type of the column would wrap without a word in 32.
-fn schema(kind: Kind) -> String {
+fn schema(kind: TableKind) -> String {
     let columns = |kind: &str, names: &[&str]| -> String {
         names.iter().map(|name| format!("required {kind} {name}; ")).collect()
     };
@@ -53,8 +53,8 @@ fn schema(kind: Kind) -> String {
 
 fn rows(
     group: &mut SerializedRowGroupWriter<'_, File>,
-    kind: Kind,
-    table: &Table<'_>,
+    kind: TableKind,
+    table: &SampleTable<'_>,
     rows: Range<usize>,
 ) -> Result<()> {
     let count = rows.len();

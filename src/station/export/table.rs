@@ -6,14 +6,14 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, MAG_LSB_PER_GAUSS}
 
 /// What a table holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TableKind {
     /// Raw samples: counts.
     Raw,
     /// Samples that the board compensated: their units.
     Compensated,
 }
 
-impl Kind {
+impl TableKind {
     /// Names of the counts of a sample: whole numbers as they came.
     pub(super) fn counts(self) -> &'static [&'static str] {
         match self {
@@ -81,17 +81,17 @@ pub(super) const PLACE: [&str; 6] = ["capture", "series", "position", "run", "nu
 pub(super) const TEMPERATURES: [&str; 2] = ["gyro_temperature_degc", "accel_temperature_degc"];
 
 /// The samples of a capture as rows. The columns: [`PLACE`], counts, values and masks of the kind, [`TEMPERATURES`].
-pub(super) struct Table<'a> {
+pub(super) struct SampleTable<'a> {
     capture: &'a Capture,
-    kind: Kind,
+    kind: TableKind,
     /// The axis that is up, or nothing.
     pub(super) position: String,
     /// The axis and the sense of a turn, or nothing.
     pub(super) run: String,
 }
 
-impl<'a> Table<'a> {
-    pub(super) fn of(capture: &'a Capture, kind: Kind) -> Self {
+impl<'a> SampleTable<'a> {
+    pub(super) fn of(capture: &'a Capture, kind: TableKind) -> Self {
         let (position, run) = capture.about.position_and_run();
         Self { capture, kind, position, run }
     }
@@ -117,11 +117,11 @@ impl<'a> Table<'a> {
     /// next to the decimal fraction that it stands for.
     pub(super) fn value(&self, row: usize, value: usize) -> f64 {
         let (count, scale) = match self.kind {
-            Kind::Raw => {
+            TableKind::Raw => {
                 let scale = [GYRO_LSB_PER_DPS, ACCEL_LSB_PER_G, MAG_LSB_PER_GAUSS][value / 3 % 3];
                 (self.count(row, value), scale)
             }
-            Kind::Compensated => {
+            TableKind::Compensated => {
                 let sample = &self.capture.compensated[row];
                 match value {
                     0..3 => (sample.rate[value], RATE_PER_RPS),
@@ -152,11 +152,11 @@ impl<'a> Table<'a> {
     /// Of gyroscopes and accelerometers, degC.
     pub(super) fn temperatures(&self, row: usize) -> [f64; 2] {
         let raw = match self.kind {
-            Kind::Raw => {
+            TableKind::Raw => {
                 let sample = &self.capture.samples[row];
                 [sample.gyro_temperature, sample.accel_temperature]
             }
-            Kind::Compensated => {
+            TableKind::Compensated => {
                 let sample = &self.capture.compensated[row];
                 [sample.gyro_temperature, sample.accel_temperature]
             }

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use gnc_analysis::capture::Capture;
-use gnc_analysis::figures::{self, FigureError, Findings, Question};
-use gnc_analysis::motion::{self, Step};
-use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, Program};
+use gnc_analysis::figures::{self, AnalysisInput, FigureError, Findings};
+use gnc_analysis::motion::{self, MotionStep};
+use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, ProgramVersion};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
@@ -13,7 +13,7 @@ use gnc_records::store::captures;
 use gnc_text::with_causes;
 
 use super::differences::{of_details, of_measurements};
-use super::source::{Run, RunError};
+use super::source::{RecordedRun, RunError};
 use super::{fold, info};
 
 /// A run, judged again.
@@ -46,7 +46,7 @@ impl Again {
 }
 
 /// Judges all events of a run by a plan. `of` names the run where the plan is another one.
-pub(super) fn judge(run: &Run, plan: &Plan, of: Option<EarlierRun>) -> Result<Again, RunError> {
+pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> Result<Again, RunError> {
     check_items(run, plan)?;
     let again = Again {
         events: Vec::with_capacity(run.events.len()),
@@ -78,7 +78,7 @@ pub(super) fn judge(run: &Run, plan: &Plan, of: Option<EarlierRun>) -> Result<Ag
 }
 
 /// The plan has the items of the run, in its order.
-fn check_items(run: &Run, plan: &Plan) -> Result<(), RunError> {
+fn check_items(run: &RecordedRun, plan: &Plan) -> Result<(), RunError> {
     let Some(EventKind::RunStarted { items, .. }) = run.events.first().map(|event| &event.kind) else { return Ok(()) };
     let same = items.len() == plan.items().len()
         && items.iter().zip(plan.items()).all(|(was, is)| was.name == is.name && was.id == is.id);
@@ -95,7 +95,7 @@ fn check_items(run: &Run, plan: &Plan) -> Result<(), RunError> {
 }
 
 struct Judge<'a> {
-    run: &'a Run,
+    run: &'a RecordedRun,
     plan: &'a Plan,
     of: Option<EarlierRun>,
     again: Again,
@@ -129,7 +129,7 @@ impl Judge<'_> {
                     header.plan = info(self.plan);
                     header.recomputed.clone_from(&self.of);
                     let version = env!("CARGO_PKG_VERSION").to_owned();
-                    header.program = Program { name: env!("CARGO_PKG_NAME").to_owned(), version };
+                    header.program = ProgramVersion { name: env!("CARGO_PKG_NAME").to_owned(), version };
                 }
                 self.emit(event, EventKind::RunStarted { header, items: items.clone() });
             }
@@ -285,7 +285,7 @@ impl Judge<'_> {
                 return Ok(Figures::Recorded);
             };
             let earlier = self.earlier(position);
-            let question = Question {
+            let question = AnalysisInput {
                 params: &item.params,
                 site: self.run.header.site.as_ref(),
                 captures: &captures,
@@ -314,7 +314,7 @@ impl Judge<'_> {
         position: usize,
         attempt: u32,
         repeat: u32,
-        program: Option<&motion::Program>,
+        program: Option<&motion::MotionProgram>,
     ) -> Result<Option<Vec<Capture>>, RunError> {
         let name = &self.plan.items()[position].name;
         let path = captures::path(&self.run.folder, position, name, attempt, repeat);
@@ -322,8 +322,9 @@ impl Judge<'_> {
             return Ok(None);
         }
         let record = captures::read(&path)?;
-        let is_capture =
-            |step: &&Step| matches!(step, Step::Capture { .. } | Step::Turn { .. } | Step::Receiver { .. });
+        let is_capture = |step: &&MotionStep| {
+            matches!(step, MotionStep::Capture { .. } | MotionStep::Turn { .. } | MotionStep::Receiver { .. })
+        };
         let planned = program.map(|program| program.steps.iter().filter(is_capture).count());
         let lost = record.captures.iter().any(|capture| capture.losses.any());
         let whole = !record.cut_off && record.unfinished.is_none() && !lost;

@@ -51,13 +51,13 @@ impl RunError {
 }
 
 /// A recorded run.
-pub(super) struct Run {
+pub(super) struct RecordedRun {
     pub(super) folder: PathBuf,
     pub(super) header: RunHeader,
     pub(super) events: Vec<Event>,
 }
 
-impl Run {
+impl RecordedRun {
     pub(super) fn read(folder: &Path) -> Result<Self, RunError> {
         // Folding it finds what is damaged, and what a later version of the station wrote.
         reader::fold(folder)?;

@@ -9,10 +9,10 @@ mod played;
 use std::path::Path;
 use std::time::Duration;
 
-use gnc_bench::control::Control;
+use gnc_bench::control::RunControl;
 use gnc_bench::runner::{Ending, Live, looking};
-use gnc_bench::service::{Observer, Request, Rounds};
-use gnc_board::{Board, Desk, Readings};
+use gnc_bench::service::{Observer, Rounds, RunRequest};
+use gnc_board::{BoardClient, BoardLease, Readings};
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
@@ -21,7 +21,7 @@ use gnc_link::{Link, Target};
 use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
 use gnc_protocol::message::ModulePower;
 use gnc_records::store::Watcher;
-use hw_mocks::{Options, RunningBench, Speed};
+use hw_mocks::{BenchOptions, RunningBench, Speed};
 use played::{outcomes, request, run_plan, serve};
 use tokio::sync::watch;
 
@@ -63,8 +63,8 @@ gyro_x = "0 +- 1 deg/s"
 "#;
 
 /// Runs the short plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
-fn run(speed: Speed, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
-    run_plan(PLAN, &Options { speed, ..Options::default() }, watch)
+fn run(speed: Speed, watch: impl Fn(&Event, &RunControl) + Send + 'static) -> RunState {
+    run_plan(PLAN, &BenchOptions { speed, ..BenchOptions::default() }, watch)
 }
 
 /// What happens to a round.
@@ -105,9 +105,9 @@ fn check_rounds(rounds: Rounds, on_fail: Option<OnFail>, limit: &str, fates: &[F
     let plan = format!(
         "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"{limit}\"\n"
     );
-    let request = Request { rounds, on_fail, ..request(&plan) };
-    let options = Options { speed: Speed::Max, ..Options::default() };
-    let done = serve(&request, &options, &Control::default(), Fated { fates: fates.iter() }).expect("one round");
+    let request = RunRequest { rounds, on_fail, ..request(&plan) };
+    let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
+    let done = serve(&request, &options, &RunControl::default(), Fated { fates: fates.iter() }).expect("one round");
     let refused = done.refused.as_ref().map(|error| gnc_text::with_causes(error)).unwrap_or_default();
     assert_eq!((done.outcomes.as_slice(), refused.as_str()), expected);
 }
@@ -131,16 +131,16 @@ fn rounds_end_when_there_is_a_reason() {
 /// Nothing is run where the first round cannot begin.
 #[test]
 fn a_first_round_that_cannot_begin_is_refused() {
-    let options = Options { speed: Speed::Max, ..Options::default() };
-    let refused = |request: &Request, fates: &[Fate]| {
-        let refused = serve(request, &options, &Control::default(), Fated { fates: fates.iter() });
+    let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
+    let refused = |request: &RunRequest, fates: &[Fate]| {
+        let refused = serve(request, &options, &RunControl::default(), Fated { fates: fates.iter() });
         gnc_text::with_causes(&refused.expect_err("refused"))
     };
     let asked = request(PLAN);
     assert_eq!(refused(&asked, &[Fate::Unshown]), "cannot start: no thread");
-    let unknown = Request { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
+    let unknown = RunRequest { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
     assert!(refused(&unknown, &[]).contains("cpo"), "{}", refused(&unknown, &[]));
-    let gone = Request { resume: Some("records/gone".into()), ..asked };
+    let gone = RunRequest { resume: Some("records/gone".into()), ..asked };
     let told = "the run to take up again cannot be read: cannot read records/gone/events.jsonl: ";
     assert!(refused(&gone, &[]).starts_with(told), "{}", refused(&gone, &[]));
 }
@@ -185,8 +185,11 @@ fn a_stop_ends_a_pause_and_the_run() {
 /// The second stream is refused while the first one runs; both have their verdict, one after the other.
 #[test]
 fn what_does_not_fit_beside_others_runs_after_them() {
-    let state =
-        run_plan(CROWDED, &Options { rate_baud: 115_200, speed: Speed::Times(4.0), ..Options::default() }, |_, _| {});
+    let state = run_plan(
+        CROWDED,
+        &BenchOptions { rate_baud: 115_200, speed: Speed::Times(4.0), ..BenchOptions::default() },
+        |_, _| {},
+    );
     assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
     let crowded = |text: &str| text.starts_with("it did not fit on the line beside what else ran");
     assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
@@ -195,7 +198,7 @@ fn what_does_not_fit_beside_others_runs_after_them() {
 /// Looks at a bench until what is shown is whole.
 async fn look_until(bench: &RunningBench, whole: impl Fn(&Readings) -> bool) -> Readings {
     let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
-    let (live, control) = (Live::default(), Control::default());
+    let (live, control) = (Live::default(), RunControl::default());
     let mut shown = live.readings.subscribe();
     let look = looking::look(&target, &control, &live.readings);
     let watch = async {
@@ -217,7 +220,7 @@ async fn look_until(bench: &RunningBench, whole: impl Fn(&Readings) -> bool) -> 
 #[test]
 fn raw_values_are_shown_without_a_run() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
+    let bench = RunningBench::start(&BenchOptions::default()).expect("a simulated bench");
     let whole = |seen: &Readings| seen.imu.is_some() && seen.gnss.is_some() && seen.ad_v.iter().all(Option::is_some);
     let seen = runtime.block_on(look_until(&bench, whole));
     let (_, sample) = seen.imu.expect("a sample");
@@ -230,7 +233,7 @@ fn raw_values_are_shown_without_a_run() {
 #[test]
 fn the_roll_angle_of_a_calibrated_module_is_shown() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    let bench = RunningBench::start(&Options::default()).expect("a simulated bench");
+    let bench = RunningBench::start(&BenchOptions::default()).expect("a simulated bench");
     // Coefficients that nobody would find: what is read back is what was written.
     let scale =
         |per_count: f64| [0, 1, 2].map(|row| [0, 1, 2].map(|column| if row == column { per_count } else { 0.0 }));
@@ -247,12 +250,12 @@ fn the_roll_angle_of_a_calibrated_module_is_shown() {
     let seen = runtime.block_on(async {
         let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
         let link = Link::open(&target).expect("a port");
-        let board = Board::connect(link, 1, watch::Sender::default()).await.expect("a board");
-        let desk = Desk::new(&board, watch::Sender::default());
-        desk.call(&ModulePower { on: 1 }).await.expect("power");
-        desk.call(&CalibrationWrite { calibration: calibration.clone() }).await.expect("written");
-        desk.call(&CalibrationCommit { checksum: calibration.checksum() }).await.expect("stored");
-        drop(desk);
+        let board = BoardClient::connect(link, 1, watch::Sender::default()).await.expect("a board");
+        let lease = BoardLease::new(&board, watch::Sender::default());
+        lease.call(&ModulePower { on: 1 }).await.expect("power");
+        lease.call(&CalibrationWrite { calibration: calibration.clone() }).await.expect("written");
+        lease.call(&CalibrationCommit { checksum: calibration.checksum() }).await.expect("stored");
+        drop(lease);
         board.close().await;
         look_until(&bench, |seen| seen.imu.is_some() && seen.compensated.is_some()).await
     });

@@ -6,12 +6,12 @@
 
 mod played;
 
-use gnc_bench::control::Control;
+use gnc_bench::control::RunControl;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::measurement::Reading;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::{Attempt, RunState};
-use hw_mocks::{Options, Personality, Speed};
+use hw_mocks::{BenchOptions, Personality, Speed};
 use played::{outcomes, run_plan};
 
 /// The plan of the repository. It expects the module that the bench is told to have.
@@ -19,10 +19,10 @@ fn plan() -> String {
     include_str!("../../../test-plans/power-cycle.toml").replace("serial_number = \"== $serial_number\"\n", "")
 }
 
-fn options(faults: &str) -> Options {
+fn options(faults: &str) -> BenchOptions {
     let text = format!("description = \"power\"\n{faults}");
     let personality = Personality::from_toml("power", &text).unwrap_or_else(|error| panic!("{error}"));
-    Options { personality, speed: Speed::Max, ..Options::default() }
+    BenchOptions { personality, speed: Speed::Max, ..BenchOptions::default() }
 }
 
 fn run(faults: &str) -> RunState {
@@ -156,7 +156,7 @@ fn a_board_that_restarts_in_a_cycle_fails_the_item() {
 }
 
 /// Asks for something when the module of the first cycle has no supply.
-fn when_off(event: &Event, control: &Control, ask: impl Fn(&Control)) {
+fn when_off(event: &Event, control: &RunControl, ask: impl Fn(&RunControl)) {
     if matches!(&event.kind, EventKind::Power(power) if !power.on) {
         ask(control);
     }
@@ -167,7 +167,7 @@ fn when_off(event: &Event, control: &Control, ask: impl Fn(&Control)) {
 fn a_stop_in_the_middle_leaves_the_module_off() {
     let long = plan().replace("off_time = \"2 s\"", "off_time = \"600 s\"");
     for speed in [Speed::Max, Speed::Times(20.0)] {
-        let options = Options { speed, ..options("") };
+        let options = BenchOptions { speed, ..options("") };
         let state = run_plan(&long, &options, |event, control| when_off(event, control, |asked| asked.stop("a test")));
         assert_eq!(outcomes(&state)[1], Outcome::Aborted);
     }
@@ -178,7 +178,7 @@ fn a_stop_in_the_middle_leaves_the_module_off() {
 fn the_next_item_after_one_that_is_given_up_has_power() {
     let more = "[[item]]\nid = \"cpu\"\n[item.limits]\ncore1_register_errors = \"<= 0\"\n";
     let long = plan().replace("off_time = \"2 s\"", "off_time = \"600 s\"") + more;
-    let options = Options { speed: Speed::Times(20.0), ..options("") };
+    let options = BenchOptions { speed: Speed::Times(20.0), ..options("") };
     let state =
         run_plan(&long, &options, |event, control| when_off(event, control, |asked| asked.give_up("power-cycle")));
     assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Aborted, Outcome::Passed]);

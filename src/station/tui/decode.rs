@@ -50,14 +50,14 @@ pub(crate) enum Key {
 
 /// Takes bytes as they come.
 #[derive(Debug, Default)]
-pub(crate) struct Decoder {
+pub(crate) struct KeyDecoder {
     pending: Vec<u8>,
     pasting: bool,
     /// Bytes of an overlong sequence are dropped up to its end.
     dropping: bool,
 }
 
-impl Decoder {
+impl KeyDecoder {
     /// Decodes more bytes; what is incomplete waits.
     pub(crate) fn feed(&mut self, bytes: &[u8], keys: &mut Vec<Key>) {
         for byte in bytes {
@@ -230,7 +230,7 @@ mod tests {
     use super::*;
 
     fn decode(bytes: &[u8]) -> Vec<Key> {
-        let (mut decoder, mut keys) = (Decoder::default(), Vec::new());
+        let (mut decoder, mut keys) = (KeyDecoder::default(), Vec::new());
         decoder.feed(bytes, &mut keys);
         decoder.flush(&mut keys);
         keys
@@ -239,7 +239,7 @@ mod tests {
     fn check(bytes: &[u8], expected: &[Key]) {
         assert_eq!(decode(bytes), expected, "{}", bytes.escape_ascii());
         // A slow line delivers every byte on its own.
-        let (mut decoder, mut keys) = (Decoder::default(), Vec::new());
+        let (mut decoder, mut keys) = (KeyDecoder::default(), Vec::new());
         bytes.iter().for_each(|byte| decoder.feed(&[*byte], &mut keys));
         decoder.flush(&mut keys);
         assert_eq!(keys, expected, "byte by byte: {}", bytes.escape_ascii());
@@ -298,7 +298,7 @@ mod tests {
     /// A megabyte of dice leaves nothing behind in the decoder.
     #[test]
     fn garbage_is_bounded() {
-        let (mut decoder, mut state) = (Decoder::default(), 0x2545_f491_4f6c_dd1du64);
+        let (mut decoder, mut state) = (KeyDecoder::default(), 0x2545_f491_4f6c_dd1du64);
         let mut keys = Vec::new();
         for _ in 0..1000 {
             let bytes: Vec<u8> = (0..1024)

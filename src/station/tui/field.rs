@@ -2,7 +2,7 @@
 
 /// What was typed into a line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Field {
+pub(crate) struct InputField {
     text: String,
     /// Characters beyond the limit.
     dropped: usize,
@@ -13,7 +13,7 @@ pub(crate) struct Field {
 /// Characters that a field keeps; more are counted.
 pub(crate) const MAX_CHARACTERS: usize = 200;
 
-impl Field {
+impl InputField {
     pub(crate) fn new(text: &str) -> Self {
         let mut field = Self::default();
         text.chars().for_each(|character| field.push(character));

@@ -6,7 +6,7 @@ use super::decode::Key;
 
 /// What a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Action {
+pub(crate) enum KeyAction {
     /// Shows what the keys do.
     Help,
     /// Plan, bench, operator, rounds, language.
@@ -81,7 +81,7 @@ pub(crate) enum Action {
 
 /// Where a key is pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Place {
+pub(crate) enum KeyContext {
     /// The items, while nothing runs.
     Idle,
     /// The items, while a run is on.
@@ -114,25 +114,25 @@ pub(crate) enum Place {
     Help,
 }
 
-impl Place {
+impl KeyContext {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [Place; 15] = [
-        Place::Idle,
-        Place::Running,
-        Place::Detail,
-        Place::Live,
-        Place::LiveRunning,
-        Place::Watching,
-        Place::Calibration,
-        Place::Records,
-        Place::Record,
-        Place::Setup,
-        Place::Prompt,
-        Place::Confirm,
-        Place::Changed,
-        Place::Interrupted,
-        Place::Help,
+    pub(crate) const ALL: [KeyContext; 15] = [
+        KeyContext::Idle,
+        KeyContext::Running,
+        KeyContext::Detail,
+        KeyContext::Live,
+        KeyContext::LiveRunning,
+        KeyContext::Watching,
+        KeyContext::Calibration,
+        KeyContext::Records,
+        KeyContext::Record,
+        KeyContext::Setup,
+        KeyContext::Prompt,
+        KeyContext::Confirm,
+        KeyContext::Changed,
+        KeyContext::Interrupted,
+        KeyContext::Help,
     ];
 }
 
@@ -142,92 +142,113 @@ pub(crate) struct Binding {
     /// The key.
     pub key: Key,
     /// What it asks for.
-    pub action: Action,
+    pub action: KeyAction,
     /// Where.
-    pub places: &'static [Place],
+    pub places: &'static [KeyContext],
     /// Whether the last line of the screen shows it.
     pub footer: bool,
 }
 
-const PAGES: &[Place] = &[
-    Place::Idle,
-    Place::Running,
-    Place::Detail,
-    Place::Live,
-    Place::LiveRunning,
-    Place::Watching,
-    Place::Calibration,
-    Place::Records,
-    Place::Record,
+const PAGES: &[KeyContext] = &[
+    KeyContext::Idle,
+    KeyContext::Running,
+    KeyContext::Detail,
+    KeyContext::Live,
+    KeyContext::LiveRunning,
+    KeyContext::Watching,
+    KeyContext::Calibration,
+    KeyContext::Records,
+    KeyContext::Record,
 ];
-const LISTS: &[Place] =
-    &[Place::Idle, Place::Running, Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help];
-const RUN: &[Place] = &[Place::Running, Place::LiveRunning, Place::Watching, Place::Prompt];
+const LISTS: &[KeyContext] = &[
+    KeyContext::Idle,
+    KeyContext::Running,
+    KeyContext::Detail,
+    KeyContext::Records,
+    KeyContext::Record,
+    KeyContext::Setup,
+    KeyContext::Help,
+];
+const RUN: &[KeyContext] = &[KeyContext::Running, KeyContext::LiveRunning, KeyContext::Watching, KeyContext::Prompt];
 
-const BACK: &[Place] =
-    &[Place::Idle, Place::Running, Place::Live, Place::LiveRunning, Place::Watching, Place::Calibration];
+const BACK: &[KeyContext] = &[
+    KeyContext::Idle,
+    KeyContext::Running,
+    KeyContext::Live,
+    KeyContext::LiveRunning,
+    KeyContext::Watching,
+    KeyContext::Calibration,
+];
 
-const fn shown(key: Key, action: Action, places: &'static [Place]) -> Binding {
+const fn shown(key: Key, action: KeyAction, places: &'static [KeyContext]) -> Binding {
     Binding { key, action, places, footer: true }
 }
 
-const fn silent(key: Key, action: Action, places: &'static [Place]) -> Binding {
+const fn silent(key: Key, action: KeyAction, places: &'static [KeyContext]) -> Binding {
     Binding { key, action, places, footer: false }
 }
 
 /// The table.
 pub(crate) const BINDINGS: &[Binding] = &[
-    shown(Key::F(1), Action::Help, PAGES),
-    shown(Key::F(2), Action::Setup, &[Place::Idle]),
-    shown(Key::F(3), Action::One, &[Place::Idle]),
-    shown(Key::F(4), Action::Repeat, &[Place::Idle]),
-    shown(Key::F(5), Action::Start, &[Place::Idle]),
-    shown(Key::F(5), Action::Watch, &[Place::Live]),
-    shown(Key::F(6), Action::Pause, &[Place::Running, Place::LiveRunning]),
-    shown(Key::F(7), Action::AbortItem, &[Place::Running]),
-    shown(Key::F(8), Action::Stop, RUN),
-    silent(Key::Ctrl('c'), Action::Stop, RUN),
-    shown(Key::F(3), Action::Verify, &[Place::Records, Place::Record]),
-    shown(Key::F(4), Action::Filter, &[Place::Records]),
-    shown(Key::F(5), Action::Reload, &[Place::Records]),
-    shown(Key::Enter, Action::Yes, &[Place::Prompt, Place::Confirm]),
+    shown(Key::F(1), KeyAction::Help, PAGES),
+    shown(Key::F(2), KeyAction::Setup, &[KeyContext::Idle]),
+    shown(Key::F(3), KeyAction::One, &[KeyContext::Idle]),
+    shown(Key::F(4), KeyAction::Repeat, &[KeyContext::Idle]),
+    shown(Key::F(5), KeyAction::Start, &[KeyContext::Idle]),
+    shown(Key::F(5), KeyAction::Watch, &[KeyContext::Live]),
+    shown(Key::F(6), KeyAction::Pause, &[KeyContext::Running, KeyContext::LiveRunning]),
+    shown(Key::F(7), KeyAction::AbortItem, &[KeyContext::Running]),
+    shown(Key::F(8), KeyAction::Stop, RUN),
+    silent(Key::Ctrl('c'), KeyAction::Stop, RUN),
+    shown(Key::F(3), KeyAction::Verify, &[KeyContext::Records, KeyContext::Record]),
+    shown(Key::F(4), KeyAction::Filter, &[KeyContext::Records]),
+    shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
+    shown(Key::Enter, KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Confirm]),
     // Not with F5: a key that is pressed twice must not answer.
-    shown(Key::Enter, Action::LoadNew, &[Place::Changed]),
-    shown(Key::F(6), Action::RunChecked, &[Place::Changed]),
-    shown(Key::Enter, Action::TakeUp, &[Place::Interrupted]),
-    shown(Key::F(6), Action::FromStart, &[Place::Interrupted]),
-    shown(Key::Esc, Action::No, &[Place::Prompt, Place::Confirm, Place::Changed, Place::Interrupted]),
-    shown(Key::Enter, Action::Open, &[Place::Records, Place::Record]),
-    silent(Key::Enter, Action::Open, &[Place::Idle, Place::Running]),
-    shown(Key::Enter, Action::Take, &[Place::Setup]),
-    shown(Key::Ctrl('l'), Action::Log, &[Place::Record]),
-    silent(Key::Ctrl('l'), Action::Log, &[Place::Idle, Place::Running]),
-    shown(Key::Esc, Action::Back, &[Place::Detail, Place::Records, Place::Record, Place::Setup, Place::Help]),
-    silent(Key::Esc, Action::Back, BACK),
-    silent(Key::Char(' '), Action::Tick, &[Place::Idle]),
-    silent(Key::Ctrl('a'), Action::TickAll, &[Place::Idle]),
-    shown(Key::F(9), Action::NextPage, PAGES),
-    shown(Key::F(10), Action::Leave, PAGES),
-    silent(Key::F(10), Action::Leave, &[Place::Setup, Place::Help, Place::Prompt]),
-    silent(Key::Ctrl('r'), Action::Redraw, PAGES),
-    silent(Key::Up, Action::Up, LISTS),
-    silent(Key::Down, Action::Down, LISTS),
-    silent(Key::Left, Action::Left, &[Place::Setup]),
-    silent(Key::Right, Action::Right, &[Place::Setup]),
-    silent(Key::PageUp, Action::PageUp, LISTS),
-    silent(Key::PageDown, Action::PageDown, LISTS),
-    silent(Key::Home, Action::Home, LISTS),
-    silent(Key::End, Action::End, LISTS),
+    shown(Key::Enter, KeyAction::LoadNew, &[KeyContext::Changed]),
+    shown(Key::F(6), KeyAction::RunChecked, &[KeyContext::Changed]),
+    shown(Key::Enter, KeyAction::TakeUp, &[KeyContext::Interrupted]),
+    shown(Key::F(6), KeyAction::FromStart, &[KeyContext::Interrupted]),
+    shown(
+        Key::Esc,
+        KeyAction::No,
+        &[KeyContext::Prompt, KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted],
+    ),
+    shown(Key::Enter, KeyAction::Open, &[KeyContext::Records, KeyContext::Record]),
+    silent(Key::Enter, KeyAction::Open, &[KeyContext::Idle, KeyContext::Running]),
+    shown(Key::Enter, KeyAction::Take, &[KeyContext::Setup]),
+    shown(Key::Ctrl('l'), KeyAction::Log, &[KeyContext::Record]),
+    silent(Key::Ctrl('l'), KeyAction::Log, &[KeyContext::Idle, KeyContext::Running]),
+    shown(
+        Key::Esc,
+        KeyAction::Back,
+        &[KeyContext::Detail, KeyContext::Records, KeyContext::Record, KeyContext::Setup, KeyContext::Help],
+    ),
+    silent(Key::Esc, KeyAction::Back, BACK),
+    silent(Key::Char(' '), KeyAction::Tick, &[KeyContext::Idle]),
+    silent(Key::Ctrl('a'), KeyAction::TickAll, &[KeyContext::Idle]),
+    shown(Key::F(9), KeyAction::NextPage, PAGES),
+    shown(Key::F(10), KeyAction::Leave, PAGES),
+    silent(Key::F(10), KeyAction::Leave, &[KeyContext::Setup, KeyContext::Help, KeyContext::Prompt]),
+    silent(Key::Ctrl('r'), KeyAction::Redraw, PAGES),
+    silent(Key::Up, KeyAction::Up, LISTS),
+    silent(Key::Down, KeyAction::Down, LISTS),
+    silent(Key::Left, KeyAction::Left, &[KeyContext::Setup]),
+    silent(Key::Right, KeyAction::Right, &[KeyContext::Setup]),
+    silent(Key::PageUp, KeyAction::PageUp, LISTS),
+    silent(Key::PageDown, KeyAction::PageDown, LISTS),
+    silent(Key::Home, KeyAction::Home, LISTS),
+    silent(Key::End, KeyAction::End, LISTS),
 ];
 
 /// What a key asks for in a place.
 #[must_use]
-pub(crate) fn action(place: Place, key: Key) -> Option<Action> {
+pub(crate) fn action(place: KeyContext, key: Key) -> Option<KeyAction> {
     bindings(place).find(|binding| binding.key == key).map(|binding| binding.action)
 }
 
 /// The keys of a place.
-pub(crate) fn bindings(place: Place) -> impl Iterator<Item = &'static Binding> {
+pub(crate) fn bindings(place: KeyContext) -> impl Iterator<Item = &'static Binding> {
     BINDINGS.iter().filter(move |binding| binding.places.contains(&place))
 }
 
@@ -270,7 +291,7 @@ mod tests {
 
     #[test]
     fn a_key_does_one_thing_in_a_place() {
-        for place in Place::ALL {
+        for place in KeyContext::ALL {
             for binding in bindings(place) {
                 let same = bindings(place).filter(|other| other.key == binding.key).count();
                 assert_eq!(same, 1, "{place:?} {:?}", binding.key);
@@ -281,12 +302,14 @@ mod tests {
     /// Keys that operators have learnt.
     #[test]
     fn fixed_keys() {
-        assert_eq!(action(Place::Idle, Key::F(1)), Some(Action::Help));
-        assert_eq!(action(Place::Idle, Key::F(5)), Some(Action::Start));
-        for place in [Place::Idle, Place::Running, Place::Live, Place::Calibration, Place::Records] {
-            assert_eq!(action(place, Key::F(10)), Some(Action::Leave), "{place:?}");
-            assert_eq!(action(place, Key::Esc), Some(Action::Back), "{place:?}");
+        assert_eq!(action(KeyContext::Idle, Key::F(1)), Some(KeyAction::Help));
+        assert_eq!(action(KeyContext::Idle, Key::F(5)), Some(KeyAction::Start));
+        for place in
+            [KeyContext::Idle, KeyContext::Running, KeyContext::Live, KeyContext::Calibration, KeyContext::Records]
+        {
+            assert_eq!(action(place, Key::F(10)), Some(KeyAction::Leave), "{place:?}");
+            assert_eq!(action(place, Key::Esc), Some(KeyAction::Back), "{place:?}");
         }
-        assert_eq!(action(Place::Running, Key::F(5)), None, "a run is not started twice");
+        assert_eq!(action(KeyContext::Running, Key::F(5)), None, "a run is not started twice");
     }
 }

@@ -13,15 +13,15 @@ const EVERY: Duration = Duration::from_millis(100);
 
 /// What is drawn over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Point {
+pub(crate) struct LivePoint {
     /// Time since the start of the program.
     pub at: Duration,
-    pub imu: Imu,
+    pub imu: LiveSample,
 }
 
 /// A sample at nominal scale, along the module's axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Imu {
+pub(crate) struct LiveSample {
     pub rate_dps: [f64; 3],
     pub accel_g: [f64; 3],
     pub field_gauss: [f64; 3],
@@ -29,7 +29,7 @@ pub(crate) struct Imu {
     pub accel_temperature_c: f64,
 }
 
-impl From<&ImuSample> for Imu {
+impl From<&ImuSample> for LiveSample {
     fn from(sample: &ImuSample) -> Self {
         Self {
             rate_dps: sample.gyro.map(|counts| f64::from(counts) / GYRO_LSB_PER_DPS),
@@ -47,7 +47,7 @@ pub(crate) struct History {
     pub newest: Readings,
     /// When the newest came.
     pub at: Option<Duration>,
-    pub points: VecDeque<Point>,
+    pub points: VecDeque<LivePoint>,
 }
 
 impl History {
@@ -62,14 +62,14 @@ impl History {
         }
         let fresh = readings.imu.as_ref().filter(|imu| Some(*imu) != self.newest.imu.as_ref());
         if let Some((_, sample)) = fresh {
-            let imu = Imu::from(sample);
+            let imu = LiveSample::from(sample);
             match self.points.back_mut() {
                 Some(last) if at.saturating_sub(last.at) < EVERY => last.imu = imu,
                 _ => {
                     if self.points.len() == POINTS {
                         self.points.pop_front();
                     }
-                    self.points.push_back(Point { at, imu });
+                    self.points.push_back(LivePoint { at, imu });
                 }
             }
         }
@@ -78,7 +78,7 @@ impl History {
     }
 
     /// The newest sample.
-    pub(crate) fn imu(&self) -> Option<Imu> {
-        self.newest.imu.as_ref().map(|(_, sample)| Imu::from(sample))
+    pub(crate) fn imu(&self) -> Option<LiveSample> {
+        self.newest.imu.as_ref().map(|(_, sample)| LiveSample::from(sample))
     }
 }

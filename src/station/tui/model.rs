@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
-use gnc_analysis::motion::{self, Step};
+use gnc_analysis::motion::{self, MotionStep};
 use gnc_bench::fixture::Ask;
 use gnc_bench::guidance::Guidance;
 use gnc_executive::event::{BenchKind, PlannedItem};
@@ -14,10 +14,10 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
 
-use super::field::Field;
-use super::keymap::Place;
+use super::field::InputField;
+use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
-use super::pending::{Interrupted, Pending};
+use super::pending::{Interrupted, PendingStart};
 use super::records::Records;
 use crate::files::ChangedFile;
 
@@ -54,7 +54,7 @@ pub(crate) enum Glyphs {
 
 /// A page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Page {
+pub(crate) enum ScreenPage {
     Tests,
     /// Guidance through captures; only where the plan has some.
     Calibration,
@@ -66,7 +66,7 @@ pub(crate) enum Page {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Over {
     /// The keys of the place below.
-    Help { place: Place, scroll: usize },
+    Help { place: KeyContext, scroll: usize },
     /// The form.
     Setup(super::setup_form::Form),
     /// One item of the run shown, by its name.
@@ -153,14 +153,14 @@ impl ProgramView {
     /// That of an item; `None` if it captures nothing by itself.
     pub(crate) fn of(item: &PlanItem) -> Option<Self> {
         let program = motion::program(item.id, &item.params).ok()??;
-        let captures = program.steps.iter().filter_map(Step::about).count();
+        let captures = program.steps.iter().filter_map(MotionStep::about).count();
         Some(Self { item: item.name.clone(), captures, lays: program.lays(), span_s: program.span_s() })
     }
 }
 
 /// How often a plan is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rounds {
+pub(crate) enum RoundsSetting {
     Once,
     /// So many times.
     Count(u32),
@@ -228,13 +228,13 @@ pub(crate) struct RunView {
     pub expected_s: Option<f64>,
     /// Outcomes of the rounds so far.
     pub ends: Vec<Outcome>,
-    pub rounds: Rounds,
+    pub rounds: RoundsSetting,
     /// Why the record could not be written.
     pub store_error: Option<String>,
 }
 
 impl RunView {
-    pub(crate) fn new(serial_number: String, rounds: Rounds, expected_s: Option<f64>, now: &Now) -> Self {
+    pub(crate) fn new(serial_number: String, rounds: RoundsSetting, expected_s: Option<f64>, now: &Now) -> Self {
         Self {
             state: RunState::new(),
             serial_number,
@@ -279,7 +279,7 @@ impl RunView {
 /// The serial number: what is typed, what is scanned, what comes next.
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
-    pub typed: Field,
+    pub typed: InputField,
     pub current: Option<String>,
     /// Scanned while a run was on.
     pub next: Option<String>,
@@ -297,7 +297,7 @@ pub(crate) struct Earlier {
 
 /// How much a message matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Weight {
+pub(crate) enum MessageWeight {
     Info,
     Warning,
     Error,
@@ -305,23 +305,23 @@ pub(crate) enum Weight {
 
 /// All that the screen knows.
 #[derive(Debug)]
-pub(crate) struct Model {
+pub(crate) struct ScreenModel {
     pub lang: Lang,
     pub texts: &'static Texts,
     pub look: Look,
     pub now: Now,
-    pub page: Page,
+    pub page: ScreenPage,
     pub over: Vec<Over>,
-    pub message: Option<(Weight, String)>,
+    pub message: Option<(MessageWeight, String)>,
     pub bench: Loaded<BenchView>,
     pub bench_path: String,
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
-    pub rounds: Rounds,
+    pub rounds: RoundsSetting,
     pub after_failure: AfterFailure,
     pub scan: Scan,
-    pub pending: Option<Pending>,
+    pub pending: Option<PendingStart>,
     /// The run that the command line wants to take up, until the operator has decided about it.
     pub resume: Option<PathBuf>,
     /// Items that are to be run, in the order of the plan.
@@ -345,22 +345,22 @@ pub(crate) struct Model {
     pub choices: super::setup_form::Choices,
 }
 
-impl Model {
+impl ScreenModel {
     pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
         Self {
             lang,
             texts: lang.texts(),
             look,
             now,
-            page: Page::Tests,
+            page: ScreenPage::Tests,
             over: Vec::new(),
-            message: look.poor.then(|| (Weight::Warning, lang.texts().no_glyphs.to_owned())),
+            message: look.poor.then(|| (MessageWeight::Warning, lang.texts().no_glyphs.to_owned())),
             bench: Loaded::Loading,
             bench_path: String::new(),
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
-            rounds: Rounds::Once,
+            rounds: RoundsSetting::Once,
             after_failure: AfterFailure::AsPlanned,
             scan: Scan::default(),
             pending: None,
@@ -385,34 +385,34 @@ impl Model {
     }
 
     /// Where the next key is pressed.
-    pub(crate) fn place(&self) -> Place {
+    pub(crate) fn place(&self) -> KeyContext {
         match self.over.last() {
-            Some(Over::Again { .. } | Over::NoResume { .. } | Over::Leave) => return Place::Confirm,
-            Some(Over::Changed(_)) => return Place::Changed,
-            Some(Over::Interrupted(_)) => return Place::Interrupted,
-            Some(Over::Help { .. }) => return Place::Help,
-            Some(Over::Setup(_)) => return Place::Setup,
+            Some(Over::Again { .. } | Over::NoResume { .. } | Over::Leave) => return KeyContext::Confirm,
+            Some(Over::Changed(_)) => return KeyContext::Changed,
+            Some(Over::Interrupted(_)) => return KeyContext::Interrupted,
+            Some(Over::Help { .. }) => return KeyContext::Help,
+            Some(Over::Setup(_)) => return KeyContext::Setup,
             _ => {}
         }
         if self.run.as_ref().is_some_and(|run| run.prompt.is_some()) {
-            return Place::Prompt;
+            return KeyContext::Prompt;
         }
         match (self.over.last(), self.page) {
-            (Some(_), _) => Place::Detail,
-            (None, Page::Live | Page::Calibration) if self.is_running() => Place::LiveRunning,
-            (None, Page::Live) if self.watching => Place::Watching,
-            (None, Page::Live) => Place::Live,
-            (None, Page::Calibration) => Place::Calibration,
-            (None, Page::Records) if self.records.open.is_some() => Place::Record,
-            (None, Page::Records) => Place::Records,
-            (None, Page::Tests) if self.is_running() => Place::Running,
-            (None, Page::Tests) => Place::Idle,
+            (Some(_), _) => KeyContext::Detail,
+            (None, ScreenPage::Live | ScreenPage::Calibration) if self.is_running() => KeyContext::LiveRunning,
+            (None, ScreenPage::Live) if self.watching => KeyContext::Watching,
+            (None, ScreenPage::Live) => KeyContext::Live,
+            (None, ScreenPage::Calibration) => KeyContext::Calibration,
+            (None, ScreenPage::Records) if self.records.open.is_some() => KeyContext::Record,
+            (None, ScreenPage::Records) => KeyContext::Records,
+            (None, ScreenPage::Tests) if self.is_running() => KeyContext::Running,
+            (None, ScreenPage::Tests) => KeyContext::Idle,
         }
     }
 
     /// Whether there is a page for captures.
     pub(crate) fn captures(&self) -> bool {
-        self.page == Page::Calibration || self.plan.ready().is_some_and(|plan| !plan.programs.is_empty())
+        self.page == ScreenPage::Calibration || self.plan.ready().is_some_and(|plan| !plan.programs.is_empty())
     }
 
     /// The item that captures now, with its name.
@@ -424,8 +424,8 @@ impl Model {
     /// The run that the page shows, if it shows one.
     pub(crate) fn shown_state(&self) -> Option<&RunState> {
         match self.page {
-            Page::Records => self.records.open.as_ref().map(|open| &open.state),
-            Page::Tests | Page::Calibration | Page::Live => self.run.as_ref().map(|run| &run.state),
+            ScreenPage::Records => self.records.open.as_ref().map(|open| &open.state),
+            ScreenPage::Tests | ScreenPage::Calibration | ScreenPage::Live => self.run.as_ref().map(|run| &run.state),
         }
     }
 
@@ -446,7 +446,7 @@ impl Model {
         }
     }
 
-    pub(crate) fn say(&mut self, weight: Weight, text: impl Into<String>) {
+    pub(crate) fn say(&mut self, weight: MessageWeight, text: impl Into<String>) {
         self.message = Some((weight, text.into()));
     }
 

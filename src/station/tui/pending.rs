@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use chrono::{DateTime, FixedOffset};
 
-use super::model::{Earlier, Over, Rounds};
+use super::model::{Earlier, Over, RoundsSetting};
 use crate::files::ChangedFile;
 
 /// A run that broke off and can be taken up again.
@@ -39,18 +39,18 @@ pub(crate) struct Prepared {
 
 /// What was asked for and waits for answers.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Pending {
+pub(crate) struct PendingStart {
     pub selection: Option<Vec<String>>,
-    pub rounds: Rounds,
+    pub rounds: RoundsSetting,
     /// The run that is taken up again.
     pub resume: Option<PathBuf>,
     /// What is still to be asked, the next one first.
     pub questions: VecDeque<Over>,
 }
 
-impl Pending {
+impl PendingStart {
     /// A run about which nothing was asked yet.
-    pub(crate) fn new(selection: Option<Vec<String>>, rounds: Rounds) -> Self {
+    pub(crate) fn new(selection: Option<Vec<String>>, rounds: RoundsSetting) -> Self {
         Self { selection, rounds, resume: None, questions: VecDeque::new() }
     }
 }

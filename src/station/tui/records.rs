@@ -6,7 +6,7 @@ use chrono::{DateTime, FixedOffset};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 
-use super::field::Field;
+use super::field::InputField;
 
 /// Runs of one day that are shown: more than one socket tests in a day of seconds.
 pub(crate) const MAX_RUNS: usize = 5000;
@@ -22,7 +22,7 @@ pub(crate) struct Day {
 
 /// How a run came out, as far as a list shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Mark {
+pub(crate) enum RunMark {
     /// It has this outcome, and its folder was closed.
     Outcome(Outcome),
     /// It has no end.
@@ -42,7 +42,7 @@ pub(crate) struct RunLine {
     pub at: Option<DateTime<FixedOffset>>,
     pub serial_number: String,
     pub plan: String,
-    pub mark: Mark,
+    pub mark: RunMark,
     pub simulated: bool,
     pub selection: bool,
     pub elapsed_s: f64,
@@ -63,7 +63,7 @@ pub(crate) struct Runs {
 pub(crate) struct OpenRun {
     pub path: PathBuf,
     pub state: RunState,
-    pub mark: Mark,
+    pub mark: RunMark,
     pub cursor: usize,
     pub check: Check,
 }
@@ -105,7 +105,7 @@ pub(crate) struct Records {
     /// Something is being read.
     pub reading: bool,
     pub filter: Option<Outcome>,
-    pub search: Field,
+    pub search: InputField,
     pub open: Option<OpenRun>,
     pub error: Option<String>,
 }
@@ -118,7 +118,7 @@ impl Records {
         lines
             .filter(|line| match (self.filter, line.mark) {
                 (None, _) => true,
-                (Some(wanted), Mark::Outcome(outcome)) => wanted == outcome,
+                (Some(wanted), RunMark::Outcome(outcome)) => wanted == outcome,
                 // A run without an end or a seal is no pass; it is found beside the aborted ones.
                 (Some(wanted), _) => wanted == Outcome::Aborted,
             })

@@ -9,7 +9,8 @@ use chrono::{DateTime, FixedOffset, TimeDelta};
 use gnc_board::{Readings, StreamReading};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
-    Bench, BenchKind, Board, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Power, Program, RunHeader,
+    BenchInfo, BenchKind, BoardInfo, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Power, ProgramVersion,
+    RunHeader,
 };
 use gnc_executive::measurement::{Measurement, Reading};
 use gnc_executive::outcome::Outcome;
@@ -22,15 +23,15 @@ use ratatui::backend::TestBackend;
 
 use super::decode::Key;
 use super::lang::Lang;
-use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
+use super::model::{BenchView, Glyphs, Loaded, Look, Now, PlanView, Progress, ScreenModel};
 use super::pending::Prepared;
-use super::update::{Command, Msg, update};
+use super::update::{Effect, Msg, update};
 use super::view;
 
 /// A screen in memory.
 #[derive(Debug)]
 pub struct Scene {
-    pub(crate) model: Model,
+    pub(crate) model: ScreenModel,
     /// Name and items of the plan that is run.
     plan: (&'static str, Vec<PlannedItem>),
     terminal: Terminal<TestBackend>,
@@ -47,7 +48,7 @@ impl Scene {
     pub(crate) fn new(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let look = Look { colour: true, glyphs: Glyphs::Unicode, poor: false };
         let now = Now { at: noon(), since_start: Duration::ZERO };
-        let mut model = Model::new(lang, look, now);
+        let mut model = ScreenModel::new(lang, look, now);
         let bench = BenchView {
             station: "line-2".into(),
             kind: BenchKind::Simulated,
@@ -108,7 +109,7 @@ impl Scene {
         self.key(Key::F(9));
     }
 
-    pub(crate) fn key(&mut self, key: Key) -> Option<Command> {
+    pub(crate) fn key(&mut self, key: Key) -> Option<Effect> {
         update(&mut self.model, Msg::Key(key))
     }
 
@@ -116,7 +117,7 @@ impl Scene {
         text.chars().for_each(|character| drop(self.key(Key::Char(character))));
     }
 
-    pub(crate) fn tell(&mut self, msg: Msg) -> Option<Command> {
+    pub(crate) fn tell(&mut self, msg: Msg) -> Option<Effect> {
         update(&mut self.model, msg)
     }
 
@@ -140,7 +141,7 @@ impl Scene {
         let header = Box::new(header(serial_number, plan));
         self.event(EventKind::RunStarted { header, items });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
-        self.event(EventKind::BoardFound(Board {
+        self.event(EventKind::BoardFound(BoardInfo {
             board_serial: "SIM-BOARD-1".into(),
             firmware: "sim 1.0.0".into(),
             protocol: 1,
@@ -315,8 +316,8 @@ fn header(serial_number: &str, plan: &str) -> RunHeader {
         serial_number: serial_number.into(),
         operator: Some("Zhang Wei".into()),
         station: "line-2".into(),
-        program: Program { name: "gnc-station".into(), version: "0.1.0".into() },
-        bench: Bench::simulated("good", "1", 1),
+        program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into() },
+        bench: BenchInfo::simulated("good", "1", 1),
         site: None,
         recomputed: None,
         resumed: None,

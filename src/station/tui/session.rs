@@ -11,14 +11,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
-use gnc_bench::control::Control;
-use gnc_bench::fixture::Question;
+use gnc_bench::control::RunControl;
+use gnc_bench::fixture::OperatorQuestion;
 use gnc_bench::runner::Live;
 use gnc_executive::outcome::Outcome;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 
-use super::update::{Command, Msg};
+use super::update::{Effect, Msg};
 use crate::args::RunArgs;
 use crate::tui::model::Loaded;
 use files::{Held, HeldPlan, Looked};
@@ -58,11 +58,11 @@ impl Signals {
 
 /// What the session needs.
 #[derive(Debug)]
-pub(crate) struct Session {
+pub(crate) struct ScreenSession {
     args: RunArgs,
     plan: PathBuf,
     screen: mpsc::Sender<Msg>,
-    commands: mpsc::Receiver<Command>,
+    commands: mpsc::Receiver<Effect>,
     signals: Signals,
     live: Live,
     /// Bench and plan as they were checked.
@@ -76,15 +76,15 @@ pub(crate) struct Session {
 /// What goes on at the board: a run, or a look at raw values.
 struct Running {
     done: LocalBoxFuture<'static, Finished>,
-    control: Control,
+    control: RunControl,
 }
 
-impl Session {
+impl ScreenSession {
     /// A session that has read nothing yet.
     pub(crate) fn new(
         (args, plan): (RunArgs, PathBuf),
         screen: mpsc::Sender<Msg>,
-        commands: mpsc::Receiver<Command>,
+        commands: mpsc::Receiver<Effect>,
         signals: Signals,
         live: Live,
     ) -> Self {
@@ -94,8 +94,8 @@ impl Session {
 
     /// Serves the screen until somebody leaves. The outcome is that of a run that was ended by the end of the program.
     pub(crate) async fn serve(mut self) -> Option<Outcome> {
-        let (ask, mut questions) = mpsc::channel::<Question>(QUESTIONS);
-        let mut waiting: VecDeque<Question> = VecDeque::new();
+        let (ask, mut questions) = mpsc::channel::<OperatorQuestion>(QUESTIONS);
+        let mut waiting: VecDeque<OperatorQuestion> = VecDeque::new();
         let mut running: Option<Running> = None;
         let mut ending = false;
         self.choose(None);
@@ -135,30 +135,30 @@ impl Session {
                     self.show_question(&waiting);
                 }
                 command = self.commands.recv() => match command {
-                    None | Some(Command::Leave) => {
+                    None | Some(Effect::Leave) => {
                         ending = true;
                         stop(running.as_ref(), "the end of the terminal");
                     }
-                    Some(Command::Answer(yes)) => {
+                    Some(Effect::Answer(yes)) => {
                         if let Some(question) = waiting.pop_front() {
                             let _ = question.answer.send(yes);
                         }
                         self.show_question(&waiting);
                     }
-                    Some(Command::Stop) => stop(running.as_ref(), "the operator"),
-                    Some(Command::Pause(pause)) => {
+                    Some(Effect::Stop) => stop(running.as_ref(), "the operator"),
+                    Some(Effect::Pause(pause)) => {
                         running.iter().for_each(|running| running.control.pause(pause));
                     }
-                    Some(Command::AbortItem(item)) => {
+                    Some(Effect::AbortItem(item)) => {
                         running.iter().for_each(|running| running.control.give_up(&item));
                     }
-                    Some(Command::Start(start)) if running.is_none() => {
+                    Some(Effect::Start(start)) if running.is_none() => {
                         let handles = self.handles(&ask);
                         let control = handles.control.clone();
                         let done = rounds::run(self.held.clone(), start, self.args.one_by_one, handles).boxed_local();
                         running = Some(Running { done, control });
                     }
-                    Some(Command::Watch) if running.is_none() => {
+                    Some(Effect::Watch) if running.is_none() => {
                         let handles = self.handles(&ask);
                         let control = handles.control.clone();
                         let done = rounds::watch(self.held.clone(), handles).boxed_local();
@@ -170,9 +170,9 @@ impl Session {
         }
     }
 
-    fn handles(&self, ask: &mpsc::Sender<Question>) -> Handles {
+    fn handles(&self, ask: &mpsc::Sender<OperatorQuestion>) -> Handles {
         Handles {
-            control: Control::default(),
+            control: RunControl::default(),
             screen: self.screen.clone(),
             live: self.live.clone(),
             questions: ask.clone(),
@@ -180,32 +180,32 @@ impl Session {
     }
 
     /// What needs no run.
-    fn other(&mut self, command: Command) {
+    fn other(&mut self, command: Effect) {
         match command {
-            Command::LookUp(serial_number) => {
+            Effect::LookUp(serial_number) => {
                 let records = self.records();
                 self.aside(move || archive::look_up(&records, serial_number));
             }
-            Command::Prepare { serial_number, selection, resume } => {
+            Effect::Prepare { serial_number, selection, resume } => {
                 let look = prepare::Look { held: self.held.clone(), records: self.records(), serial_number, selection };
                 self.aside(move || Msg::Prepared(Box::new(look.prepare(resume))));
             }
-            Command::Choose { plan, bench } => self.choose(Some((plan, bench))),
-            Command::ListChoices => {
+            Effect::Choose { plan, bench } => self.choose(Some((plan, bench))),
+            Effect::ListChoices => {
                 let plan = self.plan.clone();
                 self.aside(move || Msg::Choices(files::choices(&plan)));
             }
-            Command::ListDays => {
+            Effect::ListDays => {
                 let records = self.records();
                 self.aside(move || Msg::Days(archive::days(&records)));
             }
-            Command::ListRuns(day) => {
+            Effect::ListRuns(day) => {
                 let records = self.records();
                 self.aside(move || Msg::Runs(archive::runs(&records, day)));
             }
-            Command::OpenRun(path) => self.aside(move || Msg::Opened(archive::open(path))),
-            Command::Verify(path) => self.aside(move || archive::verify(path)),
-            Command::Refold(path) => self.aside(move || archive::refold(&path)),
+            Effect::OpenRun(path) => self.aside(move || Msg::Opened(archive::open(path))),
+            Effect::Verify(path) => self.aside(move || archive::verify(path)),
+            Effect::Refold(path) => self.aside(move || archive::refold(&path)),
             // Belongs to a run, and none is on.
             _ => {}
         }
@@ -268,7 +268,7 @@ impl Session {
         tokio::spawn(async move { screen.send(msg).await });
     }
 
-    fn show_question(&self, waiting: &VecDeque<Question>) {
+    fn show_question(&self, waiting: &VecDeque<OperatorQuestion>) {
         if let Some(question) = waiting.front() {
             self.tell(Msg::Asked { item: question.item.clone(), ask: question.ask.clone() });
         }
@@ -289,9 +289,9 @@ async fn run_of(running: &mut Option<Running>) -> Finished {
 }
 
 /// Ends when nobody waits for the answer to the first question any more.
-async fn given_up(waiting: &mut VecDeque<Question>) {
+async fn given_up(waiting: &mut VecDeque<OperatorQuestion>) {
     match waiting.front_mut() {
-        Some(Question { answer, .. }) => oneshot::Sender::closed(answer).await,
+        Some(OperatorQuestion { answer, .. }) => oneshot::Sender::closed(answer).await,
         None => pending().await,
     }
 }

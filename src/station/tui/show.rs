@@ -12,8 +12,8 @@ use ratatui::layout::{Position, Rect};
 use tokio::sync::{mpsc, watch};
 
 use super::decode::Key;
-use super::model::{Model, Now, Progress};
-use super::update::{Command, Msg, update};
+use super::model::{Now, Progress, ScreenModel};
+use super::update::{Effect, Msg, update};
 use super::view;
 
 /// Time between two drawings.
@@ -36,11 +36,11 @@ pub(crate) struct Inbox {
 
 /// The clock of the screen.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Clock {
+pub(crate) struct ScreenClock {
     pub began: Instant,
 }
 
-impl Clock {
+impl ScreenClock {
     pub(crate) fn now(&self) -> Now {
         Now { at: Local::now().fixed_offset(), since_start: self.began.elapsed() }
     }
@@ -48,7 +48,7 @@ impl Clock {
 
 /// Why the loop ended.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Ended {
+pub(crate) enum LoopEnd {
     /// Somebody wanted to leave, or nothing is behind the screen any more.
     Left,
     /// Nobody can type any more.
@@ -58,12 +58,12 @@ pub(crate) enum Ended {
 /// Shows the model until somebody leaves, or the terminal is no longer `ours`.
 pub(crate) async fn show<B: Backend>(
     terminal: &mut Terminal<B>,
-    model: &mut Model,
+    model: &mut ScreenModel,
     mut inbox: Inbox,
-    commands: &mpsc::Sender<Command>,
-    clock: Clock,
+    commands: &mpsc::Sender<Effect>,
+    clock: ScreenClock,
     ours: impl Fn() -> bool,
-) -> Result<Ended, B::Error> {
+) -> Result<LoopEnd, B::Error> {
     let mut drawn = Instant::now();
     terminal.draw(|frame| view::draw(model, frame))?;
     let (mut changed, mut anew) = (false, false);
@@ -74,16 +74,16 @@ pub(crate) async fn show<B: Backend>(
             biased;
             count = inbox.messages.recv_many(&mut arrived, BATCH) => {
                 if count == 0 {
-                    return Ok(Ended::Left);
+                    return Ok(LoopEnd::Left);
                 }
             }
             keys = inbox.keys.recv() => match keys {
                 Some(keys) => arrived.extend(keys.into_iter().map(Msg::Key)),
-                None => return Ok(Ended::TerminalLost),
+                None => return Ok(LoopEnd::TerminalLost),
             },
             resized = inbox.resized.changed() => {
                 if resized.is_err() {
-                    return Ok(Ended::Left);
+                    return Ok(LoopEnd::Left);
                 }
                 anew = true;
             }
@@ -91,7 +91,7 @@ pub(crate) async fn show<B: Backend>(
         }
         // Something on another thread went so wrong that the terminal was given back: its message stands there.
         if !ours() {
-            return Ok(Ended::Left);
+            return Ok(LoopEnd::Left);
         }
         update(model, Msg::Time(clock.now()));
         if model.is_running() {
@@ -102,9 +102,9 @@ pub(crate) async fn show<B: Backend>(
         }
         for msg in arrived {
             let Some(command) = update(model, msg) else { continue };
-            let leaves = command == Command::Leave;
+            let leaves = command == Effect::Leave;
             if commands.send(command).await.is_err() || leaves {
-                return Ok(Ended::Left);
+                return Ok(LoopEnd::Left);
             }
         }
         changed = true;
@@ -123,7 +123,7 @@ pub(crate) async fn show<B: Backend>(
 }
 
 /// How long what is drawn stays true if nothing happens.
-fn rest(model: &Model) -> Duration {
+fn rest(model: &ScreenModel) -> Duration {
     use chrono::Timelike as _;
     if model.moves() {
         return TICK;

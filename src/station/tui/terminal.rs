@@ -13,7 +13,7 @@ use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
-use super::decode::{Decoder, Key};
+use super::decode::{Key, KeyDecoder};
 
 /// Other screen, no cursor, pasted text marked as such.
 const TAKE: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b[?2004h";
@@ -85,7 +85,7 @@ impl Guard {
 pub(crate) fn read_keys(keys: &mpsc::Sender<Vec<Key>>) {
     let Ok(stdin) = io::stdin().as_fd().try_clone_to_owned() else { return };
     let mut stdin = File::from(stdin);
-    let (mut decoder, mut bytes) = (Decoder::default(), [0; READ_BYTES]);
+    let (mut decoder, mut bytes) = (KeyDecoder::default(), [0; READ_BYTES]);
     loop {
         let wait = if decoder.is_waiting() { PollTimeout::from(REST_OF_KEY_MS) } else { PollTimeout::NONE };
         let mut polled = [PollFd::new(stdin.as_fd(), PollFlags::POLLIN)];

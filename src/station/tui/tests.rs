@@ -7,17 +7,17 @@ use std::time::Duration;
 
 use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, Level};
+use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;
 use super::lang::Lang;
-use super::model::{Earlier, Glyphs, Loaded, Rounds};
+use super::model::{Earlier, Glyphs, Loaded, RoundsSetting};
 use super::pending::Prepared;
-use super::records::{Day, Mark, RunLine, Runs};
+use super::records::{Day, RunLine, RunMark, Runs};
 use super::scene::{ITEMS, Scene, measured};
-use super::update::{Command, Msg};
+use super::update::{Effect, Msg};
 use super::view::text_width;
 
 const SIZES: [(u16, u16); 2] = [(80, 24), (160, 50)];
@@ -79,11 +79,11 @@ fn error(scene: &mut Scene) {
     scene.event(EventKind::AttemptEnded { item: item(), attempt: 1, outcome, error: Some(error) });
     scene.event(EventKind::ItemEnded { item: item(), outcome, cause: None });
     let text = "the link is lost, so the rest of the plan is not run".to_owned();
-    scene.event(EventKind::Note { level: Level::Error, text, item: None });
+    scene.event(EventKind::Note { level: NoteLevel::Error, text, item: None });
     scene.run_ends(Outcome::Errored);
 }
 
-fn line(serial_number: &str, minute: u32, mark: Mark) -> RunLine {
+fn line(serial_number: &str, minute: u32, mark: RunMark) -> RunLine {
     let at = chrono::DateTime::parse_from_rfc3339(&format!("2026-11-22T14:{minute:02}:00+08:00")).expect("a time");
     RunLine {
         path: format!("records/2026-11-22/{serial_number}/14{minute:02}00-functional").into(),
@@ -110,10 +110,10 @@ fn records(scene: &mut Scene) {
 fn runs(scene: &mut Scene) {
     records(scene);
     let lines = vec![
-        line("DEMO-1", 5, Mark::Outcome(Outcome::Failed)),
-        line("DEMO-1", 7, Mark::Outcome(Outcome::Passed)),
-        line("DEMO-2", 9, Mark::Outcome(Outcome::Errored)),
-        line("模块-3", 11, Mark::Interrupted),
+        line("DEMO-1", 5, RunMark::Outcome(Outcome::Failed)),
+        line("DEMO-1", 7, RunMark::Outcome(Outcome::Passed)),
+        line("DEMO-2", 9, RunMark::Outcome(Outcome::Errored)),
+        line("模块-3", 11, RunMark::Interrupted),
     ];
     scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
 }
@@ -124,7 +124,7 @@ fn record(scene: &mut Scene) {
     fail(&mut played);
     let state = played.model.run.take().expect("a run").state;
     let path = "records/2026-11-22/DEMO-1/140500-functional".into();
-    scene.tell(Msg::Opened(Ok(Box::new((path, state, Mark::Outcome(Outcome::Failed))))));
+    scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Outcome(Outcome::Failed))))));
 }
 
 #[test]
@@ -372,8 +372,8 @@ fn hostile_scans_are_refused_in_words() {
 }
 
 /// The look at files and records before a run of DEMO-1.
-fn look() -> Command {
-    Command::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: None }
+fn look() -> Effect {
+    Effect::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: None }
 }
 
 /// What it finds where no file was changed and no run broke off.
@@ -395,16 +395,16 @@ fn a_second_test_is_asked_for() {
     assert_eq!(scene.key(Key::Esc), None);
     scene.key(Key::F(5));
     scene.tell(earlier());
-    assert!(matches!(scene.key(Key::Enter), Some(Command::Start(start)) if start.selection.is_none()));
+    assert!(matches!(scene.key(Key::Enter), Some(Effect::Start(start)) if start.selection.is_none()));
 }
 
 #[test]
 fn what_failed_is_repeated() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
-    assert!(matches!(scene.key(Key::F(4)), Some(Command::Prepare { selection: Some(_), .. })));
+    assert!(matches!(scene.key(Key::F(4)), Some(Effect::Prepare { selection: Some(_), .. })));
     let command = scene.tell(found(None));
-    let Some(Command::Start(start)) = command else { panic!("{command:?}") };
+    let Some(Effect::Start(start)) = command else { panic!("{command:?}") };
     let selection = start.selection.expect("a selection");
     // The failed one, the one that was skipped because of it, and those that were never reached.
     assert!(selection.contains(&"imu".into()) && selection.contains(&"ad".into()), "{selection:?}");
@@ -414,18 +414,18 @@ fn what_failed_is_repeated() {
 #[test]
 fn stop_pause_abort_and_leave() {
     let mut scene = Scene::at_work(Lang::En, 80, 24).expect("memory");
-    assert_eq!(scene.key(Key::F(6)), Some(Command::Pause(true)));
-    assert_eq!(scene.key(Key::F(6)), Some(Command::Pause(false)));
+    assert_eq!(scene.key(Key::F(6)), Some(Effect::Pause(true)));
+    assert_eq!(scene.key(Key::F(6)), Some(Effect::Pause(false)));
     assert_eq!(scene.key(Key::F(7)), None, "identity does not run");
     let at = scene.model.order().iter().position(|position| *position == 7).expect("imu");
     (0..at).for_each(|_| drop(scene.key(Key::Down)));
-    assert_eq!(scene.key(Key::F(7)), Some(Command::AbortItem("imu".into())));
-    assert_eq!(scene.key(Key::F(8)), Some(Command::Stop));
+    assert_eq!(scene.key(Key::F(7)), Some(Effect::AbortItem("imu".into())));
+    assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop));
     assert!(scene.text().contains("Stop now"), "{}", scene.text());
     assert_eq!(scene.key(Key::F(10)), None, "a run is on");
-    assert_eq!(scene.key(Key::Enter), Some(Command::Stop));
+    assert_eq!(scene.key(Key::Enter), Some(Effect::Stop));
     scene.event(EventKind::RunEnded { outcome: Outcome::Aborted });
-    assert_eq!(scene.tell(Msg::RunOver { store_error: None, refusal: None }), Some(Command::Leave));
+    assert_eq!(scene.tell(Msg::RunOver { store_error: None, refusal: None }), Some(Effect::Leave));
 }
 
 #[test]
@@ -437,15 +437,15 @@ fn ticks_make_a_selection() {
     assert!(scene.text().contains("No item is ticked"), "{}", scene.text());
     scene.key(Key::Down);
     scene.key(Key::Char(' '));
-    assert!(matches!(scene.key(Key::F(5)), Some(Command::Prepare { selection: Some(_), .. })));
+    assert!(matches!(scene.key(Key::F(5)), Some(Effect::Prepare { selection: Some(_), .. })));
     let command = scene.tell(found(None));
-    assert!(matches!(command, Some(Command::Start(start)) if start.selection == Some(vec!["cpu".into()])));
+    assert!(matches!(command, Some(Effect::Start(start)) if start.selection == Some(vec!["cpu".into()])));
 }
 
 #[test]
 fn the_form_sets_rounds_and_language() {
     let mut scene = scene(Lang::En);
-    assert_eq!(scene.key(Key::F(2)), Some(Command::ListChoices));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::ListChoices));
     (0..3).for_each(|_| drop(scene.key(Key::Down)));
     scene.key(Key::Right);
     scene.key(Key::Backspace);
@@ -454,7 +454,7 @@ fn the_form_sets_rounds_and_language() {
     scene.key(Key::Down);
     scene.key(Key::Right);
     assert_eq!(scene.key(Key::Enter), None, "neither plan nor bench changed");
-    assert_eq!(scene.model.rounds, Rounds::Count(12));
+    assert_eq!(scene.model.rounds, RoundsSetting::Count(12));
     assert_eq!(scene.model.lang, Lang::Zh);
 }
 
@@ -468,7 +468,7 @@ fn the_form_refuses_no_rounds() {
     (0..9).for_each(|_| drop(scene.key(Key::Backspace)));
     assert!(scene.text().contains("a number from 1"), "{}", scene.text());
     scene.key(Key::Enter);
-    assert_eq!(scene.model.rounds, Rounds::Once);
+    assert_eq!(scene.model.rounds, RoundsSetting::Once);
 }
 
 /// A screen that missed events asks for the record, and shows what that says.
@@ -479,7 +479,7 @@ fn missed_events_are_read_from_the_record() {
     scene.miss_an_event();
     scene.passes(&["identity"]);
     let command = scene.tell(Msg::RunOver { store_error: None, refusal: None });
-    assert!(matches!(command, Some(Command::Refold(_))), "{command:?}");
+    assert!(matches!(command, Some(Effect::Refold(_))), "{command:?}");
     let mut played = Scene::new(Lang::En, 80, 24).expect("memory");
     fail(&mut played);
     let state = played.model.run.take().expect("a run").state;

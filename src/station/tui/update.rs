@@ -13,9 +13,11 @@ use gnc_executive::state::RunState;
 
 use super::decode::Key;
 use super::lang::{Lang, Texts, fill};
-use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
+use super::model::{
+    BenchView, Earlier, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage,
+};
 use super::pending::Prepared;
-use super::records::{Check, Checked, Day, Mark, OpenRun, Runs, Unopened};
+use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
 use super::setup_form::Choices;
 
 /// Something that happened.
@@ -58,7 +60,7 @@ pub(crate) enum Msg {
     /// Runs of a day.
     Runs(Result<Runs, String>),
     /// A run was opened.
-    Opened(Result<Box<(PathBuf, RunState, Mark)>, Unopened>),
+    Opened(Result<Box<(PathBuf, RunState, RunMark)>, Unopened>),
     /// A run was compared with its digests.
     Verified { path: PathBuf, checked: Checked },
     /// Nothing is watched any more, and why.
@@ -69,7 +71,7 @@ pub(crate) enum Msg {
 
 /// Something to be done outside of the screen.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Command {
+pub(crate) enum Effect {
     /// Look for earlier runs of a module.
     LookUp(String),
     /// Look at all that must be known before a run of a module begins.
@@ -80,7 +82,7 @@ pub(crate) enum Command {
         /// The run that the command line wants to take up.
         resume: Option<PathBuf>,
     },
-    Start(Start),
+    Start(StartRequest),
     /// Show raw values without a run.
     Watch,
     /// The first in order, the second at once.
@@ -104,7 +106,7 @@ pub(crate) enum Command {
 
 /// A run that is asked for.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Start {
+pub(crate) struct StartRequest {
     pub serial_number: String,
     /// Digest of the plan that is shown.
     pub plan_sha256: String,
@@ -112,12 +114,12 @@ pub(crate) struct Start {
     pub resume: Option<PathBuf>,
     pub operator: Option<String>,
     pub selection: Option<Vec<String>>,
-    pub rounds: Rounds,
+    pub rounds: RoundsSetting,
     pub after_failure: super::model::AfterFailure,
 }
 
 /// Takes a message.
-pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
+pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     match msg {
         Msg::Time(now) => model.now = now,
         Msg::Key(key) => return keys::key(model, key),
@@ -149,7 +151,7 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
         }
         Msg::RunOver { store_error, refusal } => return run::over(model, store_error, refusal),
         Msg::Refolded(Ok(state)) => run::refolded(model, *state),
-        Msg::Refolded(Err(why)) => model.say(Weight::Error, why),
+        Msg::Refolded(Err(why)) => model.say(MessageWeight::Error, why),
         Msg::Expected(expected_s) => {
             if let Loaded::Ready(plan) = &mut model.plan {
                 plan.expected_s = expected_s;
@@ -158,10 +160,10 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
         Msg::WatchOver { why } => {
             model.watching = false;
             if let Some(why) = why {
-                model.say(Weight::Error, why);
+                model.say(MessageWeight::Error, why);
             }
             return match model.leaving {
-                true => Some(Command::Leave),
+                true => Some(Effect::Leave),
                 // The records page was turned to while the module was being switched off.
                 false => keys::read_if_due(model),
             };
@@ -172,7 +174,7 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
     None
 }
 
-fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
+fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
     let chosen = |name: &String| model.only.as_ref().is_none_or(|only| only.contains(name));
     let items = plan.ready().map_or(&[][..], |plan| &plan.items);
     model.ticks = items.iter().map(|item| chosen(&item.name)).collect();
@@ -187,13 +189,13 @@ fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
     model.plan_path = path;
     model.plan = plan;
     model.cursor = 0;
-    if model.page == Page::Calibration && !model.is_running() {
+    if model.page == ScreenPage::Calibration && !model.is_running() {
         // Another plan may capture nothing.
-        model.page = Page::Tests;
+        model.page = ScreenPage::Tests;
     }
 }
 
-fn take_records(model: &mut Model, msg: Msg) {
+fn take_records(model: &mut ScreenModel, msg: Msg) {
     let records = &mut model.records;
     records.reading = false;
     records.error = None;
@@ -232,16 +234,16 @@ fn take_records(model: &mut Model, msg: Msg) {
 }
 
 /// How a run compares with its digests and its journal, and how much that matters.
-pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (Weight, String) {
+pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (MessageWeight, String) {
     match (checked.problems.as_slice(), &checked.newer) {
-        ([], None) => (Weight::Info, texts.as_written.to_owned()),
-        ([], Some(unknown)) => (Weight::Warning, words(texts.digests_agree, &[unknown])),
-        (problems, _) => (Weight::Error, format!("{}: {}", texts.not_as_written, problems.join("; "))),
+        ([], None) => (MessageWeight::Info, texts.as_written.to_owned()),
+        ([], Some(unknown)) => (MessageWeight::Warning, words(texts.digests_agree, &[unknown])),
+        (problems, _) => (MessageWeight::Error, format!("{}: {}", texts.not_as_written, problems.join("; "))),
     }
 }
 
 /// "14:30, passed" for the sentence on an earlier run.
-pub(crate) fn earlier_words(model: &Model, earlier: &Earlier) -> [String; 2] {
+pub(crate) fn earlier_words(model: &ScreenModel, earlier: &Earlier) -> [String; 2] {
     let outcome = match earlier.outcome {
         Some(outcome) => (model.texts.outcome_word)(outcome),
         None => model.texts.interrupted,
@@ -250,12 +252,12 @@ pub(crate) fn earlier_words(model: &Model, earlier: &Earlier) -> [String; 2] {
 }
 
 /// Changes the language at once.
-fn set_language(model: &mut Model, lang: Lang) {
+fn set_language(model: &mut ScreenModel, lang: Lang) {
     if model.look.glyphs == super::model::Glyphs::Unicode {
         model.lang = lang;
         model.texts = lang.texts();
     } else if lang != Lang::En {
-        model.say(Weight::Warning, model.texts.no_glyphs);
+        model.say(MessageWeight::Warning, model.texts.no_glyphs);
     }
 }
 

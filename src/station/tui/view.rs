@@ -27,7 +27,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Paragraph, Wrap};
 
 use super::lang::fill;
-use super::model::{Model, Over, Page};
+use super::model::{Over, ScreenModel, ScreenPage};
 
 /// The smallest screen that shows everything.
 pub(crate) const MIN_WIDTH: u16 = 80;
@@ -37,7 +37,7 @@ pub(crate) const MIN_HEIGHT: u16 = 24;
 pub(crate) const WIDE: u16 = 120;
 
 /// Draws the screen.
-pub(crate) fn draw(model: &Model, frame: &mut Frame<'_>) {
+pub(crate) fn draw(model: &ScreenModel, frame: &mut Frame<'_>) {
     let area = frame.area();
     if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
         too_small(model, frame, area);
@@ -47,7 +47,7 @@ pub(crate) fn draw(model: &Model, frame: &mut Frame<'_>) {
     glyphs::translate(frame.buffer_mut(), model.look.glyphs);
 }
 
-fn too_small(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let (width, height) = (area.width.to_string(), area.height.to_string());
     let mut lines = vec![Line::from(fill(model.texts.too_small, &[&width, &height]))];
     // What matters most fits anywhere.
@@ -61,7 +61,7 @@ fn too_small(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), area);
 }
 
-fn whole(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let [head, body, message, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1), Constraint::Length(1)])
             .areas(area);
@@ -71,10 +71,10 @@ fn whole(model: &Model, frame: &mut Frame<'_>, area: Rect) {
         (Some(Over::Setup(form)), _) => setup::draw(model, form, frame, body),
         (Some(Over::Item { name, scroll }), _) => detail::page(model, frame, body, name, *scroll),
         (Some(Over::Log { scroll }), _) => log::page(model, frame, body, *scroll),
-        (_, Page::Tests) => board::draw(model, frame, body),
-        (_, Page::Calibration) => calibration::draw(model, frame, body),
-        (_, Page::Live) => live::draw(model, frame, body),
-        (_, Page::Records) => records::draw(model, frame, body),
+        (_, ScreenPage::Tests) => board::draw(model, frame, body),
+        (_, ScreenPage::Calibration) => calibration::draw(model, frame, body),
+        (_, ScreenPage::Live) => live::draw(model, frame, body),
+        (_, ScreenPage::Records) => records::draw(model, frame, body),
     }
     match model.over.last() {
         Some(Over::Again { at, outcome }) => dialog::again(model, frame, body, *at, *outcome),

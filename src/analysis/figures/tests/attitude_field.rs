@@ -7,9 +7,9 @@ use super::*;
 
 const TEXT: &str = "dwell = \"2 s\", rate = \"100 Hz\"";
 
-fn ask_with(site: &Site, captures: &[Capture]) -> Result<Findings, FigureError> {
+fn ask_with(site: &BenchSite, captures: &[Capture]) -> Result<Findings, FigureError> {
     let params = params(ItemId::MagnetometerEllipsoid, TEXT);
-    analyse(ItemId::MagnetometerEllipsoid, &Question { params: &params, site: Some(site), captures, earlier: &[] })
+    analyse(ItemId::MagnetometerEllipsoid, &AnalysisInput { params: &params, site: Some(site), captures, earlier: &[] })
 }
 
 /// Adds a field along the sensor's own reading to some samples of a capture: iron that strengthens what is there.
@@ -21,7 +21,7 @@ fn disturb(capture: &mut Capture, rows: std::ops::Range<usize>, mgauss: f64) {
 }
 
 /// The odd attitudes that are named, with what they are off by; none where the item has figures.
-fn odd(site: &Site, captures: &[Capture]) -> Vec<(String, f64)> {
+fn odd(site: &BenchSite, captures: &[Capture]) -> Vec<(String, f64)> {
     match ask_with(site, captures) {
         Ok(_) => Vec::new(),
         Err(FigureError::Disturbed { attitudes, .. }) => attitudes,
@@ -77,8 +77,8 @@ fn the_message_says_where_and_by_how_much() {
 #[test]
 fn a_restless_bench_widens_the_intervals() {
     let (quiet, captures) = good_attitudes(104);
-    let fixture = Some(Fixture { ambient_u_gauss: 0.02e-3, ..Fixture::default() });
-    let told = Site { fixture, ..quiet.clone() };
+    let fixture = Some(BenchImperfections { ambient_u_gauss: 0.02e-3, ..BenchImperfections::default() });
+    let told = BenchSite { fixture, ..quiet.clone() };
     let name = "soft_iron_xy";
     let (wide, honest) = (ask_with(&told, &captures).unwrap(), ask_with(&quiet, &captures).unwrap());
     let rows = |found: &Findings| found.details["budget"][name]["contributions"].to_string();

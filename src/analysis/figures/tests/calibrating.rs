@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::world::{GRAVITY, World};
 use super::*;
-use crate::figures::calibration::Coefficients;
+use crate::figures::calibration::ModuleCoefficients;
 
 pub(super) const SIX: &str = "dwell = \"60 s\", rate = \"20 Hz\", pose_u = \"0 deg\", gravity_u = \"0 ppm\"";
 
@@ -180,7 +180,7 @@ fn the_thinned_records_show_the_turns() {
 #[test]
 fn calibrations_come_back_with_their_bits() {
     let earlier = calibrated(&mut World::new(5));
-    let calibration = Calibration::of(&earlier).unwrap();
+    let calibration = ModuleCalibration::of(&earlier).unwrap();
     assert!(calibration.accel.is_some() && calibration.gyro_scale.is_some() && calibration.gyro_still.is_some());
     let files: Vec<(String, Findings)> = earlier
         .iter()
@@ -189,13 +189,13 @@ fn calibrations_come_back_with_their_bits() {
             (name.clone(), Findings::new(serde_json::from_str(&text).unwrap()))
         })
         .collect();
-    assert_eq!(Calibration::of(&files).unwrap(), calibration);
+    assert_eq!(ModuleCalibration::of(&files).unwrap(), calibration);
     // The newest of a part counts.
     let mut twice = earlier.clone();
     twice.extend(calibrated(&mut World::new(6)));
-    assert_ne!(Calibration::of(&twice).unwrap(), calibration);
+    assert_ne!(ModuleCalibration::of(&twice).unwrap(), calibration);
     let broken = vec![("six".to_owned(), Findings::new(serde_json::json!({ "calibration": { "accel": 3 } })))];
-    assert!(matches!(Calibration::of(&broken), Err(FigureError::BadCalibration { .. })));
+    assert!(matches!(ModuleCalibration::of(&broken), Err(FigureError::BadCalibration { .. })));
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn download_and_check_agree_with_the_module() {
     assert_eq!(download.value("coefficients"), Some(&Value::count(37)));
     assert_eq!(download.details["coefficients"]["mag"]["ky"], 1.0);
     let text = "dwell = \"60 s\", rate = \"20 Hz\", turn_rate = \"200 Hz\"";
-    let coefficients: Coefficients = serde_json::from_value(download.details["coefficients"].clone()).unwrap();
+    let coefficients: ModuleCoefficients = serde_json::from_value(download.details["coefficients"].clone()).unwrap();
     let checked = |world: &mut World| {
         [world.still("z+", 1, "z+", 0.0, 60.0, 20), world.turn("z+ rotation", 1, 2, 1080.0, 200)]
             .map(|capture| as_the_board(&capture, &coefficients))
@@ -234,7 +234,7 @@ fn download_and_check_agree_with_the_module() {
 }
 
 /// What the interface document says that a board makes of raw samples, by its formulas.
-fn as_the_board(raw: &Capture, known: &Coefficients) -> Capture {
+fn as_the_board(raw: &Capture, known: &ModuleCoefficients) -> Capture {
     let rows = |rows: [[f64; 3]; 3]| Matrix3::from_fn(|row, column| rows[row][column]);
     let counts = |values: Vector3<f64>, scale: f64| [0, 1, 2].map(|axis| (values[axis] * scale).round() as i32);
     let compensated = raw.samples.iter().map(|sample| {
@@ -252,11 +252,11 @@ fn as_the_board(raw: &Capture, known: &Coefficients) -> Capture {
 fn the_mounting_of_the_seat_is_told_apart() {
     let truth_ppm = |world: &World| world.accel[(2, 1)] / world.accel[(2, 2)] * 1e6;
     let mounting = nalgebra::Vector3::new(0.02_f64, -0.03, 0.015).map(f64::to_radians);
-    let calibrate = |mounting, fixture: Option<Fixture>| {
+    let calibrate = |mounting, fixture: Option<BenchImperfections>| {
         let mut world = World { mounting, ..World::new(5) };
-        let (params, site) = (params(ItemId::SixPosition, SIX), Site { fixture, ..site() });
+        let (params, site) = (params(ItemId::SixPosition, SIX), BenchSite { fixture, ..site() });
         let captures = world.six("", 1, 60.0, 20);
-        let question = Question { params: &params, site: Some(&site), captures: &captures, earlier: &[] };
+        let question = AnalysisInput { params: &params, site: Some(&site), captures: &captures, earlier: &[] };
         (truth_ppm(&world), analyse(ItemId::SixPosition, &question).unwrap())
     };
     // Nobody measured it: 350 ppm of error are inside the interval of the default.
@@ -266,8 +266,11 @@ fn the_mounting_of_the_seat_is_told_apart() {
     assert!(known.low < truth && truth < known.high, "{known:?} {truth}");
     assert!(unknown.details["frames"]["mounting_deg"].is_null());
     // Measured, it is taken out, and what is left of it stands in the interval.
-    let fixture =
-        Fixture { mounting_rad: Some(mounting.into()), mounting_u_rad: 0.001_f64.to_radians(), ..Fixture::default() };
+    let fixture = BenchImperfections {
+        mounting_rad: Some(mounting.into()),
+        mounting_u_rad: 0.001_f64.to_radians(),
+        ..BenchImperfections::default()
+    };
     let (truth, corrected) = calibrate(mounting, Some(fixture));
     let (found, _, known) = figure(&corrected, "coupling_zy");
     assert!((found - truth).abs() < 20.0 && known.expanded().unwrap() < 60.0, "{found} {truth} {known:?}");

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
-use gnc_executive::bench::{Fixture, Site, SitePlace};
+use gnc_executive::bench::{BenchImperfections, BenchSite, SitePlace};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::world::{Dice, GRAVITY, LATITUDE_DEG, Noise, World};
 use crate::capture::Capture;
-use crate::figures::{Findings, Question, analyse};
+use crate::figures::{AnalysisInput, Findings, analyse};
 
 pub(super) const PLAN: &str = r#"
 name = "coverage"
@@ -131,7 +131,7 @@ pub(super) fn seed_of(trial: usize, seed: u64) -> u64 {
 /// A module that was calibrated on a bench which errs as its budgets say.
 pub(super) struct Calibrated {
     pub(super) world: World,
-    pub(super) site: Site,
+    pub(super) site: BenchSite,
     /// What the bench errs by beyond that.
     pub(super) errors: Dice,
     pub(super) earlier: Vec<(String, Findings)>,
@@ -153,18 +153,18 @@ impl Calibrated {
 
     /// What an item finds after the calibration.
     pub(super) fn ask(&self, id: ItemId, params: &Params, captures: &[Capture]) -> Findings {
-        let question = Question { params, site: Some(&self.site), captures, earlier: &self.earlier };
+        let question = AnalysisInput { params, site: Some(&self.site), captures, earlier: &self.earlier };
         analyse(id, &question).unwrap_or_else(|error| panic!("{id}: {error}"))
     }
 }
 
 /// A module and a bench, whose errors are drawn from the distributions of the budgets.
-pub(super) fn world(seed: u64) -> (World, Site, Dice) {
+pub(super) fn world(seed: u64) -> (World, BenchSite, Dice) {
     let mut world = World::new(seed);
     let mut errors = Dice::new(seed ^ 0x5EED);
     world.pose_rad = 0.003_f64.to_radians();
     world.heading_error_deg = 0.5 * errors.normal();
-    let mounting_u_rad = Fixture::default().mounting_u_rad;
+    let mounting_u_rad = BenchImperfections::default().mounting_u_rad;
     world.mounting = Vector3::from_fn(|_, _| mounting_u_rad * errors.normal());
     // The clock counts as the angle does: both stand in every integral.
     world.angle_error = 0.01 / 1080.0 * errors.normal() + 12e-6 * errors.normal();
@@ -173,7 +173,7 @@ pub(super) fn world(seed: u64) -> (World, Site, Dice) {
     world.power_on();
     let place = SitePlace { latitude_deg: LATITUDE_DEG, longitude_deg: 108.9, height_m: 412.0 };
     let gravity_mps2 = Some(GRAVITY * (1.0 + 30e-6 * errors.normal()));
-    let site = Site { name: None, place: Some(place), gravity_mps2, field_gauss: None, fixture: None };
+    let site = BenchSite { name: None, place: Some(place), gravity_mps2, field_gauss: None, fixture: None };
     (world, site, errors)
 }
 

@@ -1,7 +1,7 @@
 //! Do the intervals of the magnetometer's figures hold the truth as often as they say? Each trial spins a module on a
 //! bench whose seat, axis, fixture and ambient field err as the bench file says, with a sensor whose zero wanders.
 
-use gnc_executive::bench::{Fixture, Site};
+use gnc_executive::bench::{BenchImperfections, BenchSite};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::Params;
 use gnc_protocol::stream::ImuSample;
@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::coverage::{Found, Tally, params, tally};
 use super::world::{Dice, capture};
 use crate::capture::{Capture, Pose};
-use crate::figures::{Question, analyse};
+use crate::figures::{AnalysisInput, analyse};
 
 const PLAN: &str = r#"
 name = "coverage"
@@ -41,7 +41,7 @@ type Truths = Vec<(&'static str, f64)>;
 
 /// What the bench does in one trial.
 struct Bench {
-    fixture: Fixture,
+    fixture: BenchImperfections,
     seat: Rotation3<f64>,
     own_field: Vector3<f64>,
     runout: [f64; 2],
@@ -54,7 +54,7 @@ struct Bench {
 impl Bench {
     fn new(seed: u64) -> Self {
         let mut dice = Dice::new(seed);
-        let fixture = Fixture::default();
+        let fixture = BenchImperfections::default();
         let mounting = Vector3::from_fn(|_, _| fixture.mounting_u_rad * dice.normal());
         Self {
             seat: Rotation3::from_scaled_axis(mounting),
@@ -132,13 +132,13 @@ impl Bench {
 }
 
 /// The attitudes of a good module, and its bench.
-pub(super) fn good_attitudes(seed: u64) -> (Site, Vec<Capture>) {
+pub(super) fn good_attitudes(seed: u64) -> (BenchSite, Vec<Capture>) {
     let mut bench = Bench::new(seed);
     (site(bench.fixture), bench.attitudes())
 }
 
-fn site(fixture: Fixture) -> Site {
-    Site { field_gauss: Some(AXIAL.hypot(ACROSS)), fixture: Some(fixture), ..Site::default() }
+fn site(fixture: BenchImperfections) -> BenchSite {
+    BenchSite { field_gauss: Some(AXIAL.hypot(ACROSS)), fixture: Some(fixture), ..BenchSite::default() }
 }
 
 /// Spins `trials` modules. A good module is never refused.
@@ -189,7 +189,7 @@ fn calibrate(params: &[Params], seed: u64) -> Vec<Found> {
     ];
     let mut all = Vec::new();
     for ((id, captures, truths), params) in figures.into_iter().zip(params) {
-        let question = Question { params, site: Some(&site), captures: &captures, earlier: &[] };
+        let question = AnalysisInput { params, site: Some(&site), captures: &captures, earlier: &[] };
         let findings = analyse(id, &question).unwrap_or_else(|error| panic!("seed {seed}: {id}: {error}"));
         for (name, truth) in truths {
             all.push(Found::new(id.as_str(), &findings, name, truth));

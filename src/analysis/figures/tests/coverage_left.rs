@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::coverage::{AXES, Calibrated, Found, PLAN, Tally, params, seed_of, tally};
 use super::world::{EARTH_DPH, GRAVITY, LATITUDE_DEG, World};
 use crate::capture::{Capture, Pose};
-use crate::figures::calibration::Coefficients;
+use crate::figures::calibration::ModuleCoefficients;
 
 /// The items behind the calibration, in this order.
 const LEFT: &str = r#"
@@ -94,7 +94,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
 
 /// What the coefficients make of the module's true outputs.
 struct Left {
-    known: Coefficients,
+    known: ModuleCoefficients,
     /// Compensated output of a gyroscope for a rate about each axis of the table; likewise of the accelerometers.
     gyro: Matrix3<f64>,
     accel: Matrix3<f64>,
@@ -106,8 +106,8 @@ fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
 
 impl Left {
     fn of(module: &Calibrated) -> Self {
-        let calibration = crate::figures::Calibration::of(&module.earlier).expect("it was calibrated");
-        let known = Coefficients::of(&calibration).expect("all of it");
+        let calibration = crate::figures::ModuleCalibration::of(&module.earlier).expect("it was calibrated");
+        let known = ModuleCoefficients::of(&calibration).expect("all of it");
         let seat = Rotation3::from_scaled_axis(module.world.mounting).into_inner();
         // Counts for one deg/s and one g.
         let gyro = matrix(known.gyro_matrix) * module.world.gyro * seat * 20_000.0_f64.to_degrees();

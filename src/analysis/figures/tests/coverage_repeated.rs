@@ -4,7 +4,7 @@ use gnc_executive::catalogue::ItemId;
 use nalgebra::{Matrix3, Vector3};
 
 use super::coverage::{AXES, Found, Tally, params, seed_of, tally, world};
-use crate::figures::{Question, analyse};
+use crate::figures::{AnalysisInput, analyse};
 
 const PLAN: &str = r#"
 name = "coverage"
@@ -41,7 +41,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
         }
         let mut found = Vec::new();
         for (id, params) in [ItemId::ScaleFactorRepeatability, ItemId::CrossCoupling].into_iter().zip(&params) {
-            let question = Question { params, site: Some(&site), captures: &captures, earlier: &[] };
+            let question = AnalysisInput { params, site: Some(&site), captures: &captures, earlier: &[] };
             let findings = analyse(id, &question).unwrap_or_else(|error| panic!("{id}: {error}"));
             let put = |name: String, truth: f64| Found::new(id.as_str(), &findings, &name, truth);
             for triad in ["gyro", "accel"] {

@@ -1,14 +1,14 @@
 //! Do the intervals of the receiver's figures hold the truth as often as they say, and those of the clock that its pulses
 //! measure?
 
-use gnc_executive::bench::{Site, SitePlace};
+use gnc_executive::bench::{BenchSite, SitePlace};
 use gnc_executive::catalogue::ItemId;
 
 use super::coverage::{Found, Tally, params, seed_of, tally};
 use super::sky::Sky;
 use super::world::{Dice, LATITUDE_DEG};
 use crate::capture::HostView;
-use crate::figures::{Findings, Question, analyse, clock};
+use crate::figures::{AnalysisInput, Findings, analyse, clock};
 
 const PLAN: &str = r#"
 name = "coverage"
@@ -41,8 +41,8 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
             longitude_deg: antenna.longitude_deg + 0.05 * errors.normal() / 92_190.0,
             height_m: antenna.height_m + 0.05 * errors.normal(),
         };
-        let site = Site { place: Some(surveyed), ..Site::default() };
-        let question = Question { params: &params[0], site: Some(&site), captures: &captures, earlier: &[] };
+        let site = BenchSite { place: Some(surveyed), ..BenchSite::default() };
+        let question = AnalysisInput { params: &params[0], site: Some(&site), captures: &captures, earlier: &[] };
         let id = ItemId::GnssAccuracy;
         let findings = analyse(id, &question).unwrap_or_else(|error| panic!("{id}: {error}"));
         let put = |name: &str, truth: f64| Found::new(id.as_str(), &findings, name, truth);

@@ -46,7 +46,7 @@ fn a_failed_read_shifts_no_figure_and_is_measured() {
         let many = spoil(&good, 10, read);
         let question = params(ItemId::SixPosition, SIX);
         let site = site();
-        let question = Question { params: &question, site: Some(&site), captures: &many, earlier: &[] };
+        let question = AnalysisInput { params: &question, site: Some(&site), captures: &many, earlier: &[] };
         let refused = analyse(ItemId::SixPosition, &question).unwrap_err();
         assert!(refused.to_string().starts_with("x+, accel: "), "{refused}");
         assert!(refused.to_string().contains("(10.00 %), first in row 6"), "{refused}");
@@ -63,7 +63,7 @@ fn samples_that_repeat_are_stale_and_those_of_an_unused_chip_are_not_looked_at()
         }
     }
     let question = params(ItemId::SixPosition, SIX);
-    let question = Question { params: &question, site: None, captures: &captures, earlier: &[] };
+    let question = AnalysisInput { params: &question, site: None, captures: &captures, earlier: &[] };
     let measured = integrity(ItemId::SixPosition, &question);
     assert!((share(&measured, "stale_samples") - 50.0).abs() < 1e-9);
     assert!(analyse(ItemId::SixPosition, &question).unwrap_err().to_string().contains("repeat the row before"));

@@ -91,7 +91,7 @@ fn the_ellipse_is_found_and_corrected() {
             assert!((x.hypot(y) - PLANE.radius).abs() < 7.0 * PLANE.noise, "{x} {y}");
         }
     }
-    let mag = Calibration::of(&[("ellipse".into(), found)]).unwrap().mag.unwrap();
+    let mag = ModuleCalibration::of(&[("ellipse".into(), found)]).unwrap().mag.unwrap();
     assert!((mag.ky - PLANE.ky).abs() < 1e-4 && (mag.sin_alpha - PLANE.alpha_deg.to_radians().sin()).abs() < 2e-4);
 }
 

@@ -27,7 +27,7 @@ fn gyro_bias_is_free_of_the_earth() {
     assert!(figure(&unknown, "bias_x").2.expanded().unwrap() > 12.0);
     assert!(matches!(unknown.value("label"), Some(Value::Text(text)) if text.contains("horizontal")));
     let nowhere = params(ItemId::GyroBias, text);
-    let question = Question { params: &nowhere, site: None, captures: &captures, earlier: &earlier };
+    let question = AnalysisInput { params: &nowhere, site: None, captures: &captures, earlier: &earlier };
     let nowhere = analyse(ItemId::GyroBias, &question).unwrap();
     assert!((figure(&nowhere, "bias_z").0 - 8.45).abs() < 4.0);
     assert!(matches!(nowhere.value("label"), Some(Value::Text(text)) if text.contains("15.04")));

@@ -54,7 +54,7 @@ fn positions() {
     });
     assert!(matches!(wrong, FigureError::Unfit { .. }));
     let question = params(ItemId::SixPosition, SIX);
-    let nowhere = Question { params: &question, site: None, captures: &good, earlier: &[] };
+    let nowhere = AnalysisInput { params: &question, site: None, captures: &good, earlier: &[] };
     assert_eq!(analyse(ItemId::SixPosition, &nowhere), Err(FigureError::NoPlace));
     for error in [lost, short, missing, doubled, saturated, stuck, moved, upside_down, wrong] {
         assert!(!error.try_this().is_empty());

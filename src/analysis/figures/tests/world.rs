@@ -4,7 +4,7 @@ use gnc_protocol::stream::{ImuSample, Losses};
 use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::capture::{About, Capture, Pose, Receiver, Timing};
+use crate::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 
 pub(super) const LATITUDE_DEG: f64 = 34.2;
 pub(super) const GRAVITY: f64 = 9.7954;
@@ -267,8 +267,8 @@ impl World {
 /// A capture without losses.
 pub(super) fn capture(label: &str, series: u32, pose: Pose, rate_hz: u16, samples: Vec<ImuSample>) -> Capture {
     let losses = Losses { received: samples.len() as u32, ..Losses::default() };
-    let about = About { label: label.to_owned(), series, pose, rate_hz };
+    let about = CaptureHead { label: label.to_owned(), series, pose, rate_hz };
     let timing = Timing::even(rate_hz, 1_000_000, samples.len());
-    let receiver = Receiver::default();
+    let receiver = ReceiverCapture::default();
     Capture { about, first_us: 1_000_000, samples, compensated: Vec::new(), losses, receiver, timing }
 }

@@ -98,7 +98,7 @@ pub(super) async fn observe<E: From<io::Error>>(
     let (began, traffic) = (Instant::now(), tap.traffic());
     tap.drain().await;
     let mut seen = Observed::default();
-    let mut line = Line { tap, mark, ledger: Ledger::new(&mark.test_frames()), marked: 0 };
+    let mut line = BusExchange { tap, mark, ledger: Ledger::new(&mark.test_frames()), marked: 0 };
     seen.before = counters().await?;
     let fences = line.settle(Phase::Before).await?;
     seen.settled = fences.is_back;
@@ -140,7 +140,7 @@ struct Fences {
 }
 
 /// The bus, and what came of the frames of one exchange.
-struct Line<'a> {
+struct BusExchange<'a> {
     tap: &'a Tap,
     mark: Mark,
     ledger: Ledger,
@@ -148,7 +148,7 @@ struct Line<'a> {
     marked: u64,
 }
 
-impl Line<'_> {
+impl BusExchange<'_> {
     /// Sends fences until one is back, and waits for what a module may have kept back behind it. While other test
     /// frames come, the fence may still be behind them.
     async fn settle(&mut self, phase: Phase) -> io::Result<Fences> {
@@ -217,7 +217,7 @@ impl Line<'_> {
     /// milliseconds, and only this station sends frames with the mark.
     async fn single_file(&mut self) -> io::Result<Alone> {
         let frames = self.mark.single_frames();
-        let mut alone = Line { tap: self.tap, mark: self.mark, ledger: Ledger::new(&frames), marked: 0 };
+        let mut alone = BusExchange { tap: self.tap, mark: self.mark, ledger: Ledger::new(&frames), marked: 0 };
         alone.exchange(1).await?;
         alone.listen(QUIET).await?;
         let Seen { out_of_order, altered, .. } = alone.ledger.seen();

@@ -1,45 +1,46 @@
 //! What the satellite receiver says, byte by byte, and its pulses.
 
-use gnc_analysis::capture::{About, Capture, HostView, Receiver, Said, Timing};
+use gnc_analysis::capture::{Capture, CaptureHead, HostView, ReceiverCapture, Said, Timing};
 use gnc_board::stream::Stream;
 use gnc_nmea::Sentences;
 use gnc_protocol::message::StreamStart;
 use gnc_protocol::stream::{Losses, PpsCapture, StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Wire as _};
+use gnc_protocol::wire::{FieldReader, Wire as _};
 use gnc_records::raw::Piece;
 
-use super::{Captor, ProcedureError};
+use super::{ProcedureError, ProgramCapture};
 
 /// Listens until so much board time after the first fix is over, or the time for a fix is; what it means is for the
 /// analysis.
 pub(super) async fn capture(
-    captor: &mut Captor<'_>,
-    about: &About,
+    capture: &mut ProgramCapture<'_>,
+    about: &CaptureHead,
     timeout_s: f64,
     span_s: f64,
 ) -> Result<(), ProcedureError> {
-    let board = captor.bench.board;
+    let board = capture.bench.board;
     let mut pulses = board.listen(StreamId::Pps).await?;
     let mut bytes = board.listen(StreamId::Gnss).await?;
     let begin_us = bytes.board_time_us();
-    captor.raw.write(Piece::Begin { about: about.clone(), board_time_us: begin_us }).await?;
+    capture.raw.write(Piece::Begin { about: about.clone(), board_time_us: begin_us }).await?;
     let [start_pulses, start_bytes] =
         [StreamId::Pps, StreamId::Gnss].map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
     tokio::try_join!(board.call(&start_pulses), board.call(&start_bytes))?;
-    let mut ear = Ear { heard: Receiver::default(), sentences: Sentences::default(), began_us: None, fixed_us: None };
-    ear.listen(captor, &mut bytes, &mut pulses, timeout_s, span_s).await?;
+    let mut ear =
+        Ear { heard: ReceiverCapture::default(), sentences: Sentences::default(), began_us: None, fixed_us: None };
+    ear.listen(capture, &mut bytes, &mut pulses, timeout_s, span_s).await?;
     // Of the window everything came, or it is told.
     let losses = sum(bytes.losses(), pulses.losses());
     let end_us = bytes.board_time_us();
     tokio::try_join!(board.stop_stream(bytes), board.stop_stream(pulses))?;
-    captor.raw.write(Piece::End { losses, host: HostView::default(), board_time_us: end_us }).await?;
+    capture.raw.write(Piece::End { losses, host: HostView::default(), board_time_us: end_us }).await?;
     board.spent(std::time::Duration::from_micros(end_us.saturating_sub(begin_us)));
     if losses.any() {
         let at_s = end_us.saturating_sub(begin_us) as f64 * 1e-6;
         return Err(ProcedureError::CaptureLost { label: about.label.clone(), after: losses.received, at_s, losses });
     }
     let (about, receiver, timing) = (about.clone(), ear.heard, Timing::new(about.rate_hz));
-    captor.captures.push(Capture {
+    capture.captures.push(Capture {
         about,
         first_us: begin_us,
         samples: Vec::new(),
@@ -61,7 +62,7 @@ fn sum(bytes: Losses, pulses: Losses) -> Losses {
 }
 
 struct Ear {
-    heard: Receiver,
+    heard: ReceiverCapture,
     sentences: Sentences,
     began_us: Option<u64>,
     fixed_us: Option<u64>,
@@ -70,7 +71,7 @@ struct Ear {
 impl Ear {
     async fn listen(
         &mut self,
-        captor: &mut Captor<'_>,
+        capture: &mut ProgramCapture<'_>,
         bytes: &mut Stream,
         pulses: &mut Stream,
         timeout_s: f64,
@@ -79,13 +80,13 @@ impl Ear {
         loop {
             let now_us = tokio::select! {
                 frame = bytes.next() => match frame? {
-                    Some(frame) => self.said(captor, &frame).await?,
+                    Some(frame) => self.said(capture, &frame).await?,
                     // It is mute while the board's clock goes on.
                     None => bytes.board_time_us(),
                 },
                 frame = pulses.next() => {
                     if let Some(frame) = frame? {
-                        self.pulsed(captor, &frame).await?;
+                        self.pulsed(capture, &frame).await?;
                     }
                     continue;
                 }
@@ -94,7 +95,7 @@ impl Ear {
             let since_s = |us: u64| now_us.saturating_sub(us) as f64 * 1e-6;
             match self.fixed_us {
                 Some(fixed_us) => {
-                    captor.course.captured(since_s(fixed_us));
+                    capture.course.captured(since_s(fixed_us));
                     if since_s(fixed_us) > span_s {
                         return Ok(());
                     }
@@ -105,23 +106,23 @@ impl Ear {
         }
     }
 
-    async fn said(&mut self, captor: &mut Captor<'_>, frame: &StreamFrame) -> Result<u64, ProcedureError> {
+    async fn said(&mut self, capture: &mut ProgramCapture<'_>, frame: &StreamFrame) -> Result<u64, ProcedureError> {
         let (board_time_us, bytes) = (frame.head.board_time_us, frame.samples.to_vec());
         if self.sentences.push(&bytes).iter().any(gnc_nmea::Epoch::has_fix) {
             self.fixed_us.get_or_insert(board_time_us);
         }
-        captor.raw.write(Piece::Gnss { board_time_us, bytes: bytes.clone() }).await?;
+        capture.raw.write(Piece::Gnss { board_time_us, bytes: bytes.clone() }).await?;
         self.heard.said.push(Said { board_time_us, bytes });
         Ok(board_time_us)
     }
 
-    async fn pulsed(&mut self, captor: &mut Captor<'_>, frame: &StreamFrame) -> Result<(), ProcedureError> {
-        let mut reader = Reader::new(&frame.samples);
+    async fn pulsed(&mut self, capture: &mut ProgramCapture<'_>, frame: &StreamFrame) -> Result<(), ProcedureError> {
+        let mut reader = FieldReader::new(&frame.samples);
         let edges_ns = (0..frame.head.count)
             .map(|_| PpsCapture::get(&mut reader).map(|capture| capture.board_time_ns))
             .collect::<Result<Vec<u64>, _>>()
             .map_err(|error| ProcedureError::Nonsense { what: "the PPS stream", why: error.to_string() })?;
-        captor.raw.write(Piece::Pps(edges_ns.clone())).await?;
+        capture.raw.write(Piece::Pps(edges_ns.clone())).await?;
         self.heard.pulses_ns.extend(edges_ns);
         Ok(())
     }

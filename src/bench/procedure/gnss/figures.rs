@@ -3,7 +3,7 @@
 use chrono::NaiveDate;
 use gnc_analysis::figures::Findings;
 use gnc_analysis::figures::clock::BoardClock;
-use gnc_executive::bench::{Site, SitePlace};
+use gnc_executive::bench::{BenchSite, SitePlace};
 use gnc_executive::catalogue::MeasurementSpec;
 use gnc_executive::catalogue::sensors::{
     BOARD_CLOCK_ERROR, EPOCHS_REPEATED, FIX_TYPE, FOREIGN_FRAMES, GROUND_SPEED, HDOP, HEIGHT, HEIGHT_ERROR,
@@ -12,7 +12,7 @@ use gnc_executive::catalogue::sensors::{
 };
 use gnc_executive::quantity::Unit;
 use gnc_metrology::stats::mean;
-use gnc_nmea::{Epoch, Fault, Fix};
+use gnc_nmea::{Epoch, Fix, SentenceFault};
 
 use super::Heard;
 use crate::procedure::ProcedureError;
@@ -33,7 +33,7 @@ const WEEKS_DAYS: u64 = 1024 * 7;
 pub(super) async fn file(
     heard: &Heard,
     restarted: bool,
-    site: Option<&Site>,
+    site: Option<&BenchSite>,
     recorder: &Recorder<'_>,
 ) -> Result<(), ProcedureError> {
     said(heard, recorder).await?;
@@ -113,7 +113,7 @@ fn without_fix(heard: &Heard) -> String {
     let sentences = &heard.sentences;
     match (&heard.without_fix, sentences.fault(), sentences.foreign()) {
         // Of sentences that cannot be no epoch comes, or one that is void.
-        (None, Some(fault), _) | (_, Some(fault @ Fault::Void { .. }), _) => format!("none ({fault})"),
+        (None, Some(fault), _) | (_, Some(fault @ SentenceFault::Void { .. }), _) => format!("none ({fault})"),
         (Some(epoch), ..) => epoch.fix.name().to_owned(),
         (None, None, foreign) if foreign.is_empty() => "none (no sentence heard)".to_owned(),
         (None, None, foreign) => format!("none (no sentence heard, but frames: {foreign})"),

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use gnc_metrology::allan::{Input, Kind as Deviation, Taus};
-use gnc_metrology::gate::{Layout, Rows, Screening, one_stretch};
+use gnc_metrology::allan::{DeviationKind as Deviation, Input, Taus};
+use gnc_metrology::gate::{RecordLayout, RowMeaning, Screening, one_stretch};
 use gnc_metrology::position::{LABELS, Limits, from_labels, up_of};
 use gnc_metrology::{AXES, allan, earth, ellipse, ellipsoid, gyro_still, psd, rotation, six_position, stability, tilt};
 use nalgebra::{Matrix3, Vector3};
@@ -28,9 +28,9 @@ fn slices(channels: &[Vec<f64>]) -> Vec<&[f64]> {
 
 /// What is left of a record for a mean or a fit to points.
 fn kept(channels: &mut [Vec<f64>], blocks: &[Range<usize>], still: bool) -> Option<Screening> {
-    let layout = Layout { blocks, still, range_end: None };
+    let layout = RecordLayout { blocks, still, range_end: None };
     let found = Screening::of(&AXES[..channels.len()], &slices(channels), &layout);
-    found.admit(Rows::Samples).ok()?;
+    found.admit(RowMeaning::Samples).ok()?;
     for values in channels {
         *values = found.kept(values);
     }
@@ -142,21 +142,21 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
         }
         spoil.apply(&mut channels, noise[1], dice);
         let blocks = one_stretch(rows);
-        let layout = Layout { blocks: &blocks, still: false, range_end: None };
+        let layout = RecordLayout { blocks: &blocks, still: false, range_end: None };
         let found = Screening::of(&AXES, &slices(&channels), &layout);
-        found.admit(Rows::ClockedSteps).ok()?;
+        found.admit(RowMeaning::ClockedSteps).ok()?;
         let [x, y, z] = channels.map(|values| found.bridged("", &values, &blocks).ok());
         data.push([x?, y?, z?]);
     }
-    let runs: Vec<rotation::Run<'_>> = LABELS
+    let runs: Vec<rotation::RotationRun<'_>> = LABELS
         .iter()
         .zip(&data)
-        .map(|(label, [x, y, z])| rotation::Run { label: (*label).to_owned(), channels: [x, y, z] })
+        .map(|(label, [x, y, z])| rotation::RotationRun { label: (*label).to_owned(), channels: [x, y, z] })
         .collect();
-    let options = rotation::Options {
+    let options = rotation::RotationOptions {
         rate_hz: RATE_HZ,
         turns: TURNS,
-        axis: rotation::Axis::Polar,
+        axis: rotation::RotationAxis::Polar,
         saturation: None,
         nominal: None,
     };
@@ -231,9 +231,9 @@ fn series(spoil: Spoil, dice: &mut Dice) -> Option<Vec<f64>> {
     let mut channels = [(0..SERIES).map(|_| (3.0 + SIGMA * dice.normal()).round()).collect::<Vec<f64>>()];
     spoil.apply(&mut channels, SIGMA, dice);
     let blocks = one_stretch(SERIES);
-    let layout = Layout { blocks: &blocks, still: true, range_end: None };
+    let layout = RecordLayout { blocks: &blocks, still: true, range_end: None };
     let found = Screening::of(&["w"], &slices(&channels), &layout);
-    found.admit(Rows::ClockedSteps).ok()?;
+    found.admit(RowMeaning::ClockedSteps).ok()?;
     Some(found.refilled(&channels[0], &blocks))
 }
 

@@ -372,20 +372,22 @@ impl Session {
             .collect()
     }
 
-    pub fn options(&self, axis: rotation::Axis) -> rotation::Options {
-        rotation::Options { rate_hz: self.rate_hz, turns: self.turns, axis, saturation: None, nominal: None }
+    pub fn options(&self, axis: rotation::RotationAxis) -> rotation::RotationOptions {
+        rotation::RotationOptions { rate_hz: self.rate_hz, turns: self.turns, axis, saturation: None, nominal: None }
     }
 }
 
 /// The runs as the method takes them.
-pub fn borrowed(runs: &[(String, [Vec<f64>; 3])]) -> Vec<rotation::Run<'_>> {
-    runs.iter().map(|(label, c)| rotation::Run { label: label.clone(), channels: [&c[0], &c[1], &c[2]] }).collect()
+pub fn borrowed(runs: &[(String, [Vec<f64>; 3])]) -> Vec<rotation::RotationRun<'_>> {
+    runs.iter()
+        .map(|(label, c)| rotation::RotationRun { label: label.clone(), channels: [&c[0], &c[1], &c[2]] })
+        .collect()
 }
 
 /// Rotations about polar axes: compensation matrix and bias; the six integrals of a sensor are the data of the bound.
 pub fn rotation(trials: usize, seed: u64) -> Tally {
     let session = Session::example();
-    rotations("rotation", &session, rotation::Axis::Polar, trials, seed)
+    rotations("rotation", &session, rotation::RotationAxis::Polar, trials, seed)
 }
 
 /// Rotations about vertical axes of unknown heading. The pairs across an axis then hold an unknown each, so the bound
@@ -395,10 +397,10 @@ pub fn rotation_vertical(trials: usize, seed: u64) -> Tally {
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
     let session =
         Session { earth_rps: (earth::EARTH_RATE_RPS * sin, earth::EARTH_RATE_RPS * cos), ..Session::example() };
-    rotations("rotation, vertical", &session, rotation::Axis::Vertical { latitude_deg }, trials, seed)
+    rotations("rotation, vertical", &session, rotation::RotationAxis::Vertical { latitude_deg }, trials, seed)
 }
 
-fn rotations(method: &'static str, session: &Session, axis: rotation::Axis, trials: usize, seed: u64) -> Tally {
+fn rotations(method: &'static str, session: &Session, axis: rotation::RotationAxis, trials: usize, seed: u64) -> Tally {
     let matrix = session.response.try_inverse().unwrap();
     let bias = matrix * session.offset;
     let truth: Vec<f64> = (0..9).map(|k| matrix[(k / 3, k % 3)]).chain(bias.iter().copied()).collect();
@@ -408,7 +410,7 @@ fn rotations(method: &'static str, session: &Session, axis: rotation::Axis, tria
     let clean = quiet.runs(&mut Dice::new(0));
     let windows = rotation::calibrate(&borrowed(&clean), &session.options(axis)).unwrap().windows;
     let spans: Vec<f64> = windows.iter().map(|w| (w.end - w.start) as f64 / session.rate_hz).collect();
-    let spent = matches!(axis, rotation::Axis::Vertical { .. });
+    let spent = matches!(axis, rotation::RotationAxis::Vertical { .. });
     let model = |p: &[f64]| -> Vec<f64> {
         let response = matrix_of(p).try_inverse().unwrap();
         let offset = response * Vector3::new(p[9], p[10], p[11]);

@@ -2,7 +2,7 @@
 //!
 //! Everything follows from the autocovariance of each part, written down apart from the code under test.
 
-use gnc_metrology::allan::{Absence, Analysis, Coefficient, Input, Kind, Taus, analyse};
+use gnc_metrology::allan::{Analysis, Coefficient, DeviationKind, Input, MissingCoefficient, Taus, analyse};
 use gnc_metrology::stats::ONE_SIGMA;
 
 use super::{Dice, chi_square};
@@ -297,7 +297,8 @@ impl Coverage {
         };
         for _ in 0..records {
             let values = sensor.record(&mut dice);
-            let a: Analysis = analyse(&values, Input::Rate, sensor.rate_hz, Kind::Oadev, &Taus::Octave, 1).unwrap();
+            let a: Analysis =
+                analyse(&values, Input::Rate, sensor.rate_hz, DeviationKind::Oadev, &Taus::Octave, 1).unwrap();
             if let Ok(found) = &a.coefficients.n {
                 c.n_given += 1;
                 c.n_covered += usize::from(holds(found, n));
@@ -310,7 +311,7 @@ impl Coverage {
                 c.above_bound += usize::from(a.coefficients.b_upper_bound.is_none_or(|bound| found.value > bound));
             }
             c.holds += usize::from(a.fit.as_ref().is_some_and(|f| f.holds));
-            c.contradicted += usize::from(matches!(a.coefficients.n, Err(Absence::Contradicted { .. })));
+            c.contradicted += usize::from(matches!(a.coefficients.n, Err(MissingCoefficient::Contradicted { .. })));
             if let Some(plateau) = a.plateau {
                 c.plateaus += 1;
                 c.plateau_covered += usize::from(holds(&plateau.n(), n));

@@ -8,7 +8,7 @@ use super::{CONSECUTIVE, FIRST, Flow, IN_CONSECUTIVE, IN_FIRST, IN_SINGLE, N_CR,
 
 /// What a receiver asks of senders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Settings {
+pub struct FlowSettings {
     /// Consecutive frames up to the next flow control; 0: all.
     pub block_size: u8,
     /// STmin as its byte on the wire.
@@ -43,12 +43,12 @@ pub enum Failure {
 
 /// What a frame led to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Received {
+pub enum IsoTpReceived {
     /// Nothing yet.
     Nothing,
     /// Flow control to send, at once.
     Flow(Flow),
-    /// A message is there: [`Receiver::pdu`].
+    /// A message is there: [`IsoTpReceiver::pdu`].
     Complete,
     /// A message or a frame is lost; where the message was too long, the sender must be told ([`Flow::Overflow`]).
     Failed(Failure),
@@ -65,27 +65,27 @@ struct Running {
 
 /// The receiving state machine, for messages of up to `N` bytes.
 #[derive(Debug)]
-pub struct Receiver<const N: usize> {
-    settings: Settings,
+pub struct IsoTpReceiver<const N: usize> {
+    settings: FlowSettings,
     pdu: Vec<u8, N>,
     running: Option<Running>,
     interrupted: u32,
 }
 
-impl<const N: usize> Default for Receiver<N> {
+impl<const N: usize> Default for IsoTpReceiver<N> {
     fn default() -> Self {
-        Self::new(Settings::default())
+        Self::new(FlowSettings::default())
     }
 }
 
-impl<const N: usize> Receiver<N> {
+impl<const N: usize> IsoTpReceiver<N> {
     /// A receiver with its wishes.
     #[must_use]
-    pub const fn new(settings: Settings) -> Self {
+    pub const fn new(settings: FlowSettings) -> Self {
         Self { settings, pdu: Vec::new(), running: None, interrupted: 0 }
     }
 
-    /// The message, once [`Received::Complete`] said that it is whole; up to the next frame.
+    /// The message, once [`IsoTpReceived::Complete`] said that it is whole; up to the next frame.
     #[must_use]
     pub fn pdu(&self) -> &[u8] {
         &self.pdu
@@ -109,13 +109,13 @@ impl<const N: usize> Receiver<N> {
     }
 
     /// Takes the data of a frame that is not flow control.
-    pub fn receive(&mut self, data: &[u8], now: Duration) -> Received {
-        let Some((&first, content)) = data.split_first() else { return Received::Failed(Failure::Malformed) };
+    pub fn receive(&mut self, data: &[u8], now: Duration) -> IsoTpReceived {
+        let Some((&first, content)) = data.split_first() else { return IsoTpReceived::Failed(Failure::Malformed) };
         match first >> 4 {
             SINGLE => self.single(usize::from(first & 0x0f), content),
             FIRST => self.first(first & 0x0f, content, now),
             CONSECUTIVE => self.consecutive(first & 0x0f, content, now),
-            _ => Received::Failed(Failure::Malformed),
+            _ => IsoTpReceived::Failed(Failure::Malformed),
         }
     }
 
@@ -133,56 +133,56 @@ impl<const N: usize> Receiver<N> {
         }
     }
 
-    /// When [`Receiver::expire`] has something to do.
+    /// When [`IsoTpReceiver::expire`] has something to do.
     #[must_use]
     pub fn next_due(&self) -> Option<Duration> {
         self.running.map(|running| running.until)
     }
 
-    fn single(&mut self, length: usize, content: &[u8]) -> Received {
+    fn single(&mut self, length: usize, content: &[u8]) -> IsoTpReceived {
         if !(1..=IN_SINGLE).contains(&length) || content.len() < length {
-            return Received::Failed(Failure::Malformed);
+            return IsoTpReceived::Failed(Failure::Malformed);
         }
         self.begin();
         self.keep(&content[..length]);
-        Received::Complete
+        IsoTpReceived::Complete
     }
 
-    fn first(&mut self, high: u8, content: &[u8], now: Duration) -> Received {
+    fn first(&mut self, high: u8, content: &[u8], now: Duration) -> IsoTpReceived {
         let Some((&low, content)) = content.split_first().filter(|(_, content)| content.len() == IN_FIRST) else {
-            return Received::Failed(Failure::Malformed);
+            return IsoTpReceived::Failed(Failure::Malformed);
         };
         let length = match usize::from(high) << 8 | usize::from(low) {
             // The escape to lengths of 32 bits: more than any buffer here.
             0 => match content {
                 &[a, b, c, d, ..] => u32::from_be_bytes([a, b, c, d]) as usize,
-                _ => return Received::Failed(Failure::Malformed),
+                _ => return IsoTpReceived::Failed(Failure::Malformed),
             },
             length => length,
         };
         if length <= IN_SINGLE {
-            return Received::Failed(Failure::Malformed);
+            return IsoTpReceived::Failed(Failure::Malformed);
         }
         self.begin();
         if length > N {
-            return Received::Failed(Failure::TooLong { length });
+            return IsoTpReceived::Failed(Failure::TooLong { length });
         }
         self.keep(content);
         self.running = Some(Running { length, sequence: 1, left: self.block(), until: now + N_CR });
         self.flow()
     }
 
-    fn consecutive(&mut self, sequence: u8, content: &[u8], now: Duration) -> Received {
+    fn consecutive(&mut self, sequence: u8, content: &[u8], now: Duration) -> IsoTpReceived {
         // Nobody waits for it: the rest of a message that was given up, or somebody else's.
-        let Some(running) = self.running.as_mut() else { return Received::Nothing };
+        let Some(running) = self.running.as_mut() else { return IsoTpReceived::Nothing };
         let wanted = (running.length - self.pdu.len()).min(IN_CONSECUTIVE);
         if content.len() < wanted {
-            return Received::Failed(Failure::Malformed);
+            return IsoTpReceived::Failed(Failure::Malformed);
         }
         if sequence != running.sequence {
             let expected = running.sequence;
             self.running = None;
-            return Received::Failed(Failure::Sequence { expected, got: sequence });
+            return IsoTpReceived::Failed(Failure::Sequence { expected, got: sequence });
         }
         running.sequence = (sequence + 1) & 0x0f;
         running.until = now + N_CR;
@@ -191,10 +191,10 @@ impl<const N: usize> Receiver<N> {
         self.keep(&content[..wanted]);
         if self.pdu.len() >= length {
             self.running = None;
-            return Received::Complete;
+            return IsoTpReceived::Complete;
         }
         if !block_over {
-            return Received::Nothing;
+            return IsoTpReceived::Nothing;
         }
         let block = self.block();
         if let Some(running) = self.running.as_mut() {
@@ -217,8 +217,8 @@ impl<const N: usize> Receiver<N> {
         (self.settings.block_size != 0).then_some(self.settings.block_size)
     }
 
-    fn flow(&self) -> Received {
-        let Settings { block_size, st_min } = self.settings;
-        Received::Flow(Flow::Continue { block_size, st_min })
+    fn flow(&self) -> IsoTpReceived {
+        let FlowSettings { block_size, st_min } = self.settings;
+        IsoTpReceived::Flow(Flow::Continue { block_size, st_min })
     }
 }

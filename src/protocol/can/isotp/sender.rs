@@ -60,7 +60,7 @@ enum State {
 
 /// The sending state machine, for messages of up to `N` bytes.
 #[derive(Debug)]
-pub struct Sender<const N: usize> {
+pub struct IsoTpSender<const N: usize> {
     pdu: Vec<u8, N>,
     sent: usize,
     /// Of the next consecutive frame; the first one has 1.
@@ -68,13 +68,13 @@ pub struct Sender<const N: usize> {
     state: State,
 }
 
-impl<const N: usize> Default for Sender<N> {
+impl<const N: usize> Default for IsoTpSender<N> {
     fn default() -> Self {
         Self { pdu: Vec::new(), sent: 0, sequence: 1, state: State::Idle }
     }
 }
 
-impl<const N: usize> Sender<N> {
+impl<const N: usize> IsoTpSender<N> {
     /// Takes a message on.
     ///
     /// # Errors
@@ -175,7 +175,7 @@ impl<const N: usize> Sender<N> {
         }
     }
 
-    /// When [`Sender::poll`] or [`Sender::expire`] has something to do; `None` when idle.
+    /// When [`IsoTpSender::poll`] or [`IsoTpSender::expire`] has something to do; `None` when idle.
     #[must_use]
     pub fn next_due(&self) -> Option<Duration> {
         match self.state {

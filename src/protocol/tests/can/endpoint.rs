@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use gnc_protocol::can::endpoint::{Endpoint, QUEUE, Role};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole, QUEUE};
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::message::{HostHello, Identity, MAGIC, MakeSafe, SciEcho};
 use gnc_protocol::wire::Wire;
@@ -47,7 +47,7 @@ fn settle(host: &mut Endpoint, board: &mut Endpoint, now: Duration, keep: &mut i
 }
 
 fn ends() -> (Endpoint, Endpoint) {
-    (Endpoint::new(Role::Host), Endpoint::new(Role::Board))
+    (Endpoint::new(EndpointRole::Host), Endpoint::new(EndpointRole::Board))
 }
 
 /// What makes the board safe overtakes a long request that is on its way.
@@ -74,7 +74,7 @@ fn a_hello_opens_the_way() {
     post(&mut board, &answer);
     assert_eq!(board.poll(ZERO).unwrap().data()[0], 0x10);
     assert_eq!(board.poll(ZERO), None, "it waits for flow control");
-    let mut host = Endpoint::new(Role::Host);
+    let mut host = Endpoint::new(EndpointRole::Host);
     post(&mut host, &hello(2));
     let heard = settle(&mut host, &mut board, ZERO, &mut || true);
     assert_eq!(heard, [hello(2)], "the old answers are gone");

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use gnc_protocol::can::isotp::{
-    Failure, Flow, MAX_PDU, MAX_WAITS, N_BS, N_CR, Received, Receiver, SendError, Sender, Settings, StartError,
-    separation,
+    Failure, Flow, FlowSettings, IsoTpReceived, IsoTpReceiver, IsoTpSender, MAX_PDU, MAX_WAITS, N_BS, N_CR, SendError,
+    StartError, separation,
 };
 use proptest::prelude::*;
 
@@ -18,13 +18,13 @@ fn counting(length: usize) -> Vec<u8> {
     (0..length).map(|at| at as u8).collect()
 }
 
-fn started(length: usize) -> Sender<MAX_PDU> {
-    let mut sender = Sender::default();
+fn started(length: usize) -> IsoTpSender<MAX_PDU> {
+    let mut sender = IsoTpSender::default();
     sender.start(&counting(length)).unwrap();
     sender
 }
 
-fn polled(sender: &mut Sender<MAX_PDU>, now: Duration) -> Option<Vec<u8>> {
+fn polled(sender: &mut IsoTpSender<MAX_PDU>, now: Duration) -> Option<Vec<u8>> {
     sender.poll(now).map(|data| data.to_vec())
 }
 
@@ -36,11 +36,11 @@ fn up_to_seven_bytes_go_in_one_frame() {
         expected.extend(counting(length));
         assert_eq!(polled(&mut sender, ZERO), Some(expected.clone()));
         assert!(sender.is_idle());
-        let mut receiver = Receiver::<MAX_PDU>::default();
-        assert_eq!(receiver.receive(&expected, ZERO), Received::Complete);
+        let mut receiver = IsoTpReceiver::<MAX_PDU>::default();
+        assert_eq!(receiver.receive(&expected, ZERO), IsoTpReceived::Complete);
         assert_eq!(receiver.pdu(), counting(length));
         expected.resize(8, 0xcc);
-        assert_eq!(receiver.receive(&expected, ZERO), Received::Complete, "padded");
+        assert_eq!(receiver.receive(&expected, ZERO), IsoTpReceived::Complete, "padded");
         assert_eq!(receiver.pdu(), counting(length));
     }
 }
@@ -117,35 +117,35 @@ fn what_a_sender_does_not_take() {
     sender.cancel();
     assert_eq!(sender.start(&[]), Err(StartError::Empty));
     assert_eq!(sender.start(&[0; 4096]), Err(StartError::TooLong { length: 4096 }));
-    assert_eq!(Sender::<64>::default().start(&[0; 65]), Err(StartError::TooLong { length: 65 }));
+    assert_eq!(IsoTpSender::<64>::default().start(&[0; 65]), Err(StartError::TooLong { length: 65 }));
     assert_eq!(sender.flow(&[0x33], ZERO), Ok(()), "nobody waits for it");
 }
 
-fn go(block_size: u8, st_min: u8) -> Received {
-    Received::Flow(Flow::Continue { block_size, st_min })
+fn go(block_size: u8, st_min: u8) -> IsoTpReceived {
+    IsoTpReceived::Flow(Flow::Continue { block_size, st_min })
 }
 
 #[test]
 fn a_receiver_asks_block_by_block() {
-    let mut receiver = Receiver::<MAX_PDU>::new(Settings { block_size: 2, st_min: 5 });
+    let mut receiver = IsoTpReceiver::<MAX_PDU>::new(FlowSettings { block_size: 2, st_min: 5 });
     assert_eq!(receiver.receive(&[0x10, 6 + 7 * 3, 0, 1, 2, 3, 4, 5], ZERO), go(2, 5));
-    assert_eq!(receiver.receive(&[0x21, 6, 7, 8, 9, 10, 11, 12], ms(1)), Received::Nothing);
+    assert_eq!(receiver.receive(&[0x21, 6, 7, 8, 9, 10, 11, 12], ms(1)), IsoTpReceived::Nothing);
     assert_eq!(receiver.receive(&[0x22, 13, 14, 15, 16, 17, 18, 19], ms(2)), go(2, 5));
-    assert_eq!(receiver.receive(&[0x23, 20, 21, 22, 23, 24, 25, 26], ms(3)), Received::Complete);
+    assert_eq!(receiver.receive(&[0x23, 20, 21, 22, 23, 24, 25, 26], ms(3)), IsoTpReceived::Complete);
     assert_eq!(receiver.pdu(), counting(27));
-    assert_eq!(receiver.receive(&[0x24, 0], ms(4)), Received::Nothing, "no message runs");
+    assert_eq!(receiver.receive(&[0x24, 0], ms(4)), IsoTpReceived::Nothing, "no message runs");
 }
 
 #[test]
 fn what_breaks_a_message() {
     let begun = || {
-        let mut receiver = Receiver::<64>::default();
+        let mut receiver = IsoTpReceiver::<64>::default();
         assert_eq!(receiver.receive(&[0x10, 20, 0, 1, 2, 3, 4, 5], ZERO), go(0, 0));
         receiver
     };
     let mut receiver = begun();
     let sequence = Failure::Sequence { expected: 1, got: 2 };
-    assert_eq!(receiver.receive(&[0x22, 0, 0, 0, 0, 0, 0, 0], ZERO), Received::Failed(sequence));
+    assert_eq!(receiver.receive(&[0x22, 0, 0, 0, 0, 0, 0, 0], ZERO), IsoTpReceived::Failed(sequence));
     assert!(receiver.is_idle());
 
     let mut receiver = begun();
@@ -154,26 +154,30 @@ fn what_breaks_a_message() {
     assert!(receiver.is_idle());
 
     let mut receiver = begun();
-    assert_eq!(receiver.receive(&[0x21, 6, 7], ZERO), Received::Failed(Failure::Malformed), "too short, passed over");
-    assert_eq!(receiver.receive(&[0x21, 6, 7, 8, 9, 10, 11, 12], ZERO), Received::Nothing);
-    assert_eq!(receiver.receive(&[2, 0xaa, 0xbb], ZERO), Received::Complete, "a new message ends the one before");
+    assert_eq!(
+        receiver.receive(&[0x21, 6, 7], ZERO),
+        IsoTpReceived::Failed(Failure::Malformed),
+        "too short, passed over"
+    );
+    assert_eq!(receiver.receive(&[0x21, 6, 7, 8, 9, 10, 11, 12], ZERO), IsoTpReceived::Nothing);
+    assert_eq!(receiver.receive(&[2, 0xaa, 0xbb], ZERO), IsoTpReceived::Complete, "a new message ends the one before");
     assert_eq!((receiver.pdu(), receiver.interrupted()), (&[0xaa, 0xbb][..], 1));
 
-    let mut receiver = Receiver::<64>::default();
-    let too_long = |length| Received::Failed(Failure::TooLong { length });
+    let mut receiver = IsoTpReceiver::<64>::default();
+    let too_long = |length| IsoTpReceived::Failed(Failure::TooLong { length });
     assert_eq!(receiver.receive(&[0x10, 65, 0, 0, 0, 0, 0, 0], ZERO), too_long(65));
     assert_eq!(receiver.receive(&[0x10, 0, 0, 1, 0, 0, 0, 0], ZERO), too_long(65_536), "32-bit length");
     for strange in
         [&[][..], &[0], &[8, 1, 2, 3, 4, 5, 6, 7], &[3, 1, 2], &[0x10, 7, 0, 0, 0, 0, 0, 0], &[0x10, 20, 0], &[0x40]]
     {
-        assert_eq!(receiver.receive(strange, ZERO), Received::Failed(Failure::Malformed), "{strange:02x?}");
+        assert_eq!(receiver.receive(strange, ZERO), IsoTpReceived::Failed(Failure::Malformed), "{strange:02x?}");
     }
 }
 
 /// Sends a message over a line that loses the frames of which the number is in `lost`; gives what arrived.
-fn over_a_line(message: &[u8], settings: Settings, lost: &[usize]) -> Option<Vec<u8>> {
-    let mut sender = Sender::<MAX_PDU>::default();
-    let mut receiver = Receiver::<MAX_PDU>::new(settings);
+fn over_a_line(message: &[u8], settings: FlowSettings, lost: &[usize]) -> Option<Vec<u8>> {
+    let mut sender = IsoTpSender::<MAX_PDU>::default();
+    let mut receiver = IsoTpReceiver::<MAX_PDU>::new(settings);
     sender.start(message).unwrap();
     let (mut now, mut count) = (ZERO, 0);
     loop {
@@ -184,9 +188,9 @@ fn over_a_line(message: &[u8], settings: Settings, lost: &[usize]) -> Option<Vec
                 continue;
             }
             match receiver.receive(&data, now) {
-                Received::Complete => return Some(receiver.pdu().to_vec()),
-                Received::Flow(asked) => flow = Some(asked),
-                Received::Nothing | Received::Failed(_) => {}
+                IsoTpReceived::Complete => return Some(receiver.pdu().to_vec()),
+                IsoTpReceived::Flow(asked) => flow = Some(asked),
+                IsoTpReceived::Nothing | IsoTpReceived::Failed(_) => {}
             }
         }
         if let Some(flow) = flow {
@@ -210,27 +214,27 @@ proptest! {
         st_min in any::<u8>(),
     ) {
         let message = counting(length);
-        prop_assert_eq!(over_a_line(&message, Settings { block_size, st_min }, &[]), Some(message));
+        prop_assert_eq!(over_a_line(&message, FlowSettings { block_size, st_min }, &[]), Some(message));
     }
 
     /// A loss costs the message; it never yields another one and never hangs.
     #[test]
     fn losses_end_in_nothing_or_the_message(length in 1..300_usize, block_size in 0..9_u8, lost in proptest::collection::vec(1..60_usize, 0..4)) {
         let message = counting(length);
-        if let Some(got) = over_a_line(&message, Settings { block_size, st_min: 0 }, &lost) {
+        if let Some(got) = over_a_line(&message, FlowSettings { block_size, st_min: 0 }, &lost) {
             prop_assert_eq!(got, message);
         }
     }
 
     #[test]
     fn any_frames_are_survived(frames in proptest::collection::vec((proptest::collection::vec(any::<u8>(), 0..=8), 0..1500_u64), 0..60)) {
-        let (mut sender, mut receiver) = (started(200), Receiver::<128>::default());
+        let (mut sender, mut receiver) = (started(200), IsoTpReceiver::<128>::default());
         let mut now = ZERO;
         for (data, wait) in frames {
             now += ms(wait);
             let _ = (sender.expire(now), receiver.expire(now), sender.poll(now));
             let _ = sender.flow(&data, now);
-            if let Received::Complete = receiver.receive(&data, now) {
+            if let IsoTpReceived::Complete = receiver.receive(&data, now) {
                 prop_assert!((1..=128).contains(&receiver.pdu().len()));
             }
         }

@@ -1,11 +1,11 @@
 //! Lines from adapters, from python-can, and rubbish.
 
-use gnc_protocol::can::slcan::{CLOSE, Counters, Decoder, Item, OPEN_500K, encode};
+use gnc_protocol::can::slcan::{CLOSE, Counters, OPEN_500K, SlcanDecoder, SlcanEvent, encode};
 use gnc_protocol::can::{CanFrame, CanId};
 use proptest::prelude::*;
 
-fn items(bytes: &[u8]) -> (Vec<Item>, Counters) {
-    let (mut decoder, mut rest, mut items) = (Decoder::default(), bytes, Vec::new());
+fn items(bytes: &[u8]) -> (Vec<SlcanEvent>, Counters) {
+    let (mut decoder, mut rest, mut items) = (SlcanDecoder::default(), bytes, Vec::new());
     while let Some(item) = decoder.next(&mut rest) {
         items.push(item);
     }
@@ -13,22 +13,22 @@ fn items(bytes: &[u8]) -> (Vec<Item>, Counters) {
     (items, decoder.counters())
 }
 
-fn check(bytes: &[u8], expected: &[Item], bad_lines: u32) {
+fn check(bytes: &[u8], expected: &[SlcanEvent], bad_lines: u32) {
     let (items, counters) = items(bytes);
     let shown = String::from_utf8_lossy(bytes).into_owned();
     assert_eq!(items, expected, "{shown:?}");
     assert_eq!(counters.bad_lines, bad_lines, "{shown:?}");
 }
 
-fn frame(id: CanId, data: &[u8]) -> Item {
-    Item::Frame(CanFrame::new(id, data).unwrap())
+fn frame(id: CanId, data: &[u8]) -> SlcanEvent {
+    SlcanEvent::Frame(CanFrame::new(id, data).unwrap())
 }
 
 #[test]
 fn what_python_can_sends_on_opening() {
-    check(b"C\rS6\r\rO\rO\r", &[Item::Close, Item::Rate(6), Item::Open, Item::Open], 0);
-    check(OPEN_500K, &[Item::Close, Item::Rate(6), Item::Open], 0);
-    check(CLOSE, &[Item::Close], 0);
+    check(b"C\rS6\r\rO\rO\r", &[SlcanEvent::Close, SlcanEvent::Rate(6), SlcanEvent::Open, SlcanEvent::Open], 0);
+    check(OPEN_500K, &[SlcanEvent::Close, SlcanEvent::Rate(6), SlcanEvent::Open], 0);
+    check(CLOSE, &[SlcanEvent::Close], 0);
 }
 
 #[test]
@@ -36,12 +36,16 @@ fn answers_and_timestamps_of_adapters() {
     let one = frame(CanId::Standard(0x123), &[0xab]);
     check(
         b"\r\r\rt1231AB\rz\rZ\r\x07V1013\r",
-        &[one, Item::Other(b'z'), Item::Other(b'Z'), Item::Refused, Item::Other(b'V')],
+        &[one, SlcanEvent::Other(b'z'), SlcanEvent::Other(b'Z'), SlcanEvent::Refused, SlcanEvent::Other(b'V')],
         0,
     );
     check(b"t1231AB0f3C\r", &[one], 0);
     check(b"T1FFFFFFF0\r", &[frame(CanId::Extended(0x1fff_ffff), &[])], 0);
-    check(b"r7FF8\rR000000012\r", &[Item::Remote(CanId::Standard(0x7ff)), Item::Remote(CanId::Extended(1))], 0);
+    check(
+        b"r7FF8\rR000000012\r",
+        &[SlcanEvent::Remote(CanId::Standard(0x7ff)), SlcanEvent::Remote(CanId::Extended(1))],
+        0,
+    );
     check(b"t1231ab\r\nt1231ab\r\n", &[one, one], 0);
 }
 
@@ -82,7 +86,7 @@ fn bad_lines_are_counted_and_harm_nothing_else() {
 /// Too long is too long, however it arrives; the next line is read.
 #[test]
 fn a_line_without_end_is_dropped() {
-    let (mut decoder, mut seen) = (Decoder::default(), Vec::new());
+    let (mut decoder, mut seen) = (SlcanDecoder::default(), Vec::new());
     for chunk in [&[b't'; 100][..], &[b't'; 100], b"\rt10020102\r"] {
         let mut rest = chunk;
         seen.extend(std::iter::from_fn(|| decoder.next(&mut rest)));
@@ -96,7 +100,7 @@ fn a_line_without_end_is_dropped() {
 fn a_line_that_is_too_long_is_dropped_however_it_is_cut() {
     let line = [&b"s"[..], &[b'0'; 40], b"\r"].concat();
     for cut in 0..=line.len() {
-        let (mut decoder, mut seen) = (Decoder::default(), Vec::new());
+        let (mut decoder, mut seen) = (SlcanDecoder::default(), Vec::new());
         for mut piece in [&line[..cut], &line[cut..]] {
             seen.extend(std::iter::from_fn(|| decoder.next(&mut piece)));
         }
@@ -113,11 +117,11 @@ proptest! {
     #[test]
     fn frames_survive_any_cutting(frames in proptest::collection::vec(any_frame(), 0..20), piece in 1..40_usize) {
         let bytes: Vec<u8> = frames.iter().flat_map(encode).collect();
-        let (mut decoder, mut seen) = (Decoder::default(), Vec::new());
+        let (mut decoder, mut seen) = (SlcanDecoder::default(), Vec::new());
         for mut chunk in bytes.chunks(piece) {
             seen.extend(std::iter::from_fn(|| decoder.next(&mut chunk)));
         }
-        let expected: Vec<Item> = frames.into_iter().map(Item::Frame).collect();
+        let expected: Vec<SlcanEvent> = frames.into_iter().map(SlcanEvent::Frame).collect();
         prop_assert_eq!(seen, expected);
     }
 

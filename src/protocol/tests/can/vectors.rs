@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use gnc_protocol::can::endpoint::{Endpoint, Role};
+use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
 use gnc_protocol::can::id::{echo_of, is_echo};
 use gnc_protocol::can::stream::{Packer, Unpacker};
 use gnc_protocol::can::{CanFrame, CanId, slcan};
@@ -60,7 +60,7 @@ fn read_file(file: &str) -> BTreeMap<String, Vector> {
 
 /// Sends a frame of the conversation from one end to the other; gives what the bus saw and what arrived.
 fn carry(frame: &Frame, from_host: bool) -> (Bus, Vec<Frame>) {
-    let (mut host, mut board) = (Endpoint::new(Role::Host), Endpoint::new(Role::Board));
+    let (mut host, mut board) = (Endpoint::new(EndpointRole::Host), Endpoint::new(EndpointRole::Board));
     let (mut bus, mut arrived) = (Bus::new(), Vec::new());
     let way = if from_host { '>' } else { '<' };
     let sender = if from_host { &mut host } else { &mut board };
@@ -252,9 +252,9 @@ fn lines_of_slcan() {
         let whole: Vec<u8> = line.iter().copied().chain(*b"\r").collect();
         assert_eq!(slcan::encode(frame).as_slice(), whole);
         let mut rest = whole.as_slice();
-        assert_eq!(slcan::Decoder::default().next(&mut rest), Some(slcan::Item::Frame(*frame)));
+        assert_eq!(slcan::SlcanDecoder::default().next(&mut rest), Some(slcan::SlcanEvent::Frame(*frame)));
         let mut lower = whole.clone();
         lower[1..].make_ascii_lowercase();
-        assert_eq!(slcan::Decoder::default().next(&mut lower.as_slice()), Some(slcan::Item::Frame(*frame)));
+        assert_eq!(slcan::SlcanDecoder::default().next(&mut lower.as_slice()), Some(slcan::SlcanEvent::Frame(*frame)));
     }
 }

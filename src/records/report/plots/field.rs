@@ -1,6 +1,6 @@
 //! The field in the plane of rotation: raw with its ellipse, corrected with its circle, and what is left.
 
-use gnc_analysis::details::calibrating::{FIELD, SPINS, Spin};
+use gnc_analysis::details::calibrating::{FIELD, FieldSpin, SPINS};
 use gnc_metrology::ellipse::Correction;
 use gnc_plot::{Panel, Series};
 use serde_json::Value;
@@ -10,11 +10,11 @@ use super::MOST_CURVES;
 /// Points of an ellipse as it is drawn.
 const CORNERS: u32 = 120;
 
-fn correct(spin: &Spin, (x, y): (f64, f64)) -> (f64, f64) {
+fn correct(spin: &FieldSpin, (x, y): (f64, f64)) -> (f64, f64) {
     Correction { dx: spin.dx, dy: spin.dy, ky: spin.ky, sin_alpha: spin.sin_alpha }.apply(x, y)
 }
 
-fn ellipse(spin: &Spin) -> Vec<(f64, f64)> {
+fn ellipse(spin: &FieldSpin) -> Vec<(f64, f64)> {
     let (sin, cos) = spin.rotation_deg.to_radians().sin_cos();
     let corner = |(x, y): (f64, f64)| {
         let (along, across) = (spin.semi_axes[0] * x, spin.semi_axes[1] * y);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gnc_analysis::details::performance::{CURVES, Coefficient, Curve, SPECTRA};
+use gnc_analysis::details::performance::{AllanCurve, CURVES, CoefficientDetails, SPECTRA};
 use gnc_plot::{Mark, Panel, Series};
 use serde_json::Value;
 
@@ -25,9 +25,9 @@ pub(super) fn deviations(details: &Value) -> Option<Vec<Panel>> {
 }
 
 /// The lines of what was found: `N/sqrt(tau)`, `0.664 B`, `K sqrt(tau/3)`, as far as the curve reaches.
-fn slopes(curve: &Curve, hue: usize) -> Vec<Series> {
+fn slopes(curve: &AllanCurve, hue: usize) -> Vec<Series> {
     let (low, high) = curve.points.iter().fold((f64::MAX, 0.0_f64), |(l, h), p| (l.min(p.dev), h.max(p.dev)));
-    let line = |coefficient: &Option<Coefficient>, at: fn(f64, f64) -> f64| {
+    let line = |coefficient: &Option<CoefficientDetails>, at: fn(f64, f64) -> f64| {
         let value = coefficient.as_ref()?.value;
         let points = curve.points.iter().map(|point| (point.tau_s, at(value, point.tau_s)));
         let near: Vec<(f64, f64)> = points.filter(|(_, dev)| (0.5 * low..=2.0 * high).contains(dev)).collect();

@@ -1,7 +1,7 @@
 //! What a fit leaves in each position, and how the means follow a step.
 
 use gnc_analysis::details::calibrating::{FORCE_RESIDUALS, RATE_RESIDUALS};
-use gnc_analysis::details::performance::{STEPS, Step};
+use gnc_analysis::details::performance::{STEPS, StepResponse};
 use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
 use gnc_plot::{Mark, Panel, Series};
 use serde_json::Value;
@@ -35,7 +35,7 @@ fn positions(rows: &[(String, [f64; 3])], unit: &str, factor: f64) -> Vec<Panel>
 
 pub(super) fn steps(details: &Value) -> Option<Vec<Panel>> {
     let rows = STEPS.of(details)?;
-    let sense = |name: &str, pick: fn(&Step) -> f64, offset: f64| {
+    let sense = |name: &str, pick: fn(&StepResponse) -> f64, offset: f64| {
         let points = rows.iter().enumerate().map(|(place, row)| (place as f64 + offset, 100.0 * pick(row)));
         Series::dots(name, points.collect::<Vec<_>>())
     };

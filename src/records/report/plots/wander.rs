@@ -1,6 +1,6 @@
 //! Biases over an hour and from power-on to power-on; scale factors from calibration to calibration.
 
-use gnc_analysis::details::Part;
+use gnc_analysis::details::DetailsPart;
 use gnc_analysis::details::performance::{ACCEL_RESPONSES, BLOCK_S, GYRO_RESPONSES, SERIES};
 use gnc_plot::{Panel, Series};
 use serde_json::Value;
@@ -43,7 +43,7 @@ fn triads(details: &Value, what: &str, x: &str, at: impl Fn(f64) -> f64, lines: 
 
 /// Scale factors of the calibrations, as departures from their mean.
 pub(super) fn scale_factors(details: &Value) -> Option<Vec<Panel>> {
-    let panel = |(part, name): (&Part<Vec<[[f64; 3]; 3]>>, &str)| {
+    let panel = |(part, name): (&DetailsPart<Vec<[[f64; 3]; 3]>>, &str)| {
         let responses = part.of(details)?;
         let series = (0..3).map(|axis| {
             let own: Vec<f64> = responses.iter().map(|response| response[axis][axis]).collect();

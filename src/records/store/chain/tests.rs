@@ -35,14 +35,14 @@ fn check(problems: &[String], expected: &[&str]) {
 #[test]
 fn runs_of_two_days_are_one_chain() {
     let (folder, _) = records(6);
-    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 6, first: 1, problems: Vec::new() });
+    assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 6, first: 1, problems: Vec::new() });
 }
 
 /// The links by another program: `printf '1 000.. DIGEST RUN' | sha256sum`.
 #[test]
 fn a_link_is_what_the_document_says() {
     let digest = "b5bb9d8014a0f9b1d61e21e796d78dccdf1352f23cd32812f4850b878ae4944c";
-    let link = Link::new(1, NOTHING, digest, "2026-11-22/SN-1/120000-functional");
+    let link = ChainEntry::new(1, NOTHING, digest, "2026-11-22/SN-1/120000-functional");
     assert_eq!(link.link, "98fc0d13d35717ee33a1c597a2a2541a3645d1baeda8e6c44bb46d846abedf50");
 }
 
@@ -117,7 +117,7 @@ fn a_power_cut_between_line_and_counter_is_no_forgery() {
     fs::write(folder.path().join(COUNTER), counter).expect("a counter");
     check(&problems(folder.path()), &[]);
     close(folder.path(), 3);
-    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 4, first: 1, problems: Vec::new() });
+    assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 4, first: 1, problems: Vec::new() });
 }
 
 /// Old days are moved elsewhere: the rest still holds together.
@@ -128,7 +128,7 @@ fn a_chain_may_begin_later() {
         close(folder.path(), run);
     }
     fs::remove_dir_all(folder.path().join("2026-11-21")).expect("a day");
-    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 2, first: 3, problems: Vec::new() });
+    assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 2, first: 3, problems: Vec::new() });
 }
 
 #[test]
@@ -140,5 +140,5 @@ fn stations_that_close_at_once_take_turns() {
             scope.spawn(move || (0..8).for_each(|run| drop(close(records, station * 100 + run))));
         }
     });
-    assert_eq!(verify(folder.path()).expect("a folder"), Checked { runs: 32, first: 1, problems: Vec::new() });
+    assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 32, first: 1, problems: Vec::new() });
 }

@@ -52,7 +52,7 @@ fn nothing_that_was_filed_is_lost() {
         assert_eq!([&after[Path::new(RAW)][..kept], &torn].concat(), original, "{length} bytes");
         assert!(read(after[Path::new(RAW)].as_slice()).unwrap().cut_off);
         assert!(found.in_words().contains("its end was written when the run was sealed"), "{}", found.in_words());
-        let filed: Report = serde_json::from_slice(&after[Path::new(CUT_OFF)]).unwrap();
+        let filed: CutOffReport = serde_json::from_slice(&after[Path::new(CUT_OFF)]).unwrap();
         assert_eq!(filed, report);
     }
 }

@@ -4,13 +4,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use gnc_metrology::Refusal;
-use gnc_metrology::clock::{self, Rate, Stated};
+use gnc_metrology::clock::{self, ClockRate, Stated};
 
 use super::names::Header;
 use super::number::Form;
 use super::rows::Role;
 use super::time::{self, Stamps, TimeColumn};
-use super::{Reading, TableError};
+use super::{ReadingOptions, TableError};
 
 /// What a method makes of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,16 +81,16 @@ impl Columns {
 pub(in crate::compute) struct About {
     /// What the reader made of the form of the file.
     pub(in crate::compute) understood: Vec<String>,
-    pub(in crate::compute) clock: Clock,
+    pub(in crate::compute) clock: RecordClock,
     /// It is an export of this station.
     pub(in crate::compute) export: bool,
 }
 
 /// What the clock of a record says.
 #[derive(Debug)]
-pub(in crate::compute) enum Clock {
+pub(in crate::compute) enum RecordClock {
     Checked {
-        rate: Rate,
+        rate: ClockRate,
         column: String,
         tolerance: Option<f64>,
     },
@@ -99,14 +99,14 @@ pub(in crate::compute) enum Clock {
     NotChecked(String),
 }
 
-impl Clock {
+impl RecordClock {
     /// Whether a clock measured the steps between the rows.
     pub(in crate::compute) fn is_checked(&self) -> bool {
         !matches!(self, Self::NotChecked(_))
     }
 }
 
-impl Default for Clock {
+impl Default for RecordClock {
     fn default() -> Self {
         Self::NotChecked("no time column".to_owned())
     }
@@ -116,7 +116,7 @@ impl Default for Clock {
 const ARITHMETIC: f64 = 1e-9;
 
 /// Columns of a header by what they are for.
-pub(super) struct Plan<'a> {
+pub(super) struct ColumnPlan<'a> {
     path: PathBuf,
     wanted: &'a Wanted<'a>,
     rate_tolerance: Option<f64>,
@@ -135,14 +135,14 @@ pub(super) struct Plan<'a> {
 /// The columns that an export of this station begins with.
 const EXPORT: [&str; 6] = ["capture", "series", "position", "run", "number", "t_s"];
 
-impl<'a> Plan<'a> {
+impl<'a> ColumnPlan<'a> {
     /// `sensor` is what `x`, `y` and `z` are called in a table of several sensors: `gyro_x`.
     pub(super) fn new(
         path: &Path,
         header: &Header,
         (first_row, form): (&[String], Form),
         wanted: &'a Wanted<'a>,
-        reading: &Reading,
+        reading: &ReadingOptions,
         sensor: Option<&str>,
     ) -> Result<Self, TableError> {
         let export = EXPORT.iter().all(|name| header.names.iter().any(|n| n.text == *name));
@@ -224,14 +224,14 @@ impl<'a> Plan<'a> {
     }
 
     /// The rate as it was stated, else as the clock tells it.
-    fn rate(&mut self, clock: &Clock, gathered: &Gathered) -> Result<f64, String> {
+    fn rate(&mut self, clock: &RecordClock, gathered: &Gathered) -> Result<f64, String> {
         if let Some(rate_hz) = self.wanted.rate_hz {
             return Ok(rate_hz);
         }
         let (rate, column) = match clock {
-            Clock::Checked { rate, column, .. } => (rate, column),
-            Clock::NotChecked(why) => return Err(why.clone()),
-            Clock::OnGrid => return Err("no time column".to_owned()),
+            RecordClock::Checked { rate, column, .. } => (rate, column),
+            RecordClock::NotChecked(why) => return Err(why.clone()),
+            RecordClock::OnGrid => return Err("no time column".to_owned()),
         };
         let step = gathered.times.first_chunk().map_or(0.0, |[first, second]| second - first);
         if matches!(&self.time, Ok(column) if column.stamps == Stamps::Seconds) && step >= 1.0 {
@@ -275,10 +275,10 @@ impl<'a> Plan<'a> {
     }
 
     /// What the clock says of the rows so far.
-    pub(super) fn clock(&mut self, gathered: &Gathered) -> Result<Clock, TableError> {
+    pub(super) fn clock(&mut self, gathered: &Gathered) -> Result<RecordClock, TableError> {
         let column = match &self.time {
             Ok(column) => column.clone(),
-            Err(why) => return Ok(Clock::NotChecked(why.clone())),
+            Err(why) => return Ok(RecordClock::NotChecked(why.clone())),
         };
         let blocks = gathered.blocks(self.wanted.anew);
         let step = || {
@@ -307,7 +307,7 @@ impl<'a> Plan<'a> {
             }
             clock::check(&gathered.times, &blocks, None)?;
             let why = format!("the header names no unit of `{}`; it has no gap", column.name);
-            return Ok(Clock::NotChecked(why));
+            return Ok(RecordClock::NotChecked(why));
         };
         let stated = stated_hz.map(|rate_hz| Stated { rate_hz, tolerance });
         let rate = if unit_s == 1.0 {
@@ -317,8 +317,8 @@ impl<'a> Plan<'a> {
             clock::check(&scaled, &blocks, stated)?
         };
         Ok(match rate {
-            Some(rate) => Clock::Checked { rate, column: column.name, tolerance: stated.map(|s| s.tolerance) },
-            None => Clock::NotChecked(format!("too few stamps in column `{}`", column.name)),
+            Some(rate) => RecordClock::Checked { rate, column: column.name, tolerance: stated.map(|s| s.tolerance) },
+            None => RecordClock::NotChecked(format!("too few stamps in column `{}`", column.name)),
         })
     }
 }

@@ -23,7 +23,7 @@ mod units;
 
 use std::path::Path;
 
-pub(super) use columns::{About, Clock, Columns, TimeUse, Wanted};
+pub(super) use columns::{About, Columns, RecordClock, TimeUse, Wanted};
 pub(super) use error::TableError;
 pub(super) use number::Decimal;
 use pieces::PIECE;
@@ -37,7 +37,7 @@ const MOST_VALUES: usize = 1 << 29;
 
 /// How records are read, where the file leaves it open.
 #[derive(Debug, Clone, Default, clap::Args)]
-pub(super) struct Reading {
+pub(super) struct ReadingOptions {
     /// What stands before the decimals, where the file does not show it
     #[arg(long, global = true, value_enum, value_name = "SIGN")]
     pub(super) decimal: Option<Decimal>,
@@ -50,8 +50,8 @@ pub(super) struct Reading {
 }
 
 /// A table whose header has been read.
-pub(super) struct Table {
-    reading: Reading,
+pub(super) struct RecordTable {
+    reading: ReadingOptions,
     form: Form,
 }
 
@@ -61,19 +61,19 @@ enum Form {
     Array(Box<npy::Array>),
 }
 
-impl Table {
+impl RecordTable {
     /// Opens a file (`-` is standard input) and reads its header.
-    pub(super) fn open(path: &Path, reading: &Reading) -> Result<Self, TableError> {
+    pub(super) fn open(path: &Path, reading: &ReadingOptions) -> Result<Self, TableError> {
         Self::of(path, source::open(path)?, PIECE, reading)
     }
 
     /// Reads a text in pieces of about this many bytes.
     #[cfg(any(test, fuzzing))]
     pub(super) fn from_reader(path: &Path, source: Box<dyn std::io::Read>, piece: usize) -> Result<Self, TableError> {
-        Self::of(path, source::of(path, source)?, piece, &Reading::default())
+        Self::of(path, source::of(path, source)?, piece, &ReadingOptions::default())
     }
 
-    fn of(path: &Path, source: Source, piece: usize, reading: &Reading) -> Result<Self, TableError> {
+    fn of(path: &Path, source: Source, piece: usize, reading: &ReadingOptions) -> Result<Self, TableError> {
         let form = match source {
             Source::Text(source, understood) => {
                 Form::Text(Box::new(text::Text::open(path, source, piece, understood, reading)?))

@@ -6,11 +6,11 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::columns::{Columns, Plan, Wanted};
+use super::columns::{ColumnPlan, Columns, Wanted};
 use super::names::Header;
 use super::number::{Decimal, Form};
 use super::sheet::{self, Cells};
-use super::{MOST_VALUES, Reading, TableError};
+use super::{MOST_VALUES, ReadingOptions, TableError};
 
 /// Longest header: numpy itself refuses longer ones.
 const LONGEST_HEADER: usize = 10_000;
@@ -89,7 +89,7 @@ impl Array {
     pub(super) fn read(
         mut self,
         wanted: &Wanted,
-        reading: &Reading,
+        reading: &ReadingOptions,
         sensor: Option<&str>,
     ) -> Result<Columns, TableError> {
         if self.rows.saturating_mul(self.fields.len()) > MOST_VALUES {
@@ -110,7 +110,7 @@ impl Array {
         };
         let first_row: Vec<String> = cells.iter().map(first).collect();
         let form = Form::Known(Decimal::Point);
-        let plan = Plan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
+        let plan = ColumnPlan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
         let mut cells: Vec<Option<Cells>> = cells.into_iter().map(Some).collect();
         let mut used = Vec::new();
         for (k, (place, _)) in plan.roles.iter().enumerate() {

@@ -10,11 +10,11 @@ use ::parquet::data_type::{ByteArray, DataType};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 
-use super::columns::{Columns, Plan, Wanted};
+use super::columns::{ColumnPlan, Columns, Wanted};
 use super::names::Header;
 use super::number::{Decimal, Form};
 use super::sheet::{self, Cells};
-use super::{MOST_VALUES, Reading, TableError};
+use super::{MOST_VALUES, ReadingOptions, TableError};
 
 /// Records that are read at once.
 const BATCH: usize = 1 << 16;
@@ -58,10 +58,15 @@ impl Sheet {
         Ok(Self { path: path.to_owned(), reader, header, leaves })
     }
 
-    pub(super) fn read(self, wanted: &Wanted, reading: &Reading, sensor: Option<&str>) -> Result<Columns, TableError> {
+    pub(super) fn read(
+        self,
+        wanted: &Wanted,
+        reading: &ReadingOptions,
+        sensor: Option<&str>,
+    ) -> Result<Columns, TableError> {
         let first_row: Vec<String> = (0..self.leaves.len()).map(|place| self.first(place)).collect();
         let form = Form::Known(Decimal::Point);
-        let plan = Plan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
+        let plan = ColumnPlan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
         let rows = usize::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(usize::MAX);
         if rows.saturating_mul(plan.roles.len()) > MOST_VALUES {
             return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });

@@ -1,12 +1,12 @@
 //! Pieces in which every row is plain: as many fields as the header, no quotes, no comment, and numbers in the columns that
 //! are wanted. Nearly all pieces of a long record are. One pass marks where fields and rows end, and then only the fields of
-//! the wanted columns are looked at. Whatever else a piece holds, and every mistake in it, is left to [`Rows`].
+//! the wanted columns are looked at. Whatever else a piece holds, and every mistake in it, is left to [`ParsedRows`].
 
 use wide::u8x16;
 
 use super::LONGEST_LINE;
 use super::number::Form;
-use super::rows::{Delimiter, Parsed, Role, Rows};
+use super::rows::{Delimiter, Parsed, ParsedRows, Role};
 
 /// Bytes that are compared at once, four times in a row: fields are too short for a search of its own each.
 const WIDTH: usize = 16;
@@ -14,7 +14,7 @@ const WIDTH: usize = 16;
 const WORD: usize = 4 * WIDTH;
 
 /// Reads a piece; `None` where it is not plain.
-pub(super) fn parse(rows: &Rows, piece: &[u8]) -> Option<Parsed> {
+pub(super) fn parse(rows: &ParsedRows, piece: &[u8]) -> Option<Parsed> {
     let Delimiter::Byte(delimiter) = rows.delimiter else { return None };
     // Those of a decimal point alone.
     if !matches!(rows.form, Form::Open | Form::Known(super::Decimal::Point)) {
@@ -161,8 +161,8 @@ mod tests {
 
     const ROLES: [(usize, Role); 3] = [(2, Role::Number(0)), (0, Role::Time { dates: false }), (3, Role::Number(1))];
 
-    fn rows(roles: &[(usize, Role)]) -> Rows<'_> {
-        Rows {
+    fn rows(roles: &[(usize, Role)]) -> ParsedRows<'_> {
+        ParsedRows {
             delimiter: Delimiter::Byte(b','),
             expected: 4,
             roles,
@@ -217,7 +217,7 @@ mod tests {
             text += &[0, 1, 2, 3].map(wide).join(",");
             text += "\n";
         }
-        let rows = Rows { numbers: 4, ..rows(&roles) };
+        let rows = ParsedRows { numbers: 4, ..rows(&roles) };
         let found = parse(&rows, text.as_bytes()).unwrap();
         assert_eq!(format!("{found:?}"), format!("{:?}", rows.one_by_one(text.as_bytes())));
         assert_eq!([3, 2, 1, 0].map(|column| found.numbers[column].len()), [400; 4]);

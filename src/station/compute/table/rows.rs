@@ -96,7 +96,7 @@ pub(super) enum Role {
 
 /// How rows are read.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rows<'a> {
+pub(super) struct ParsedRows<'a> {
     pub(super) delimiter: Delimiter,
     /// Fields of every row.
     pub(super) expected: usize,
@@ -175,7 +175,7 @@ impl Fault {
     }
 }
 
-impl Rows<'_> {
+impl ParsedRows<'_> {
     /// Reads a piece; its last line may lack its end.
     pub(super) fn parse(&self, piece: &[u8]) -> Parsed {
         plain::parse(self, piece).unwrap_or_else(|| self.one_by_one(piece))

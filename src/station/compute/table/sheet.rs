@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::columns::{Gathered, Plan};
+use super::columns::{ColumnPlan, Gathered};
 use super::rows::Role;
 use super::{TableError, time};
 
@@ -33,7 +33,7 @@ impl Cells {
 }
 
 /// Takes the rows that a plan wants; `cells` are those of its roles, in their order.
-pub(super) fn gather(path: &Path, plan: &Plan, cells: &[Cells]) -> Result<Gathered, TableError> {
+pub(super) fn gather(path: &Path, plan: &ColumnPlan, cells: &[Cells]) -> Result<Gathered, TableError> {
     let rows = cells.iter().map(Cells::len).min().unwrap_or(0);
     let mut gathered = Gathered::default();
     let mut taken = Vec::with_capacity(rows);

@@ -4,7 +4,7 @@ use super::*;
 
 fn read(text: &'static str, numbers: &[&str], rate_hz: Option<f64>) -> Result<Columns, TableError> {
     let wanted = Wanted { numbers, rate_hz, ..Wanted::default() };
-    Table::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()), PIECE)?.read(&wanted, None)
+    RecordTable::from_reader(Path::new("r.csv"), Box::new(text.as_bytes()), PIECE)?.read(&wanted, None)
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn what_is_no_text_is_refused_soon() {
             Ok(buffer.len())
         }
     }
-    let error = Table::from_reader(Path::new("r.bin"), Box::new(Zeros), PIECE).err().unwrap();
+    let error = RecordTable::from_reader(Path::new("r.bin"), Box::new(Zeros), PIECE).err().unwrap();
     assert_eq!(error.to_string(), "r.bin: no line end within 1048576 bytes; is it a text?");
 }
 
@@ -193,9 +193,9 @@ fn signs_that_leave_it_open_are_refused() {
     check("x;y\n0,5\n1,7\n", "r.csv:2:4: row has 1 fields, the header 2");
     check("x y\n0,5\n1,7\n", "r.csv:1:1: no column `x`; the header has x y");
     let text = "x y\n0,5\n1,7\n";
-    let reading = Reading { decimal: Some(Decimal::Point), ..Reading::default() };
+    let reading = ReadingOptions { decimal: Some(Decimal::Point), ..ReadingOptions::default() };
     let source = source::of(Path::new("r.csv"), Box::new(text.as_bytes())).unwrap();
-    let table = Table::of(Path::new("r.csv"), source, PIECE, &reading).unwrap();
+    let table = RecordTable::of(Path::new("r.csv"), source, PIECE, &reading).unwrap();
     let wanted = Wanted { numbers: &["x", "y"], ..Wanted::default() };
     assert_eq!(table.read(&wanted, None).unwrap().numbers, [[0.0, 1.0], [5.0, 7.0]]);
 }
@@ -242,7 +242,7 @@ fn npy(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
 
 fn array(bytes: Vec<u8>, numbers: &[&str]) -> Result<Columns, TableError> {
     let wanted = Wanted { numbers, ..Wanted::default() };
-    Table::from_reader(Path::new("r.npy"), Box::new(io::Cursor::new(bytes)), PIECE)?.read(&wanted, None)
+    RecordTable::from_reader(Path::new("r.npy"), Box::new(io::Cursor::new(bytes)), PIECE)?.read(&wanted, None)
 }
 
 #[test]
@@ -267,7 +267,7 @@ fn arrays_of_numpy() {
     }
     let named = array(npy("[('t_s', '<f8'), ('w', '<i4')]", "False", "(3,)", &data), &["w"]).unwrap();
     assert_eq!(named.numbers, [[7.0, -8.0, 9.0]]);
-    assert!(matches!(named.about.clock, Clock::Checked { .. }));
+    assert!(matches!(named.about.clock, RecordClock::Checked { .. }));
     let cut = npy("'<f8'", "False", "(3,)", &floats(&[1.0, 2.0]));
     assert!(array(cut, &["0"]).is_err());
     let huge = npy("'<f8'", "False", "(99999999999,)", &[]);
@@ -313,13 +313,13 @@ fn parquet_of_every_type() {
     let read = |numbers: &[&str]| {
         let label = Some(("position", &["z+", "z-"][..]));
         let wanted = Wanted { numbers, label, rate_hz: Some(100.0), ..Wanted::default() };
-        Table::open(file.path(), &Reading::default())?.read(&wanted, None)
+        RecordTable::open(file.path(), &ReadingOptions::default())?.read(&wanted, None)
     };
     let columns = read(&["a", "b"]).unwrap();
     let expected: Vec<f64> = (0..100).map(f64::from).collect();
     assert_eq!(columns.numbers, [expected.clone(), expected]);
     assert_eq!(columns.labels.iter().filter(|code| **code == 1).count(), 50);
-    assert!(matches!(columns.about.clock, Clock::Checked { .. }));
+    assert!(matches!(columns.about.clock, RecordClock::Checked { .. }));
     let refusal = read(&["c"]).unwrap_err().to_string();
     assert_eq!(refusal, "column `c`: 1 of 100 cells are empty or say so, the first in line 71");
 }

@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use std::thread;
 
-use super::columns::{Columns, Gathered, Plan, Wanted};
+use super::columns::{ColumnPlan, Columns, Gathered, Wanted};
 use super::pieces::Pieces;
 use super::preamble::{self, Preamble};
-use super::rows::{Fault, Parsed, Rows};
-use super::{MOST_VALUES, Reading, TableError};
+use super::rows::{Fault, Parsed, ParsedRows};
+use super::{MOST_VALUES, ReadingOptions, TableError};
 
 /// Threads that parse: beyond these the one that reads and gathers is the limit.
 const MOST_THREADS: usize = 4;
@@ -33,7 +33,7 @@ impl Text {
         source: Box<dyn Read>,
         piece: usize,
         understood: Vec<String>,
-        reading: &Reading,
+        reading: &ReadingOptions,
     ) -> Result<Self, TableError> {
         let mut pieces = Pieces::new(path, source, piece);
         let mut head = Vec::new();
@@ -54,12 +54,17 @@ impl Text {
     }
 
     /// Reads the wanted columns.
-    pub(super) fn read(self, wanted: &Wanted, reading: &Reading, sensor: Option<&str>) -> Result<Columns, TableError> {
+    pub(super) fn read(
+        self,
+        wanted: &Wanted,
+        reading: &ReadingOptions,
+        sensor: Option<&str>,
+    ) -> Result<Columns, TableError> {
         let Self { path, mut pieces, head, preamble } = self;
         let Preamble { header, delimiter, form, .. } = &preamble;
-        let mut plan = Plan::new(&path, header, (&preamble.first_row, *form), wanted, reading, sensor)?;
+        let mut plan = ColumnPlan::new(&path, header, (&preamble.first_row, *form), wanted, reading, sensor)?;
         let (roles, capture) = (plan.roles.clone(), plan.capture.clone());
-        let rows = Rows {
+        let rows = ParsedRows {
             delimiter: *delimiter,
             expected: header.names.len(),
             roles: &roles,
@@ -122,7 +127,7 @@ fn add(gathered: &mut Gathered, parsed: &Parsed, lines: usize) {
 /// enough.
 fn in_parallel(
     pieces: &mut Pieces,
-    rows: &Rows,
+    rows: &ParsedRows,
     mut take: impl FnMut(&Parsed) -> Result<bool, TableError>,
 ) -> Result<(), TableError> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);

@@ -4,23 +4,27 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{self, SyncSender};
 
-use gnc_bench::control::Control;
+use gnc_bench::control::RunControl;
 use gnc_bench::fixture::Fixture;
 use gnc_bench::runner::{Ending, Live};
-use gnc_bench::service::{self, CheckedPlan, Done, Equipment, Observer, Request, Rounds, ServiceError};
-use gnc_executive::event::{Bench, Event, Program};
+use gnc_bench::service::{self, CheckedPlan, Equipment, Observer, Rounds, RunRequest, RunsDone, ServiceError};
+use gnc_executive::event::{BenchInfo, Event, ProgramVersion};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_link::Target;
 use gnc_records::store::Watcher;
-use hw_mocks::{Options, RunningBench};
+use hw_mocks::{BenchOptions, RunningBench};
 
 /// Runs a plan once. `watch` sees every event and asks what it likes. Tells the run as it ended.
-pub(crate) fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
+pub(crate) fn run_plan(
+    plan: &str,
+    options: &BenchOptions,
+    watch: impl Fn(&Event, &RunControl) + Send + 'static,
+) -> RunState {
     let (told, events) = mpsc::sync_channel(1000);
-    let control = Control::default();
+    let control = RunControl::default();
     let asks = control.clone();
     let observer = std::thread::spawn(move || {
         let mut state = RunState::new();
@@ -36,14 +40,14 @@ pub(crate) fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Co
 }
 
 /// One run of a plan.
-pub(crate) fn request(plan: &str) -> Request {
+pub(crate) fn request(plan: &str) -> RunRequest {
     let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
-    Request {
+    RunRequest {
         plan: plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}")),
         serial_number: "SN".to_owned(),
         operator: None,
         selection: None,
-        program: Program { name: "control".to_owned(), version: "0".to_owned() },
+        program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned() },
         on_fail: None,
         rounds: Rounds::Once,
         resume: None,
@@ -56,11 +60,11 @@ pub(crate) fn request(plan: &str) -> Request {
 /// Carries it out on a simulated bench that has a turntable and no operator, and leaves the module without power. The records are
 /// thrown away.
 pub(crate) fn serve(
-    request: &Request,
-    options: &Options,
-    control: &Control,
+    request: &RunRequest,
+    options: &BenchOptions,
+    control: &RunControl,
     mut observer: impl Observer,
-) -> Result<Done, ServiceError> {
+) -> Result<RunsDone, ServiceError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
         let bench = RunningBench::start(options).expect("a simulated bench");
@@ -69,7 +73,7 @@ pub(crate) fn serve(
             station: "test".to_owned(),
             records: records.path().to_owned(),
             key: None,
-            bench: Bench::simulated("good", "1", 1),
+            bench: BenchInfo::simulated("good", "1", 1),
             target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
             can: None,
             abilities: BenchAbilities { rs422: true, can: false, operator: false },

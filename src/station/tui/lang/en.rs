@@ -1,11 +1,11 @@
 //! English.
 
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::event::Level;
+use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 
 use super::{KeyText, Texts};
-use crate::tui::keymap::Action;
+use crate::tui::keymap::KeyAction;
 
 pub(super) static TEXTS: Texts = Texts {
     language: "English",
@@ -210,43 +210,43 @@ pub(super) static TEXTS: Texts = Texts {
     look_at_sentence: |sentence| sentence,
 };
 
-fn key(action: Action) -> KeyText {
+fn key(action: KeyAction) -> KeyText {
     let (short, long) = match action {
-        Action::Help => ("Help", "What the keys do here."),
-        Action::Setup => ("Setup", "Choose plan, bench, operator, rounds and language."),
-        Action::One => ("One item", "Run the item under the cursor alone. Never a pass of the module."),
-        Action::Repeat => ("Repeat", "Run again what was not good in the last run."),
-        Action::Start => ("Start", "Test the scanned module with the ticked items."),
-        Action::Watch => ("Watch", "Switch the module on and show its raw values, without a run."),
-        Action::Pause => ("Pause", "Begin no further item until pressed again; what runs is finished."),
-        Action::AbortItem => ("Abort item", "End the item under the cursor; the run goes on."),
-        Action::Stop => ("Stop", "Stop in order: the module is switched off. Again: at once."),
-        Action::NextPage => ("Page", "Show the next page: tests, calibration if the plan has some, live, records."),
-        Action::Leave => ("Leave", "Leave the program; asks first while a run is on."),
-        Action::Tick => ("Tick", "Choose whether the item is run."),
-        Action::TickAll => ("All", "Tick all items, or none if all are."),
-        Action::Open => ("Open", "Open what is under the cursor."),
-        Action::Take => ("Take", "Take plan, bench, rounds and language as they stand here."),
-        Action::Back => ("Back", "Go back, or delete what was typed."),
-        Action::Yes => ("Yes", "Yes, or done."),
-        Action::No => ("No", "No, or not possible."),
-        Action::LoadNew => ("Read again", "Read and check the changed files; look at them, then press F5."),
-        Action::RunChecked => ("Run checked", "Run the plan as it was checked and shown."),
-        Action::TakeUp => ("Take up", "Take over what the run captured whole, and capture the rest."),
-        Action::FromStart => ("From start", "Run the plan from its beginning."),
-        Action::Log => ("Log", "Show the log of the run."),
-        Action::Verify => ("Verify", "Compare the run with its digests and its journal."),
-        Action::Redraw => ("Redraw", "Draw the screen again, if something wrote over it."),
-        Action::Filter => ("Filter", "Show only runs of one outcome."),
-        Action::Reload => ("Reload", "Read the records again."),
-        Action::Up => ("Up", "One line up."),
-        Action::Down => ("Down", "One line down."),
-        Action::Left => ("Left", "The value before."),
-        Action::Right => ("Right", "The value after."),
-        Action::PageUp => ("PgUp", "A page up."),
-        Action::PageDown => ("PgDn", "A page down."),
-        Action::Home => ("Home", "To the first line."),
-        Action::End => ("End", "To the last line."),
+        KeyAction::Help => ("Help", "What the keys do here."),
+        KeyAction::Setup => ("Setup", "Choose plan, bench, operator, rounds and language."),
+        KeyAction::One => ("One item", "Run the item under the cursor alone. Never a pass of the module."),
+        KeyAction::Repeat => ("Repeat", "Run again what was not good in the last run."),
+        KeyAction::Start => ("Start", "Test the scanned module with the ticked items."),
+        KeyAction::Watch => ("Watch", "Switch the module on and show its raw values, without a run."),
+        KeyAction::Pause => ("Pause", "Begin no further item until pressed again; what runs is finished."),
+        KeyAction::AbortItem => ("Abort item", "End the item under the cursor; the run goes on."),
+        KeyAction::Stop => ("Stop", "Stop in order: the module is switched off. Again: at once."),
+        KeyAction::NextPage => ("Page", "Show the next page: tests, calibration if the plan has some, live, records."),
+        KeyAction::Leave => ("Leave", "Leave the program; asks first while a run is on."),
+        KeyAction::Tick => ("Tick", "Choose whether the item is run."),
+        KeyAction::TickAll => ("All", "Tick all items, or none if all are."),
+        KeyAction::Open => ("Open", "Open what is under the cursor."),
+        KeyAction::Take => ("Take", "Take plan, bench, rounds and language as they stand here."),
+        KeyAction::Back => ("Back", "Go back, or delete what was typed."),
+        KeyAction::Yes => ("Yes", "Yes, or done."),
+        KeyAction::No => ("No", "No, or not possible."),
+        KeyAction::LoadNew => ("Read again", "Read and check the changed files; look at them, then press F5."),
+        KeyAction::RunChecked => ("Run checked", "Run the plan as it was checked and shown."),
+        KeyAction::TakeUp => ("Take up", "Take over what the run captured whole, and capture the rest."),
+        KeyAction::FromStart => ("From start", "Run the plan from its beginning."),
+        KeyAction::Log => ("Log", "Show the log of the run."),
+        KeyAction::Verify => ("Verify", "Compare the run with its digests and its journal."),
+        KeyAction::Redraw => ("Redraw", "Draw the screen again, if something wrote over it."),
+        KeyAction::Filter => ("Filter", "Show only runs of one outcome."),
+        KeyAction::Reload => ("Reload", "Read the records again."),
+        KeyAction::Up => ("Up", "One line up."),
+        KeyAction::Down => ("Down", "One line down."),
+        KeyAction::Left => ("Left", "The value before."),
+        KeyAction::Right => ("Right", "The value after."),
+        KeyAction::PageUp => ("PgUp", "A page up."),
+        KeyAction::PageDown => ("PgDn", "A page down."),
+        KeyAction::Home => ("Home", "To the first line."),
+        KeyAction::End => ("End", "To the last line."),
     };
     KeyText { short, long }
 }
@@ -274,10 +274,10 @@ fn verdict(outcome: Outcome) -> &'static str {
     }
 }
 
-fn level(level: Level) -> &'static str {
+fn level(level: NoteLevel) -> &'static str {
     match level {
-        Level::Info => "info",
-        Level::Warning => "warning",
-        Level::Error => "error",
+        NoteLevel::Info => "info",
+        NoteLevel::Warning => "warning",
+        NoteLevel::Error => "error",
     }
 }

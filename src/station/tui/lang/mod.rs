@@ -10,11 +10,11 @@ mod zh_catalogue;
 
 use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::event::Level;
+use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::text::duration;
 
-use super::keymap::Action;
+use super::keymap::KeyAction;
 pub use crate::args::Lang;
 
 impl Lang {
@@ -260,12 +260,12 @@ pub(crate) struct Texts {
     pub too_many_runs: &'static str,
     pub enter_opens: &'static str,
     // What depends on a value.
-    pub key: fn(Action) -> KeyText,
+    pub key: fn(KeyAction) -> KeyText,
     pub outcome_word: fn(Outcome) -> &'static str,
     /// At most six capital letters, drawn as big as the screen allows; letters of [`super::view::big`] alone.
     pub verdict: fn(Outcome) -> &'static str,
     pub item_title: fn(ItemId) -> &'static str,
-    pub level: fn(Level) -> &'static str,
+    pub level: fn(NoteLevel) -> &'static str,
     pub cause: fn(&Cause) -> String,
     /// The sentence of the catalogue in this language.
     pub look_at_sentence: fn(&'static str) -> &'static str,

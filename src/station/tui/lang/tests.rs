@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::tui::keymap::{BINDINGS, Place, bindings, name};
+use crate::tui::keymap::{BINDINGS, KeyContext, bindings, name};
 use crate::tui::view::text_width;
 
 /// Everything that a language says, by the English text where one is a translation of it.
@@ -73,7 +73,7 @@ fn items_have_titles_of_their_own() {
 #[test]
 fn keys_fit_into_the_last_line() {
     for lang in Lang::ALL {
-        for place in Place::ALL {
+        for place in KeyContext::ALL {
             let shown = bindings(place).filter(|binding| binding.footer);
             let width: usize = shown
                 .map(|binding| {

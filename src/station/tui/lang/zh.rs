@@ -1,11 +1,11 @@
 //! Chinese, simplified.
 
-use gnc_executive::event::Level;
+use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 
 use super::zh_catalogue::{item_title, look_at_sentence};
 use super::{KeyText, Texts, fill};
-use crate::tui::keymap::Action;
+use crate::tui::keymap::KeyAction;
 
 pub(super) static TEXTS: Texts = Texts {
     language: "中文",
@@ -210,43 +210,43 @@ pub(super) static TEXTS: Texts = Texts {
     look_at_sentence,
 };
 
-fn key(action: Action) -> KeyText {
+fn key(action: KeyAction) -> KeyText {
     let (short, long) = match action {
-        Action::Help => ("帮助", "说明此处各键的作用。"),
-        Action::Setup => ("设置", "选择测试方案、台架、操作员、轮数和语言。"),
-        Action::One => ("单项", "只运行光标处的项目，不是整个模块的合格结论。"),
-        Action::Repeat => ("重测", "重新运行上次不合格的项目。"),
-        Action::Start => ("开始", "用勾选的项目测试已扫描的模块。"),
-        Action::Watch => ("观察", "给模块上电并显示原始数据，不作测试。"),
-        Action::Pause => ("暂停", "不再开始新的项目，再按一次继续；正在运行的项目会完成。"),
-        Action::AbortItem => ("中止项目", "结束光标处的项目，运行继续。"),
-        Action::Stop => ("停止", "按顺序停止，模块断电；再按一次立即停止。"),
-        Action::NextPage => ("换页", "显示下一页：测试、标定（方案含采集时）、实时、记录。"),
-        Action::Leave => ("退出", "退出程序；运行期间会先询问。"),
-        Action::Tick => ("勾选", "选择是否运行该项目。"),
-        Action::TickAll => ("全选", "勾选全部项目；已全选时全部取消。"),
-        Action::Open => ("打开", "打开光标处的内容。"),
-        Action::Take => ("采用", "采用此处的测试方案、台架、轮数和语言。"),
-        Action::Back => ("返回", "返回，或删除已输入的内容。"),
-        Action::Yes => ("是", "是，或已完成。"),
-        Action::No => ("否", "否，或做不到。"),
-        Action::LoadNew => ("重新读取", "读取并检查更改后的文件；查看后再按 F5。"),
-        Action::RunChecked => ("运行已检查的", "按已检查并显示的内容运行方案。"),
-        Action::TakeUp => ("继续", "沿用该运行已完整采集的数据，采集其余部分。"),
-        Action::FromStart => ("从头", "从头运行方案。"),
-        Action::Log => ("日志", "显示运行日志。"),
-        Action::Verify => ("核对", "将运行记录与其摘要和日志核对。"),
-        Action::Redraw => ("重画", "重画屏幕，如果被其他内容覆盖。"),
-        Action::Filter => ("筛选", "只显示一种结果的运行。"),
-        Action::Reload => ("刷新", "重新读取记录。"),
-        Action::Up => ("上", "上移一行。"),
-        Action::Down => ("下", "下移一行。"),
-        Action::Left => ("左", "前一个值。"),
-        Action::Right => ("右", "后一个值。"),
-        Action::PageUp => ("上页", "上移一页。"),
-        Action::PageDown => ("下页", "下移一页。"),
-        Action::Home => ("首行", "到第一行。"),
-        Action::End => ("末行", "到最后一行。"),
+        KeyAction::Help => ("帮助", "说明此处各键的作用。"),
+        KeyAction::Setup => ("设置", "选择测试方案、台架、操作员、轮数和语言。"),
+        KeyAction::One => ("单项", "只运行光标处的项目，不是整个模块的合格结论。"),
+        KeyAction::Repeat => ("重测", "重新运行上次不合格的项目。"),
+        KeyAction::Start => ("开始", "用勾选的项目测试已扫描的模块。"),
+        KeyAction::Watch => ("观察", "给模块上电并显示原始数据，不作测试。"),
+        KeyAction::Pause => ("暂停", "不再开始新的项目，再按一次继续；正在运行的项目会完成。"),
+        KeyAction::AbortItem => ("中止项目", "结束光标处的项目，运行继续。"),
+        KeyAction::Stop => ("停止", "按顺序停止，模块断电；再按一次立即停止。"),
+        KeyAction::NextPage => ("换页", "显示下一页：测试、标定（方案含采集时）、实时、记录。"),
+        KeyAction::Leave => ("退出", "退出程序；运行期间会先询问。"),
+        KeyAction::Tick => ("勾选", "选择是否运行该项目。"),
+        KeyAction::TickAll => ("全选", "勾选全部项目；已全选时全部取消。"),
+        KeyAction::Open => ("打开", "打开光标处的内容。"),
+        KeyAction::Take => ("采用", "采用此处的测试方案、台架、轮数和语言。"),
+        KeyAction::Back => ("返回", "返回，或删除已输入的内容。"),
+        KeyAction::Yes => ("是", "是，或已完成。"),
+        KeyAction::No => ("否", "否，或做不到。"),
+        KeyAction::LoadNew => ("重新读取", "读取并检查更改后的文件；查看后再按 F5。"),
+        KeyAction::RunChecked => ("运行已检查的", "按已检查并显示的内容运行方案。"),
+        KeyAction::TakeUp => ("继续", "沿用该运行已完整采集的数据，采集其余部分。"),
+        KeyAction::FromStart => ("从头", "从头运行方案。"),
+        KeyAction::Log => ("日志", "显示运行日志。"),
+        KeyAction::Verify => ("核对", "将运行记录与其摘要和日志核对。"),
+        KeyAction::Redraw => ("重画", "重画屏幕，如果被其他内容覆盖。"),
+        KeyAction::Filter => ("筛选", "只显示一种结果的运行。"),
+        KeyAction::Reload => ("刷新", "重新读取记录。"),
+        KeyAction::Up => ("上", "上移一行。"),
+        KeyAction::Down => ("下", "下移一行。"),
+        KeyAction::Left => ("左", "前一个值。"),
+        KeyAction::Right => ("右", "后一个值。"),
+        KeyAction::PageUp => ("上页", "上移一页。"),
+        KeyAction::PageDown => ("下页", "下移一页。"),
+        KeyAction::Home => ("首行", "到第一行。"),
+        KeyAction::End => ("末行", "到最后一行。"),
     };
     KeyText { short, long }
 }
@@ -275,11 +275,11 @@ fn verdict(outcome: Outcome) -> &'static str {
     }
 }
 
-fn level(level: Level) -> &'static str {
+fn level(level: NoteLevel) -> &'static str {
     match level {
-        Level::Info => "信息",
-        Level::Warning => "警告",
-        Level::Error => "错误",
+        NoteLevel::Info => "信息",
+        NoteLevel::Warning => "警告",
+        NoteLevel::Error => "错误",
     }
 }
 

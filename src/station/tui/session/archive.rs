@@ -10,7 +10,7 @@ use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 
 use crate::tui::model::Earlier;
-use crate::tui::records::{Checked, Day, MAX_RUNS, Mark, RunLine, Runs, Unopened};
+use crate::tui::records::{Checked, Day, MAX_RUNS, RunLine, RunMark, Runs, Unopened};
 use crate::tui::update::Msg;
 
 /// Runs that are opened to learn how long a plan takes; if none of them is of it, nobody knows.
@@ -50,8 +50,8 @@ pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
 fn line(found: reader::FoundRun) -> RunLine {
     let mark = match &found.run {
         Ok(run) => mark(run, found.sealed),
-        Err(error) if error.is_newer() => Mark::Newer,
-        Err(_) => Mark::Unreadable,
+        Err(error) if error.is_newer() => RunMark::Newer,
+        Err(_) => RunMark::Unreadable,
     };
     let folder = |path: Option<&Path>| {
         path.and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
@@ -80,16 +80,16 @@ fn line(found: reader::FoundRun) -> RunLine {
     }
 }
 
-fn mark(run: &RunRecord, sealed: bool) -> Mark {
+fn mark(run: &RunRecord, sealed: bool) -> RunMark {
     match run.interrupted {
-        true => Mark::Interrupted,
-        false if !sealed => Mark::Unsealed,
-        false => Mark::Outcome(run.outcome),
+        true => RunMark::Interrupted,
+        false if !sealed => RunMark::Unsealed,
+        false => RunMark::Outcome(run.outcome),
     }
 }
 
 /// Opens a run.
-pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, Mark)>, Unopened> {
+pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, RunMark)>, Unopened> {
     let state = reader::fold(&path).map_err(|error| unopened(&error))?;
     let run = RunRecord::from_state(&state).ok_or_else(|| unopened(&ReadError::Empty))?;
     let mark = mark(&run, reader::is_sealed(&path));

@@ -10,7 +10,7 @@ use gnc_executive::limit::Limit;
 use super::archive;
 use crate::args::RunArgs;
 use crate::files::{self, ChangedFile};
-use crate::refusal::Refusal;
+use crate::refusal::CommandRefusal;
 use crate::setup::{self, BENCH_FILE, CheckedBench};
 use crate::tui::model::{BenchView, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;
@@ -51,8 +51,8 @@ impl Held {
 /// What a look at bench and plan finds, in the order in which it is told.
 #[derive(Debug)]
 pub(super) enum Looked {
-    Bench { path: String, bench: Result<Box<CheckedBench>, Refusal> },
-    Plan { path: String, plan: Result<Box<(HeldPlan, PlanView)>, Refusal> },
+    Bench { path: String, bench: Result<Box<CheckedBench>, CommandRefusal> },
+    Plan { path: String, plan: Result<Box<(HeldPlan, PlanView)>, CommandRefusal> },
     Expected(Option<f64>),
 }
 
@@ -71,7 +71,7 @@ pub(super) fn look(args: &RunArgs, plan_path: &Path, tell: impl Fn(Looked)) {
     }
 }
 
-pub(super) fn lines(refusal: &Refusal) -> String {
+pub(super) fn lines(refusal: &CommandRefusal) -> String {
     if refusal.try_this.is_empty() { refusal.what.clone() } else { format!("{}\n{}", refusal.what, refusal.try_this) }
 }
 
@@ -86,7 +86,7 @@ pub(super) fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
     }
 }
 
-fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), Refusal> {
+fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), CommandRefusal> {
     let checked = files::plan(path)?;
     let plan = checked.plan();
     let part = plan.items().iter().find_map(|item| match item.limit("part") {
@@ -95,7 +95,7 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     });
     let (name, version) = (plan.name.clone(), plan.version.clone());
     let programs = plan.items().iter().filter_map(ProgramView::of).collect();
-    let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     let sha256 = checked.sha256().to_owned();
     let view = PlanView { name, version, sha256, items: job.planned(), programs, part, expected_s: None };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))

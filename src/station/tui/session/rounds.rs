@@ -4,10 +4,10 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use gnc_bench::control::Control;
-use gnc_bench::fixture::{Fixture, Question};
+use gnc_bench::control::RunControl;
+use gnc_bench::fixture::{Fixture, OperatorQuestion};
 use gnc_bench::runner::{Ending, Live, looking};
-use gnc_bench::service::{self, Observer, Request};
+use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
@@ -17,17 +17,17 @@ use tokio::sync::mpsc;
 
 use super::files::{Held, NOT_HELD};
 use crate::auto;
-use crate::refusal::Refusal;
+use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
-use crate::tui::model::{AfterFailure, Rounds};
-use crate::tui::update::{Msg, Start};
+use crate::tui::model::{AfterFailure, RoundsSetting};
+use crate::tui::update::{Msg, StartRequest};
 
 /// How the run is reached from outside.
 pub(super) struct Handles {
-    pub control: Control,
+    pub control: RunControl,
     pub screen: mpsc::Sender<Msg>,
     pub live: Live,
-    pub questions: mpsc::Sender<Question>,
+    pub questions: mpsc::Sender<OperatorQuestion>,
 }
 
 /// How it went.
@@ -72,32 +72,37 @@ pub(super) async fn watch(held: Held, handles: Handles) -> Finished {
     Finished::Watch { why: looked.err().map(|error| format!("{}; {}", with_causes(&error), error.try_this())) }
 }
 
-fn in_words(refusal: &Refusal) -> String {
+fn in_words(refusal: &CommandRefusal) -> String {
     let hint = if refusal.try_this.is_empty() { String::new() } else { format!("; {}", refusal.try_this) };
     format!("{}{hint}", refusal.what)
 }
 
 /// The screen and what runs are out of step: nothing is started that is not shown.
-fn nothing_held() -> Refusal {
-    Refusal::new(NOT_HELD, "choose them again with F2")
+fn nothing_held() -> CommandRefusal {
+    CommandRefusal::new(NOT_HELD, "choose them again with F2")
 }
 
 /// Carries out an order of the screen.
-pub(super) async fn run(held: Held, start: Start, one_by_one: bool, handles: Handles) -> Finished {
+pub(super) async fn run(held: Held, start: StartRequest, one_by_one: bool, handles: Handles) -> Finished {
     match prepare(held, start, one_by_one, &handles) {
         Ok((request, setup)) => serve(&request, setup, handles).await,
         Err(refusal) => Finished::Run { outcome: None, store_error: None, refusal: Some(in_words(&refusal)) },
     }
 }
 
-fn prepare(held: Held, start: Start, one_by_one: bool, handles: &Handles) -> Result<(Request, Setup), Refusal> {
+fn prepare(
+    held: Held,
+    start: StartRequest,
+    one_by_one: bool,
+    handles: &Handles,
+) -> Result<(RunRequest, Setup), CommandRefusal> {
     let (Some(bench), Some(plan)) = (held.bench, held.plan) else { return Err(nothing_held()) };
     if plan.plan.sha256() != start.plan_sha256 {
         return Err(nothing_held());
     }
     let questions = handles.questions.clone();
     let setup = bench.open(&start.serial_number, || Ok(Fixture::Screen(questions)))?;
-    let request = Request {
+    let request = RunRequest {
         plan: plan.plan.clone(),
         serial_number: start.serial_number,
         operator: start.operator,
@@ -109,9 +114,9 @@ fn prepare(held: Held, start: Start, one_by_one: bool, handles: &Handles) -> Res
             AfterFailure::GoOn => Some(OnFail::Continue),
         },
         rounds: match start.rounds {
-            Rounds::Once => service::Rounds::Once,
-            Rounds::Count(count) => service::Rounds::Count(count),
-            Rounds::Minutes(minutes) => service::Rounds::For(Duration::from_secs(60 * u64::from(minutes))),
+            RoundsSetting::Once => service::Rounds::Once,
+            RoundsSetting::Count(count) => service::Rounds::Count(count),
+            RoundsSetting::Minutes(minutes) => service::Rounds::For(Duration::from_secs(60 * u64::from(minutes))),
         },
         resume: start.resume,
         one_by_one,
@@ -121,7 +126,7 @@ fn prepare(held: Held, start: Start, one_by_one: bool, handles: &Handles) -> Res
     Ok((request, setup))
 }
 
-async fn serve(request: &Request, setup: Setup, handles: Handles) -> Finished {
+async fn serve(request: &RunRequest, setup: Setup, handles: Handles) -> Finished {
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
     let mut shown = Shown { screen: handles.screen, store_error: None };
@@ -130,7 +135,7 @@ async fn serve(request: &Request, setup: Setup, handles: Handles) -> Finished {
         Ok(done) => (Some(done.outcome()), done.refused),
         Err(refused) => (None, Some(refused)),
     };
-    let refusal = refused.map(|error| in_words(&Refusal::new(with_causes(&error), error.try_this())));
+    let refusal = refused.map(|error| in_words(&CommandRefusal::new(with_causes(&error), error.try_this())));
     Finished::Run { outcome, store_error: shown.store_error, refusal }
 }
 

@@ -8,11 +8,11 @@ use super::scene;
 use crate::files::ChangedFile;
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
-use crate::tui::model::{Earlier, Loaded, Rounds};
+use crate::tui::model::{Earlier, Loaded, RoundsSetting};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
-use crate::tui::records::{Checked, Mark, Runs, Unopened};
+use crate::tui::records::{Checked, RunMark, Runs, Unopened};
 use crate::tui::scene::Scene;
-use crate::tui::update::{Command, Msg, Start};
+use crate::tui::update::{Effect, Msg, StartRequest};
 
 const RUN: &str = "records/2026-11-21/DEMO-1/221500-calibration";
 
@@ -38,18 +38,18 @@ fn unlike() -> Option<Resumable> {
 }
 
 /// Scans, presses F5, and lets this be found.
-fn start(scene: &mut Scene, changed: Vec<ChangedFile>, resume: Option<Resumable>) -> Option<Command> {
+fn start(scene: &mut Scene, changed: Vec<ChangedFile>, resume: Option<Resumable>) -> Option<Effect> {
     scene.types("DEMO-1");
     scene.key(Key::Enter);
     let asked = scene.key(Key::F(5));
-    assert!(matches!(asked, Some(Command::Prepare { .. })), "{asked:?}");
+    assert!(matches!(asked, Some(Effect::Prepare { .. })), "{asked:?}");
     scene.tell(Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, earlier: None, resume })))
 }
 
 #[track_caller]
-fn started(command: Option<Command>) -> Start {
+fn started(command: Option<Effect>) -> StartRequest {
     match command {
-        Some(Command::Start(start)) => start,
+        Some(Effect::Start(start)) => start,
         other => panic!("{other:?}"),
     }
 }
@@ -88,7 +88,7 @@ fn changed_files_are_asked_about() {
     let mut scene = super::scene(Lang::En);
     start(&mut scene, changed(), None);
     let (plan, bench) = ("test-plans/functional.toml".into(), "sim:good".into());
-    assert_eq!(scene.key(Key::Enter), Some(Command::Choose { plan, bench }));
+    assert_eq!(scene.key(Key::Enter), Some(Effect::Choose { plan, bench }));
     assert_eq!(scene.model.plan, Loaded::Loading);
     assert_eq!(scene.model.pending, None, "it is looked at before it runs");
     assert!(scene.text().contains("then press F5"), "{}", scene.text());
@@ -106,17 +106,17 @@ fn changed_files_are_asked_about() {
 #[test]
 fn a_run_that_broke_off_is_taken_up_once() {
     let mut scene = scene(Lang::En);
-    scene.model.rounds = Rounds::Count(5);
+    scene.model.rounds = RoundsSetting::Count(5);
     assert_eq!(start(&mut scene, changed(), broke_off()), None);
     assert_eq!(scene.key(Key::F(6)), None, "the second question");
     let taken_up = started(scene.key(Key::Enter));
-    assert_eq!((taken_up.resume, taken_up.rounds), (Some(PathBuf::from(RUN)), Rounds::Once));
+    assert_eq!((taken_up.resume, taken_up.rounds), (Some(PathBuf::from(RUN)), RoundsSetting::Once));
 
     let mut scene = super::scene(Lang::En);
-    scene.model.rounds = Rounds::Count(5);
+    scene.model.rounds = RoundsSetting::Count(5);
     start(&mut scene, Vec::new(), broke_off());
     let from_start = started(scene.key(Key::F(6)));
-    assert_eq!((from_start.resume, from_start.rounds), (None, Rounds::Count(5)));
+    assert_eq!((from_start.resume, from_start.rounds), (None, RoundsSetting::Count(5)));
 }
 
 /// The run of the command line is looked at with each start, until the operator has decided about it.
@@ -126,7 +126,7 @@ fn the_run_of_the_command_line_is_not_forgotten() {
     scene.model.resume = Some(RUN.into());
     scene.types("DEMO-1");
     scene.key(Key::Enter);
-    let asked = Command::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: Some(RUN.into()) };
+    let asked = Effect::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: Some(RUN.into()) };
     assert_eq!(scene.key(Key::F(5)), Some(asked.clone()));
     let refused = || {
         let (serial_number, resume) = ("DEMO-1".into(), unlike());
@@ -148,7 +148,7 @@ fn a_scan_answers_no_question() {
         let mut scene = scene(Lang::En);
         start(&mut scene, changed, resume);
         scene.types("DEMO-9");
-        assert_eq!(scene.key(Key::Enter), Some(Command::LookUp("DEMO-9".into())));
+        assert_eq!(scene.key(Key::Enter), Some(Effect::LookUp("DEMO-9".into())));
         assert_eq!((scene.model.pending.as_ref(), scene.model.over.len()), (None, 0));
     }
 }
@@ -162,7 +162,7 @@ fn another_plan_ends_what_waits() {
     scene.key(Key::F(5));
     scene.key(Key::F(2));
     scene.types("x");
-    assert!(matches!(scene.key(Key::Enter), Some(Command::Choose { .. })));
+    assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })));
     let earlier = Some(Earlier { at: at(), outcome: Some(Outcome::Passed) });
     let (serial_number, changed, resume) = ("DEMO-1".into(), Vec::new(), broke_off());
     let prepared = Prepared { serial_number, changed, earlier, resume };
@@ -175,7 +175,7 @@ fn another_plan_ends_what_waits() {
 fn newer_runs() {
     check("records-newer", |scene| {
         super::records(scene);
-        let lines = vec![super::line("DEMO-1", 5, Mark::Newer), super::line("DEMO-2", 9, Mark::Unreadable)];
+        let lines = vec![super::line("DEMO-1", 5, RunMark::Newer), super::line("DEMO-2", 9, RunMark::Unreadable)];
         scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
         scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));
         let checked = Checked { problems: Vec::new(), newer: Some("event `weighed`".into()) };

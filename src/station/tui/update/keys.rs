@@ -1,22 +1,22 @@
 //! Keys: what they do where.
 
 use super::start::{self, ask_to_start};
-use super::{Command, set_language, words};
+use super::{Effect, set_language, words};
 use crate::serial_number::{self, SerialNumberError};
 use crate::tui::decode::Key;
-use crate::tui::keymap::{self, Action, Place};
+use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
-use crate::tui::model::{Loaded, Model, Over, Page, Pause, Rounds, RunView, Weight, order};
-use crate::tui::pending::Pending;
+use crate::tui::model::{Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order};
+use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
-use crate::tui::setup_form::{Form, Line, MAX_ROUNDS};
+use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS};
 
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
 
-pub(super) fn key(model: &mut Model, key: Key) -> Option<Command> {
+pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
     let place = model.place();
-    if place == Place::Setup && is_text(key) {
+    if place == KeyContext::Setup && is_text(key) {
         if let Some(Over::Setup(form)) = model.over.last_mut() {
             form.typed(key);
         }
@@ -37,8 +37,8 @@ fn is_text(key: Key) -> bool {
 
 /// Text goes to the serial number, or to the search of the records. `Some`: the key was text, or ended it.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
-fn scanned(model: &mut Model, place: Place, key: Key) -> Option<Option<Command>> {
-    let searching = matches!(place, Place::Records);
+fn scanned(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<Effect>> {
+    let searching = matches!(place, KeyContext::Records);
     let field = if searching { &mut model.records.search } else { &mut model.scan.typed };
     let typing = !field.is_empty();
     match key {
@@ -61,7 +61,7 @@ fn scanned(model: &mut Model, place: Place, key: Key) -> Option<Option<Command>>
 }
 
 /// Takes what was typed as a serial number.
-fn finish_scan(model: &mut Model) -> bool {
+fn finish_scan(model: &mut ScreenModel) -> bool {
     let texts = model.texts;
     let field = std::mem::take(&mut model.scan.typed);
     let too_long = |characters: usize| {
@@ -78,16 +78,16 @@ fn finish_scan(model: &mut Model) -> bool {
             return true;
         }
     };
-    model.say(Weight::Error, problem);
+    model.say(MessageWeight::Error, problem);
     false
 }
 
-fn take_number(model: &mut Model, number: String) {
+fn take_number(model: &mut ScreenModel, number: String) {
     let texts = model.texts;
     let shown = gnc_text::printable(&number).into_owned();
     if model.is_running() {
         model.scan.next = Some(number);
-        return model.say(Weight::Info, words(texts.scanned_next, &[&shown]));
+        return model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
     }
     model.scan.current = Some(number);
     model.scan.next = None;
@@ -96,63 +96,68 @@ fn take_number(model: &mut Model, number: String) {
     // The verdict on the screen was another module's.
     model.run = None;
     model.cursor = 0;
-    model.page = Page::Tests;
+    model.page = ScreenPage::Tests;
     model.over.retain(|over| matches!(over, Over::Setup(_)));
-    model.say(Weight::Info, words(texts.scanned, &[&shown]));
+    model.say(MessageWeight::Info, words(texts.scanned, &[&shown]));
 }
 
-fn look_up(model: &Model) -> Option<Command> {
+fn look_up(model: &ScreenModel) -> Option<Effect> {
     let number = model.scan.current.clone().filter(|_| !model.is_running() && model.scan.earlier.is_none());
-    number.map(Command::LookUp)
+    number.map(Effect::LookUp)
 }
 
-fn act(model: &mut Model, place: Place, action: Action) -> Option<Command> {
+fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<Effect> {
     match action {
-        Action::Help => model.over.push(Over::Help { place, scroll: 0 }),
-        Action::Setup => {
+        KeyAction::Help => model.over.push(Over::Help { place, scroll: 0 }),
+        KeyAction::Setup => {
             let form = Form::new(model);
             model.over.push(Over::Setup(form));
-            return Some(Command::ListChoices);
+            return Some(Effect::ListChoices);
         }
-        Action::Start => return begin(model, What::Ticked),
-        Action::One => return begin(model, What::One),
-        Action::Repeat => return begin(model, What::Failed),
-        Action::Watch => return watch(model),
-        Action::Pause => return pause(model),
-        Action::AbortItem => return abort_item(model),
-        Action::Stop => return stop(model),
-        Action::NextPage => return next_page(model),
-        Action::Leave => return leave(model),
-        Action::Tick => tick(model),
-        Action::TickAll => {
+        KeyAction::Start => return begin(model, What::Ticked),
+        KeyAction::One => return begin(model, What::One),
+        KeyAction::Repeat => return begin(model, What::Failed),
+        KeyAction::Watch => return watch(model),
+        KeyAction::Pause => return pause(model),
+        KeyAction::AbortItem => return abort_item(model),
+        KeyAction::Stop => return stop(model),
+        KeyAction::NextPage => return next_page(model),
+        KeyAction::Leave => return leave(model),
+        KeyAction::Tick => tick(model),
+        KeyAction::TickAll => {
             let all = model.ticks.iter().all(|tick| *tick);
             model.ticks.iter_mut().for_each(|tick| *tick = !all);
         }
-        Action::Open => return open(model, place),
-        Action::Take => return take_form(model),
-        Action::Back if place == Place::Watching => return leave_watch(model),
-        Action::Back => back(model, place),
-        Action::Yes | Action::No | Action::LoadNew | Action::RunChecked | Action::TakeUp | Action::FromStart => {
-            return start::answer(model, action).unwrap_or_else(|| answer(model, action == Action::Yes));
+        KeyAction::Open => return open(model, place),
+        KeyAction::Take => return take_form(model),
+        KeyAction::Back if place == KeyContext::Watching => return leave_watch(model),
+        KeyAction::Back => back(model, place),
+        KeyAction::Yes
+        | KeyAction::No
+        | KeyAction::LoadNew
+        | KeyAction::RunChecked
+        | KeyAction::TakeUp
+        | KeyAction::FromStart => {
+            return start::answer(model, action).unwrap_or_else(|| answer(model, action == KeyAction::Yes));
         }
-        Action::Log => model.over.push(Over::Log { scroll: 0 }),
-        Action::Verify => return verify(model),
-        Action::Redraw => model.redraw = true,
-        Action::Filter => model.records.turn_filter(),
-        Action::Reload => return read_records(model),
-        Action::Left | Action::Right => {
-            let step = if action == Action::Left { -1 } else { 1 };
+        KeyAction::Log => model.over.push(Over::Log { scroll: 0 }),
+        KeyAction::Verify => return verify(model),
+        KeyAction::Redraw => model.redraw = true,
+        KeyAction::Filter => model.records.turn_filter(),
+        KeyAction::Reload => return read_records(model),
+        KeyAction::Left | KeyAction::Right => {
+            let step = if action == KeyAction::Left { -1 } else { 1 };
             let choices = model.choices.clone();
             if let Some(Over::Setup(form)) = model.over.last_mut() {
                 form.turn(&choices, step);
             }
         }
-        Action::Up => move_by(model, place, -1),
-        Action::Down => move_by(model, place, 1),
-        Action::PageUp => move_by(model, place, -PAGE_LINES),
-        Action::PageDown => move_by(model, place, PAGE_LINES),
-        Action::Home => move_by(model, place, isize::MIN / 2),
-        Action::End => move_by(model, place, isize::MAX / 2),
+        KeyAction::Up => move_by(model, place, -1),
+        KeyAction::Down => move_by(model, place, 1),
+        KeyAction::PageUp => move_by(model, place, -PAGE_LINES),
+        KeyAction::PageDown => move_by(model, place, PAGE_LINES),
+        KeyAction::Home => move_by(model, place, isize::MIN / 2),
+        KeyAction::End => move_by(model, place, isize::MAX / 2),
     }
     None
 }
@@ -165,9 +170,9 @@ enum What {
     Failed,
 }
 
-fn begin(model: &mut Model, what: What) -> Option<Command> {
+fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
     if model.watching {
-        model.say(Weight::Warning, model.texts.not_during_run);
+        model.say(MessageWeight::Warning, model.texts.not_during_run);
         return None;
     }
     // A scanner that sends no line end: the number is complete when somebody starts.
@@ -184,7 +189,7 @@ fn begin(model: &mut Model, what: What) -> Option<Command> {
         _ => Some(model.texts.no_bench),
     };
     if let Some(lacking) = lacking {
-        model.say(Weight::Error, lacking);
+        model.say(MessageWeight::Error, lacking);
         return None;
     }
     let selection = match what {
@@ -198,107 +203,107 @@ fn begin(model: &mut Model, what: What) -> Option<Command> {
     }
     let selection = selection.filter(|_| !everything);
     // One item may be looped, to watch it; what failed is looked at once.
-    let rounds = if what == What::Failed { Rounds::Once } else { model.rounds };
-    ask_to_start(model, Pending::new(selection, rounds))
+    let rounds = if what == What::Failed { RoundsSetting::Once } else { model.rounds };
+    ask_to_start(model, PendingStart::new(selection, rounds))
 }
 
-fn ticked(model: &mut Model) -> Option<Vec<String>> {
+fn ticked(model: &mut ScreenModel) -> Option<Vec<String>> {
     let items = &model.plan.ready()?.items;
     let names = items.iter().zip(&model.ticks).filter(|(_, tick)| **tick).map(|(item, _)| item.name.clone());
     let names: Vec<String> = names.collect();
     if names.is_empty() {
-        model.say(Weight::Warning, model.texts.nothing_ticked);
+        model.say(MessageWeight::Warning, model.texts.nothing_ticked);
         return None;
     }
     Some(names)
 }
 
-fn failed(model: &mut Model) -> Option<Vec<String>> {
+fn failed(model: &mut ScreenModel) -> Option<Vec<String>> {
     let last = model.run.as_ref().filter(|run| model.scan.current.as_deref() == Some(run.serial_number.as_str()));
     let names = last.map(RunView::to_repeat).unwrap_or_default();
     if names.is_empty() {
-        model.say(Weight::Info, model.texts.nothing_failed);
+        model.say(MessageWeight::Info, model.texts.nothing_failed);
         return None;
     }
     Some(names)
 }
 
-fn watch(model: &mut Model) -> Option<Command> {
+fn watch(model: &mut ScreenModel) -> Option<Effect> {
     if !matches!(model.bench, Loaded::Ready(_)) {
-        model.say(Weight::Error, model.texts.no_bench);
+        model.say(MessageWeight::Error, model.texts.no_bench);
         return None;
     }
     model.watching = true;
     model.live = History::default();
     model.message = None;
-    Some(Command::Watch)
+    Some(Effect::Watch)
 }
 
-fn pause(model: &mut Model) -> Option<Command> {
+fn pause(model: &mut ScreenModel) -> Option<Effect> {
     let run = model.run.as_mut().filter(|run| !run.over)?;
     run.pause = if run.pause == Pause::No { Pause::Asked } else { Pause::No };
-    Some(Command::Pause(run.pause == Pause::Asked))
+    Some(Effect::Pause(run.pause == Pause::Asked))
 }
 
-fn abort_item(model: &mut Model) -> Option<Command> {
+fn abort_item(model: &mut ScreenModel) -> Option<Effect> {
     let item = model.item_under_cursor()?.to_owned();
     let runs = model.run.as_ref()?.state.row(&item).is_some_and(|row| row.running().is_some());
     if !runs {
-        model.say(Weight::Warning, model.texts.not_running_item);
+        model.say(MessageWeight::Warning, model.texts.not_running_item);
         return None;
     }
-    model.say(Weight::Info, words(model.texts.aborting_item, &[&item]));
-    Some(Command::AbortItem(item))
+    model.say(MessageWeight::Info, words(model.texts.aborting_item, &[&item]));
+    Some(Effect::AbortItem(item))
 }
 
-fn stop(model: &mut Model) -> Option<Command> {
+fn stop(model: &mut ScreenModel) -> Option<Effect> {
     if model.watching {
-        return Some(Command::Stop);
+        return Some(Effect::Stop);
     }
     let run = model.run.as_mut().filter(|run| !run.over)?;
     run.stops += 1;
-    Some(Command::Stop)
+    Some(Effect::Stop)
 }
 
-fn next_page(model: &mut Model) -> Option<Command> {
+fn next_page(model: &mut ScreenModel) -> Option<Effect> {
     model.over.clear();
     // Nobody watches any more: the module need not stay on.
-    let unwatched = (model.watching && model.page == Page::Live).then_some(Command::Stop);
+    let unwatched = (model.watching && model.page == ScreenPage::Live).then_some(Effect::Stop);
     model.page = match model.page {
-        Page::Tests if model.captures() => Page::Calibration,
-        Page::Tests | Page::Calibration => Page::Live,
-        Page::Live => Page::Records,
-        Page::Records => Page::Tests,
+        ScreenPage::Tests if model.captures() => ScreenPage::Calibration,
+        ScreenPage::Tests | ScreenPage::Calibration => ScreenPage::Live,
+        ScreenPage::Live => ScreenPage::Records,
+        ScreenPage::Records => ScreenPage::Tests,
     };
-    model.records.reading = model.page == Page::Records;
+    model.records.reading = model.page == ScreenPage::Records;
     unwatched.or_else(|| read_if_due(model))
 }
 
-fn leave_watch(model: &mut Model) -> Option<Command> {
-    model.page = Page::Tests;
-    Some(Command::Stop)
+fn leave_watch(model: &mut ScreenModel) -> Option<Effect> {
+    model.page = ScreenPage::Tests;
+    Some(Effect::Stop)
 }
 
 /// Reads what the records page waits for.
-pub(super) fn read_if_due(model: &mut Model) -> Option<Command> {
-    if model.page == Page::Records && model.records.reading { read_records(model) } else { None }
+pub(super) fn read_if_due(model: &mut ScreenModel) -> Option<Effect> {
+    if model.page == ScreenPage::Records && model.records.reading { read_records(model) } else { None }
 }
 
-fn read_records(model: &mut Model) -> Option<Command> {
+fn read_records(model: &mut ScreenModel) -> Option<Effect> {
     model.records.reading = true;
     match &model.records.runs {
-        Some(runs) => Some(Command::ListRuns(runs.day.clone())),
-        None => Some(Command::ListDays),
+        Some(runs) => Some(Effect::ListRuns(runs.day.clone())),
+        None => Some(Effect::ListDays),
     }
 }
 
-fn leave(model: &mut Model) -> Option<Command> {
+fn leave(model: &mut ScreenModel) -> Option<Effect> {
     if model.watching {
         model.leaving = true;
-        return Some(Command::Stop);
+        return Some(Effect::Stop);
     }
     if !model.is_running() {
-        return Some(Command::Leave);
+        return Some(Effect::Leave);
     }
     if !model.leaving {
         model.over.push(Over::Leave);
@@ -306,27 +311,27 @@ fn leave(model: &mut Model) -> Option<Command> {
     None
 }
 
-fn tick(model: &mut Model) {
+fn tick(model: &mut ScreenModel) {
     let Some(position) = model.order().get(model.cursor).copied() else { return };
     if let Some(tick) = model.ticks.get_mut(position) {
         *tick = !*tick;
     }
 }
 
-fn open(model: &mut Model, place: Place) -> Option<Command> {
+fn open(model: &mut ScreenModel, place: KeyContext) -> Option<Effect> {
     match place {
-        Place::Records => {
+        KeyContext::Records => {
             let records = &mut model.records;
             if records.runs.is_none() {
                 let day = records.days.as_ref()?.get(records.day_cursor)?.name.clone();
                 records.reading = true;
-                return Some(Command::ListRuns(day));
+                return Some(Effect::ListRuns(day));
             }
             let path = records.shown().get(records.run_cursor)?.path.clone();
             records.reading = true;
-            return Some(Command::OpenRun(path));
+            return Some(Effect::OpenRun(path));
         }
-        Place::Record => {
+        KeyContext::Record => {
             let open = model.records.open.as_ref()?;
             let position = *order(&open.state).get(open.cursor)?;
             let name = open.state.rows()[position].planned.name.clone();
@@ -342,12 +347,12 @@ fn open(model: &mut Model, place: Place) -> Option<Command> {
     None
 }
 
-fn take_form(model: &mut Model) -> Option<Command> {
+fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     let Some(Over::Setup(form)) = model.over.last() else { return None };
     let form = form.clone();
     let Some(rounds) = form.asked_rounds() else {
         let most = MAX_ROUNDS.to_string();
-        model.say(Weight::Error, words(model.texts.not_a_number, &[&most]));
+        model.say(MessageWeight::Error, words(model.texts.not_a_number, &[&most]));
         return None;
     };
     model.over.pop();
@@ -360,59 +365,59 @@ fn take_form(model: &mut Model) -> Option<Command> {
     if plan != model.plan_path || bench != model.bench_path || !matches!(model.plan, Loaded::Ready(_)) {
         model.plan = Loaded::Loading;
         model.pending = None;
-        return Some(Command::Choose { plan, bench });
+        return Some(Effect::Choose { plan, bench });
     }
     None
 }
 
-fn back(model: &mut Model, place: Place) {
+fn back(model: &mut ScreenModel, place: KeyContext) {
     if model.over.pop().is_some() {
         return;
     }
     match place {
-        Place::Record => model.records.open = None,
-        Place::Records => {
+        KeyContext::Record => model.records.open = None,
+        KeyContext::Records => {
             if model.records.runs.take().is_none() {
-                model.page = Page::Tests;
+                model.page = ScreenPage::Tests;
             }
             model.records.error = None;
         }
-        Place::Live | Place::LiveRunning | Place::Calibration => model.page = Page::Tests,
+        KeyContext::Live | KeyContext::LiveRunning | KeyContext::Calibration => model.page = ScreenPage::Tests,
         _ => {}
     }
 }
 
-fn answer(model: &mut Model, yes: bool) -> Option<Command> {
+fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
     if model.over.pop_if(|over| *over == Over::Leave).is_some() {
         if yes {
             model.leaving = true;
-            model.say(Weight::Warning, model.texts.leave_stop_first);
+            model.say(MessageWeight::Warning, model.texts.leave_stop_first);
             return stop(model);
         }
         return None;
     }
     let run = model.run.as_mut()?;
-    run.prompt.take().map(|_| Command::Answer(yes))
+    run.prompt.take().map(|_| Effect::Answer(yes))
 }
 
-fn verify(model: &mut Model) -> Option<Command> {
+fn verify(model: &mut ScreenModel) -> Option<Effect> {
     let records = &mut model.records;
     if let Some(open) = &mut records.open {
         open.check = Check::Running;
-        return Some(Command::Verify(open.path.clone()));
+        return Some(Effect::Verify(open.path.clone()));
     }
     let path = records.shown().get(records.run_cursor)?.path.clone();
     let texts = model.texts;
-    model.say(Weight::Info, texts.verifying);
-    Some(Command::Verify(path))
+    model.say(MessageWeight::Info, texts.verifying);
+    Some(Effect::Verify(path))
 }
 
 /// Moves the cursor, or scrolls where there is none.
-fn move_by(model: &mut Model, place: Place, step: isize) {
+fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
     let end = model.scroll_end.get();
     match model.over.last_mut() {
         Some(Over::Setup(form)) => {
-            return form.line = moved(form.line, step.signum(), Line::ALL.len() - 1);
+            return form.line = moved(form.line, step.signum(), FormLine::ALL.len() - 1);
         }
         Some(Over::Help { scroll, .. } | Over::Item { scroll, .. } | Over::Log { scroll }) => {
             return *scroll = moved(*scroll, step, end);
@@ -420,7 +425,7 @@ fn move_by(model: &mut Model, place: Place, step: isize) {
         _ => {}
     }
     match place {
-        Place::Records => {
+        KeyContext::Records => {
             let records = &mut model.records;
             if records.runs.is_some() {
                 let last = records.shown().len().saturating_sub(1);
@@ -430,7 +435,7 @@ fn move_by(model: &mut Model, place: Place, step: isize) {
                 records.day_cursor = moved(records.day_cursor, step, last);
             }
         }
-        Place::Record => {
+        KeyContext::Record => {
             if let Some(open) = &mut model.records.open {
                 open.cursor = moved(open.cursor, step, open.state.rows().len().saturating_sub(1));
             }

@@ -4,11 +4,11 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
 
-use super::{Command, words};
-use crate::tui::model::{Earlier, Loaded, Model, Over, Pause, Prompt, Weight};
+use super::{Effect, words};
+use crate::tui::model::{Earlier, Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
 
 /// Folds an event as every other observer does.
-pub(super) fn event(model: &mut Model, event: &Event) -> Option<Command> {
+pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     let now = model.now;
     let expected_s = model.plan.ready().and_then(|plan| plan.expected_s);
     let run = model.run.as_mut()?;
@@ -25,7 +25,7 @@ pub(super) fn event(model: &mut Model, event: &Event) -> Option<Command> {
     if run.state.apply(event).is_err() {
         // The terminal was that far behind. The record has all of it.
         run.events_lost = true;
-        model.message = Some((Weight::Warning, model.texts.events_lost.to_owned()));
+        model.message = Some((MessageWeight::Warning, model.texts.events_lost.to_owned()));
         return None;
     }
     if let EventKind::RunEnded { outcome } = event.kind {
@@ -42,7 +42,7 @@ pub(super) fn event(model: &mut Model, event: &Event) -> Option<Command> {
     None
 }
 
-pub(super) fn asked(model: &mut Model, item: String, ask: Ask) {
+pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     let since = model.now.since_start;
     if let Some(run) = &mut model.run {
         run.prompt = Some(Prompt { item, ask, since });
@@ -50,14 +50,14 @@ pub(super) fn asked(model: &mut Model, item: String, ask: Ask) {
 }
 
 /// What is known of earlier runs of the module.
-pub(super) fn earlier(model: &mut Model, serial_number: &str, run: Option<Earlier>) {
+pub(super) fn earlier(model: &mut ScreenModel, serial_number: &str, run: Option<Earlier>) {
     if model.scan.current.as_deref() == Some(serial_number) {
         model.scan.earlier = Some(run);
     }
 }
 
 /// Nothing follows.
-pub(super) fn over(model: &mut Model, store_error: Option<String>, refusal: Option<String>) -> Option<Command> {
+pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal: Option<String>) -> Option<Effect> {
     let leaving = model.leaving;
     let run = model.run.as_mut()?;
     run.over = true;
@@ -65,25 +65,25 @@ pub(super) fn over(model: &mut Model, store_error: Option<String>, refusal: Opti
     run.progress.clear();
     run.pause = Pause::No;
     if let Some(error) = &store_error {
-        model.message = Some((Weight::Error, words(model.texts.store_error, &[error])));
+        model.message = Some((MessageWeight::Error, words(model.texts.store_error, &[error])));
     }
     run.store_error = store_error;
     let missed = run.folder.clone().filter(|_| run.events_lost);
     let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
     if let Some(why) = refusal {
         let first = why.lines().next().unwrap_or_default();
-        model.message = Some((Weight::Error, words(model.texts.run_refused, &[first])));
+        model.message = Some((MessageWeight::Error, words(model.texts.run_refused, &[first])));
         if nothing_done {
             model.run = None;
         }
     }
     // Whoever was asked whether to stop the run need not answer any more.
     model.over.retain(|over| *over != Over::Leave);
-    if leaving { Some(Command::Leave) } else { missed.map(Command::Refold) }
+    if leaving { Some(Effect::Leave) } else { missed.map(Effect::Refold) }
 }
 
 /// The record of a run whose events did not all come.
-pub(super) fn refolded(model: &mut Model, state: RunState) {
+pub(super) fn refolded(model: &mut ScreenModel, state: RunState) {
     if let Some(run) = &mut model.run {
         if let Some(outcome) = state.outcome() {
             run.ends.push(outcome);

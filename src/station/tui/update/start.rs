@@ -1,24 +1,24 @@
 //! The way from a key to a run: what is looked at first, and what is asked before it begins.
 
-use super::{Command, Start, earlier_words, words};
-use crate::tui::keymap::Action;
+use super::{Effect, StartRequest, earlier_words, words};
+use crate::tui::keymap::KeyAction;
 use crate::tui::live::History;
-use crate::tui::model::{Loaded, Model, Over, Rounds, RunView, Weight};
-use crate::tui::pending::{Interrupted, Pending, Prepared, Resumable};
+use crate::tui::model::{Loaded, MessageWeight, Over, RoundsSetting, RunView, ScreenModel};
+use crate::tui::pending::{Interrupted, PendingStart, Prepared, Resumable};
 
 /// A run is asked for: the session looks at files and records first.
-pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Command> {
+pub(super) fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Option<Effect> {
     let Some(serial_number) = model.scan.current.clone() else {
-        model.say(Weight::Warning, model.texts.scan_first);
+        model.say(MessageWeight::Warning, model.texts.scan_first);
         return None;
     };
     let (selection, resume) = (pending.selection.clone(), model.resume.clone());
     model.pending = Some(pending);
-    Some(Command::Prepare { serial_number, selection, resume })
+    Some(Effect::Prepare { serial_number, selection, resume })
 }
 
 /// The look is done. The screen asks one question after the other.
-pub(super) fn prepared(model: &mut Model, prepared: Prepared) -> Option<Command> {
+pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Effect> {
     let Prepared { serial_number, changed, earlier, resume } = prepared;
     // A key that was pressed twice asks once.
     if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
@@ -37,7 +37,7 @@ pub(super) fn prepared(model: &mut Model, prepared: Prepared) -> Option<Command>
         (None, Some(run)) if pending.selection.is_none() => {
             pending.questions.push_back(Over::Again { at: run.at, outcome: run.outcome });
             let [time, outcome] = earlier_words(model, &run);
-            model.say(Weight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
+            model.say(MessageWeight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
         }
         (None, _) => {}
     }
@@ -45,7 +45,7 @@ pub(super) fn prepared(model: &mut Model, prepared: Prepared) -> Option<Command>
 }
 
 /// Asks the next question; after the last one the run begins.
-fn ask_next(model: &mut Model) -> Option<Command> {
+fn ask_next(model: &mut ScreenModel) -> Option<Effect> {
     match model.pending.as_mut()?.questions.pop_front() {
         Some(question) => {
             model.over.push(question);
@@ -61,15 +61,15 @@ fn is_question(over: &Over) -> bool {
 }
 
 /// The answer to a question about a start; `None` if the question on top is another one.
-pub(super) fn answer(model: &mut Model, action: Action) -> Option<Option<Command>> {
+pub(super) fn answer(model: &mut ScreenModel, action: KeyAction) -> Option<Option<Effect>> {
     let question = model.over.pop_if(|over| is_question(over))?;
     Some(match (question, action) {
-        (_, Action::No) => {
+        (_, KeyAction::No) => {
             model.pending = None;
             None
         }
-        (Over::Changed(_), Action::LoadNew) => load_new(model),
-        (Over::Interrupted(run), Action::TakeUp) => take_up(model, run),
+        (Over::Changed(_), KeyAction::LoadNew) => load_new(model),
+        (Over::Interrupted(run), KeyAction::TakeUp) => take_up(model, run),
         (Over::Interrupted(_) | Over::NoResume { .. }, _) => {
             // The operator has decided about the run of the command line.
             model.resume = None;
@@ -80,24 +80,24 @@ pub(super) fn answer(model: &mut Model, action: Action) -> Option<Option<Command
 }
 
 /// Plan and bench are read and checked again. The operator looks at them before they run.
-fn load_new(model: &mut Model) -> Option<Command> {
+fn load_new(model: &mut ScreenModel) -> Option<Effect> {
     model.pending = None;
     model.plan = Loaded::Loading;
-    model.say(Weight::Info, model.texts.reading_new);
-    Some(Command::Choose { plan: model.plan_path.clone(), bench: model.bench_path.clone() })
+    model.say(MessageWeight::Info, model.texts.reading_new);
+    Some(Effect::Choose { plan: model.plan_path.clone(), bench: model.bench_path.clone() })
 }
 
-fn take_up(model: &mut Model, run: Interrupted) -> Option<Command> {
+fn take_up(model: &mut ScreenModel, run: Interrupted) -> Option<Effect> {
     model.resume = None;
     let pending = model.pending.as_mut()?;
     // What was captured is taken over once.
-    (pending.resume, pending.rounds) = (Some(run.folder), Rounds::Once);
+    (pending.resume, pending.rounds) = (Some(run.folder), RoundsSetting::Once);
     ask_next(model)
 }
 
 /// Starts what waits.
-fn start(model: &mut Model) -> Option<Command> {
-    let Pending { selection, rounds, resume, .. } = model.pending.take()?;
+fn start(model: &mut ScreenModel) -> Option<Effect> {
+    let PendingStart { selection, rounds, resume, .. } = model.pending.take()?;
     let serial_number = model.scan.current.clone()?;
     let plan = model.plan.ready()?;
     let (plan_sha256, expected_s) = (plan.sha256.clone(), plan.expected_s);
@@ -106,7 +106,7 @@ fn start(model: &mut Model) -> Option<Command> {
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
     model.message = None;
     model.cursor = 0;
-    Some(Command::Start(Start {
+    Some(Effect::Start(StartRequest {
         serial_number,
         plan_sha256,
         resume,

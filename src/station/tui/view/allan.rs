@@ -1,6 +1,6 @@
 //! Allan deviations over the averaging time, both by their logarithms, as they grow.
 
-use gnc_bench::guidance::allan::Allan;
+use gnc_bench::guidance::allan::AllanView;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::symbols::Marker;
@@ -8,13 +8,13 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
 use super::live::names_of_curves;
 use super::style;
-use crate::tui::model::{Glyphs, Model};
+use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Cells of one label of the averaging time, with a gap.
 const LABEL: u16 = 8;
 
 /// Draws the deviations of a capture that will take so long.
-pub(super) fn draw(model: &Model, allan: &Allan, span_s: f64, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, allan: &AllanView, span_s: f64, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let [gyro, accel] = Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
     let title = |sensors: &str, unit: &str| format!("{}, {sensors}  {unit}", texts.allan);
@@ -22,7 +22,14 @@ pub(super) fn draw(model: &Model, allan: &Allan, span_s: f64, frame: &mut Frame<
     chart(model, frame, accel, &title(texts.accelerometers, "mg"), &allan.accel_mg, span_s);
 }
 
-fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, curves: &[Vec<(f64, f64)>; 3], span_s: f64) {
+fn chart(
+    model: &ScreenModel,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    title: &str,
+    curves: &[Vec<(f64, f64)>; 3],
+    span_s: f64,
+) {
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(area);
     frame.render_widget(block, area);

@@ -14,14 +14,14 @@ const EYE_UP_DEG: f64 = 25.0;
 
 /// A module on the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Attitude {
+pub(super) struct ModuleOnTable {
     /// Where its axes X, Y, Z point.
     pub(super) axes: [Direction; 3],
     /// Where the table's axis points: the one about which it turns, in the sense of the module's axis that lies there.
     pub(super) table: Direction,
 }
 
-impl Attitude {
+impl ModuleOnTable {
     /// The attitude of a module that was laid down so.
     pub(super) fn of(orientation: &Orientation) -> Self {
         let (along, heading_deg) = match *orientation {
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     fn check(orientation: Orientation, expected: [[f64; 3]; 3]) {
-        let axes = Attitude::of(&orientation).axes;
+        let axes = ModuleOnTable::of(&orientation).axes;
         for (axis, expected) in axes.iter().zip(expected) {
             assert!((axis - Vector3::from(expected)).norm() < 1e-9, "{orientation:?}: {axes:?}");
         }
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn what_is_up_points_up() {
         let up = Vector3::new(0.1, -0.7, 0.2).normalize();
-        let axes = Attitude::of(&Orientation::Up { up: up.into(), heading_deg: 30.0 }).axes;
+        let axes = ModuleOnTable::of(&Orientation::Up { up: up.into(), heading_deg: 30.0 }).axes;
         let height: Vec<f64> = axes.iter().map(|axis| axis.z).collect();
         for (axis, height) in height.iter().enumerate() {
             assert!((height - up[axis]).abs() < 1e-12, "{height}");

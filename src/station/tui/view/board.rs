@@ -4,7 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 
 use super::{WIDE, big, detail, log, panels, rows};
-use crate::tui::model::{Loaded, Model};
+use crate::tui::model::{Loaded, ScreenModel};
 
 /// Height of the panels with letters at their smallest and their borders.
 const LOW: u16 = big::HEIGHT + 2;
@@ -17,11 +17,11 @@ const VERDICT_WIDE: u16 = 74;
 /// Rows of the log on a high screen.
 const LOG: u16 = 10;
 
-pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     if area.width >= WIDE { wide(model, frame, area) } else { narrow(model, frame, area) }
 }
 
-fn narrow(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn narrow(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let [top, items] = Layout::vertical([Constraint::Length(LOW), Constraint::Fill(1)]).areas(area);
     let [product, verdict] = Layout::horizontal([Constraint::Fill(1), Constraint::Length(VERDICT)]).areas(top);
     panels::product(model, frame, product);
@@ -33,7 +33,7 @@ fn narrow(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     items_or_mistakes(model, frame, items);
 }
 
-fn wide(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn wide(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let high = if area.height >= HIGH + 3 * LOG { HIGH } else { LOW };
     let [top, body] = Layout::vertical([Constraint::Length(high), Constraint::Fill(1)]).areas(area);
     let verdict_width = if high == HIGH { VERDICT_WIDE.min(area.width / 2) } else { VERDICT };
@@ -50,7 +50,7 @@ fn wide(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     log::pane(model, frame, log);
 }
 
-fn items_or_mistakes(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn items_or_mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let shown = model.run.as_ref().is_some_and(|run| !run.state.rows().is_empty());
     match (&model.bench, &model.plan) {
         _ if shown => rows::of_run(model, frame, area),

@@ -12,7 +12,7 @@ use super::panels::{bar, block};
 use super::rows::first_shown;
 use super::{WIDE, allan, field, live, module, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{Model, ProgramView};
+use crate::tui::model::{ProgramView, ScreenModel};
 
 /// Width of the guidance beside the captures.
 const GUIDANCE: u16 = 40;
@@ -25,7 +25,7 @@ const LIST: u16 = 4;
 const LIST_HIGH: u16 = 10;
 const HIGH: u16 = 40;
 
-pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some((item, guidance)) = model.guidance() else { return programs(model, frame, area) };
     let width = if area.width >= WIDE { GUIDANCE_WIDE } else { GUIDANCE };
     let [left, right] = Layout::horizontal([Constraint::Length(width), Constraint::Fill(1)]).areas(area);
@@ -44,7 +44,7 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// The module, and what goes on with it.
-fn guide(model: &Model, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
+fn guide(model: &ScreenModel, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
     let block = block(&text::shown(item)).border_style(style::accent(model.look));
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -67,7 +67,7 @@ fn guide(model: &Model, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, 
 }
 
 /// How the module lies, and how it moves in the present capture.
-fn pose_lines(model: &Model, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
+fn pose_lines(model: &ScreenModel, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
     let strong = |line| Line::styled(line, style::strong());
     let orientation =
         guidance.orientation.as_ref().map(|orientation| model.texts.orientation(orientation)).unwrap_or_default();
@@ -79,7 +79,7 @@ fn pose_lines(model: &Model, guidance: &Guidance, cells: usize) -> Vec<Line<'sta
 }
 
 /// Which capture of how many, and what is still to go of it, of the item, of the plan.
-fn progress_lines(model: &Model, item: &str, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
+fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let mut lines = vec![Line::styled(text::cut(&texts.stage(guidance), cells), style::strong())];
     if let Some(planned) = guidance.present() {
@@ -115,7 +115,7 @@ fn progress_lines(model: &Model, item: &str, guidance: &Guidance, cells: usize) 
 }
 
 /// Bench time of all captures that the plan has still before it.
-pub(super) fn plan_left_s(model: &Model, item: &str, guidance: &Guidance) -> Option<f64> {
+pub(super) fn plan_left_s(model: &ScreenModel, item: &str, guidance: &Guidance) -> Option<f64> {
     let programs = &model.plan.ready()?.programs;
     let state = &model.run.as_ref()?.state;
     let later = programs.iter().filter(|program| program.item != item && is_open(state, &program.item));
@@ -127,7 +127,7 @@ fn is_open(state: &RunState, item: &str) -> bool {
 }
 
 /// All captures of the item, with a mark for each that is finished.
-fn captures(model: &Model, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
+fn captures(model: &ScreenModel, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let title = format!("{} {}/{}", texts.captures, guidance.finished, guidance.captures.len());
     let block = block(&title);
@@ -140,7 +140,7 @@ fn captures(model: &Model, guidance: &Guidance, frame: &mut Frame<'_>, area: Rec
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
-fn capture(model: &Model, guidance: &Guidance, index: usize, planned: &Planned, cells: usize) -> Line<'static> {
+fn capture(model: &ScreenModel, guidance: &Guidance, index: usize, planned: &Planned, cells: usize) -> Line<'static> {
     let at_work = index == guidance.finished;
     let (mark, style) = match index {
         _ if index < guidance.finished => ("✓", style::outcome(model.look, gnc_executive::outcome::Outcome::Passed)),
@@ -158,7 +158,7 @@ fn capture(model: &Model, guidance: &Guidance, index: usize, planned: &Planned, 
 }
 
 /// What of the plan captures, while nothing does.
-fn programs(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn programs(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let block = block(texts.calibration);
     let inner = block.inner(area);
@@ -174,7 +174,7 @@ fn programs(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
-fn program_line(model: &Model, program: &ProgramView, cells: usize) -> Line<'static> {
+fn program_line(model: &ScreenModel, program: &ProgramView, cells: usize) -> Line<'static> {
     let over = model.run.as_ref().and_then(|run| run.state.row(&program.item)).filter(|row| row.is_over());
     let outcome = over.map(|row| row.outcome);
     let word = outcome.map(|outcome| format!("{} {}", style::mark(outcome), (model.texts.outcome_word)(outcome)));

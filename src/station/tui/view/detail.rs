@@ -1,6 +1,6 @@
 //! One item: its attempts, with every value and its limit.
 
-use gnc_executive::event::Level;
+use gnc_executive::event::NoteLevel;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::state::{Attempt, Row};
 use gnc_executive::text::duration;
@@ -13,24 +13,24 @@ use ratatui::widgets::Paragraph;
 use super::panels::block;
 use super::{style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::Model;
+use crate::tui::model::ScreenModel;
 
 /// The item as a page of its own.
-pub(super) fn page(model: &Model, frame: &mut Frame<'_>, area: Rect, name: &str, scroll: usize) {
+pub(super) fn page(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, name: &str, scroll: usize) {
     let row = model.shown_state().and_then(|state| state.row(name));
     let lines = |cells| row.map(|row| lines(model, row, cells)).unwrap_or_default();
     scrolled(model, frame, area, &title(model, row), scroll, lines);
 }
 
 /// The item under the cursor, beside the list.
-pub(super) fn pane(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn pane(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let name = model.item_under_cursor();
     let row = model.run.as_ref().zip(name).and_then(|(run, name)| run.state.row(name));
     show(model, row, frame, area);
 }
 
 /// An item beside a list of the records.
-pub(super) fn show(model: &Model, row: Option<&Row>, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn show(model: &ScreenModel, row: Option<&Row>, frame: &mut Frame<'_>, area: Rect) {
     let block = block(&title(model, row));
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -41,7 +41,7 @@ pub(super) fn show(model: &Model, row: Option<&Row>, frame: &mut Frame<'_>, area
     }
 }
 
-fn title(model: &Model, row: Option<&Row>) -> String {
+fn title(model: &ScreenModel, row: Option<&Row>) -> String {
     match row {
         Some(row) => format!("{}: {}", text::shown(&row.planned.name), (model.texts.item_title)(row.planned.id)),
         None => model.texts.detail.to_owned(),
@@ -50,7 +50,7 @@ fn title(model: &Model, row: Option<&Row>) -> String {
 
 /// Lines in a frame, from `scroll` on; what cannot be seen is counted.
 pub(super) fn scrolled(
-    model: &Model,
+    model: &ScreenModel,
     frame: &mut Frame<'_>,
     area: Rect,
     title: &str,
@@ -73,7 +73,7 @@ pub(super) fn scrolled(
     frame.render_widget(Paragraph::new(shown), inner);
 }
 
-fn lines(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
+fn lines(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let mut lines = Vec::new();
     if let Some(cause) = &row.cause {
@@ -90,7 +90,7 @@ fn lines(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
     lines
 }
 
-fn attempt_head(model: &Model, number: usize, attempt: &Attempt) -> Line<'static> {
+fn attempt_head(model: &ScreenModel, number: usize, attempt: &Attempt) -> Line<'static> {
     let texts = model.texts;
     let mut head = fill(texts.attempt, &[&number.to_string()]);
     if let Some(outcome) = attempt.outcome {
@@ -103,11 +103,11 @@ fn attempt_head(model: &Model, number: usize, attempt: &Attempt) -> Line<'static
     Line::styled(head, style::strong())
 }
 
-fn attempt_lines(model: &Model, row: &Row, attempt: &Attempt, cells: usize) -> Vec<Line<'static>> {
+fn attempt_lines(model: &ScreenModel, row: &Row, attempt: &Attempt, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let mut lines = Vec::new();
     if let Some(error) = &attempt.error {
-        lines.extend(sentence((texts.level)(Level::Error), &text::shown(&error.text), style::strong(), cells));
+        lines.extend(sentence((texts.level)(NoteLevel::Error), &text::shown(&error.text), style::strong(), cells));
         if !error.hint.is_empty() {
             lines.extend(sentence(texts.try_this, &text::shown(&error.hint), Style::new(), cells));
         }
@@ -140,7 +140,7 @@ fn attempt_lines(model: &Model, row: &Row, attempt: &Attempt, cells: usize) -> V
     lines
 }
 
-fn value_line(model: &Model, measurement: &Measurement, name_cells: usize, value_cells: usize) -> Line<'static> {
+fn value_line(model: &ScreenModel, measurement: &Measurement, name_cells: usize, value_cells: usize) -> Line<'static> {
     let mut name = text::shown(&measurement.name);
     if let Some(repeat) = measurement.repeat {
         name.push_str(&format!(" ({repeat})"));

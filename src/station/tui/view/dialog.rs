@@ -11,9 +11,9 @@ use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 
 use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
-use crate::tui::keymap::{self, Action, Place};
+use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
-use crate::tui::model::{Earlier, Glyphs, Model};
+use crate::tui::model::{Earlier, Glyphs, ScreenModel};
 use crate::tui::pending::Interrupted;
 use crate::tui::update::earlier_words;
 
@@ -23,7 +23,7 @@ const MAX_FILES: usize = 6;
 const WIDTH: u16 = 66;
 
 /// Draws the frame of a question and says where its content goes.
-fn over(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, rows: u16) -> Rect {
+fn over(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, rows: u16) -> Rect {
     let (width, height) = (WIDTH.min(area.width), (rows + 2).min(area.height));
     let place = Rect { x: area.x + (area.width - width) / 2, y: area.y + (area.height - height) / 2, width, height };
     let border = if model.look.glyphs == Glyphs::Unicode { BorderType::Double } else { BorderType::Plain };
@@ -38,8 +38,8 @@ fn over(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, rows: u16
 }
 
 /// "Enter Yes   Esc No".
-fn answers(model: &Model) -> Line<'static> {
-    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != Action::Stop);
+fn answers(model: &ScreenModel) -> Line<'static> {
+    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
     let spans = keys.flat_map(|binding| {
         let what = super::frame::key_label(model, binding.action);
         [Span::styled(keymap::name(binding.key), style::turned()), Span::raw(format!(" {what}   "))]
@@ -47,7 +47,7 @@ fn answers(model: &Model) -> Line<'static> {
     Line::from(spans.collect::<Vec<_>>())
 }
 
-fn question(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, words: &[String]) {
+fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, words: &[String]) {
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
     let lines: Vec<String> = words.iter().flat_map(|words| text::wrap(words, cells)).collect();
     let place = over(model, frame, area, title, lines.len() as u16 + 2);
@@ -59,7 +59,7 @@ fn question(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, words
 
 /// The module was tested today.
 pub(super) fn again(
-    model: &Model,
+    model: &ScreenModel,
     frame: &mut Frame<'_>,
     area: Rect,
     at: DateTime<FixedOffset>,
@@ -72,7 +72,7 @@ pub(super) fn again(
 }
 
 /// Files are not as they were checked.
-pub(super) fn changed(model: &Model, frame: &mut Frame<'_>, area: Rect, files: &[ChangedFile]) {
+pub(super) fn changed(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, files: &[ChangedFile]) {
     let texts = model.texts;
     let mut lines: Vec<String> = files.iter().take(MAX_FILES).map(|file| changed_file(model, file)).collect();
     if files.len() > MAX_FILES {
@@ -82,7 +82,7 @@ pub(super) fn changed(model: &Model, frame: &mut Frame<'_>, area: Rect, files: &
     question(model, frame, area, texts.changed_title, &lines);
 }
 
-fn changed_file(model: &Model, file: &ChangedFile) -> String {
+fn changed_file(model: &ScreenModel, file: &ChangedFile) -> String {
     let name = text::shown(&file.name);
     match &file.unreadable {
         None => fill(model.texts.file_changed, &[&name]),
@@ -91,7 +91,7 @@ fn changed_file(model: &Model, file: &ChangedFile) -> String {
 }
 
 /// A run of the module broke off.
-pub(super) fn interrupted(model: &Model, frame: &mut Frame<'_>, area: Rect, run: &Interrupted) {
+pub(super) fn interrupted(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, run: &Interrupted) {
     let texts = model.texts;
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
     let at = run.at.format("%F %H:%M").to_string();
@@ -100,19 +100,19 @@ pub(super) fn interrupted(model: &Model, frame: &mut Frame<'_>, area: Rect, run:
 }
 
 /// The run that was asked for cannot be taken up.
-pub(super) fn no_resume(model: &Model, frame: &mut Frame<'_>, area: Rect, why: &str) {
+pub(super) fn no_resume(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, why: &str) {
     let texts = model.texts;
     let lines = [text::shown(why), texts.no_resume_question.to_owned()];
     question(model, frame, area, texts.interrupted_title, &lines);
 }
 
 /// A run is on.
-pub(super) fn leave(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn leave(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     question(model, frame, area, model.texts.leave_title, &[model.texts.leave_question.to_owned()]);
 }
 
 /// The run asks for something.
-pub(super) fn prompt(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let Some(prompt) = model.run.as_ref().and_then(|run| run.prompt.as_ref()) else { return };
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
@@ -142,7 +142,7 @@ pub(super) fn prompt(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// What the keys do in a place, from the table of keys.
-pub(super) fn help(model: &Model, frame: &mut Frame<'_>, area: Rect, place: Place, scroll: usize) {
+pub(super) fn help(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, place: KeyContext, scroll: usize) {
     let keys: Vec<_> = keymap::bindings(place).collect();
     let name_cells = keys.iter().map(|binding| keymap::name(binding.key).len()).max().unwrap_or(0);
     let lines = |cells: usize| {

@@ -1,6 +1,6 @@
 //! The field across the axis of a spin: raw points with the ellipse through them, and what its correction makes of them.
 
-use gnc_bench::guidance::field::{Ellipse, Field, roll_deg};
+use gnc_bench::guidance::field::{FieldView, RoughEllipse, roll_deg};
 use gnc_protocol::calibration::ROLL_PER_RAD;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -12,7 +12,7 @@ use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
 use super::panels::block;
 use super::{style, text};
-use crate::tui::model::{Glyphs, Model};
+use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Rows of the figures below the plots.
 const FIGURES: u16 = 3;
@@ -23,7 +23,7 @@ const FAR: f64 = 4.0;
 /// Strokes of a drawn ellipse.
 const STROKES: u32 = 72;
 
-pub(super) fn draw(model: &Model, field: &Field, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, field: &FieldView, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let [plots, figures_area] = Layout::vertical([Constraint::Fill(1), Constraint::Length(FIGURES)]).areas(area);
     let [raw, corrected] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(plots);
@@ -57,13 +57,13 @@ pub(super) fn draw(model: &Model, field: &Field, frame: &mut Frame<'_>, area: Re
     frame.render_widget(Paragraph::new(figures(model, field, cells)), figures_area);
 }
 
-fn correct(ellipse: &Ellipse, [x, y]: [f64; 2]) -> [f64; 2] {
+fn correct(ellipse: &RoughEllipse, [x, y]: [f64; 2]) -> [f64; 2] {
     let (x, y) = ellipse.correction.apply(x, y);
     [x, y]
 }
 
 /// Middle and half width of what is in sight of the raw field: the ellipse, and zero unless that is far away.
-fn sight(field: &Field) -> ([f64; 2], f64) {
+fn sight(field: &FieldView) -> ([f64; 2], f64) {
     if let Some(ellipse) = &field.ellipse {
         let [major, _] = ellipse.semi_axes;
         let away = ellipse.centre[0].hypot(ellipse.centre[1]);
@@ -81,7 +81,7 @@ struct Colours {
 
 /// A square plot in gauss: a length is as long to the right as upwards.
 fn plot(
-    model: &Model,
+    model: &ScreenModel,
     frame: &mut Frame<'_>,
     area: Rect,
     title: &str,
@@ -129,7 +129,7 @@ fn cross(context: &mut Context<'_>, [x, y]: [f64; 2], half: f64, color: Color) {
 
 /// What the ellipse says so far, and the roll angle: the host's by the running correction, and the board's, if it sends
 /// any.
-fn figures(model: &Model, field: &Field, cells: usize) -> Vec<Line<'static>> {
+fn figures(model: &ScreenModel, field: &FieldView, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let (mut centre, mut ratio, mut host) = ("-".to_owned(), "-".to_owned(), texts.not_available.to_owned());
     if let Some(ellipse) = &field.ellipse {

@@ -8,21 +8,21 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::{style, text};
-use crate::tui::keymap::{self, Action, Place};
+use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, Model, Page, Pause};
+use crate::tui::model::{Loaded, Pause, ScreenModel, ScreenPage};
 
 /// Who this is, which page, and whether any of it is real.
-pub(super) fn head(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn head(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let mut spans = vec![Span::styled(format!(" {} ", texts.station_title), style::strong())];
     let pages = [
-        (Page::Tests, texts.tests),
-        (Page::Calibration, texts.calibration),
-        (Page::Live, texts.live),
-        (Page::Records, texts.records),
+        (ScreenPage::Tests, texts.tests),
+        (ScreenPage::Calibration, texts.calibration),
+        (ScreenPage::Live, texts.live),
+        (ScreenPage::Records, texts.records),
     ];
-    for (page, title) in pages.into_iter().filter(|(page, _)| *page != Page::Calibration || model.captures()) {
+    for (page, title) in pages.into_iter().filter(|(page, _)| *page != ScreenPage::Calibration || model.captures()) {
         let here = page == model.page;
         let label = if here { format!("[{title}]") } else { format!(" {title} ") };
         spans.push(Span::styled(label, if here { style::turned() } else { Style::new() }));
@@ -39,7 +39,7 @@ pub(super) fn head(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Line::from(spans), area);
 }
 
-fn badge(model: &Model) -> String {
+fn badge(model: &ScreenModel) -> String {
     match &model.bench {
         Loaded::Ready(bench) if bench.kind == BenchKind::Simulated => {
             format!(" {}: {} ", model.texts.simulated, text::shown(&bench.name))
@@ -49,7 +49,7 @@ fn badge(model: &Model) -> String {
 }
 
 /// The last thing that was said.
-pub(super) fn message(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn message(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some((weight, message)) = &model.message else { return };
     let cells = usize::from(area.width).saturating_sub(2);
     let line =
@@ -58,7 +58,7 @@ pub(super) fn message(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// The keys of the place, from the table of keys; closer together where there is little room.
-pub(super) fn foot(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn foot(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let keys = || keymap::bindings(model.place()).filter(|binding| binding.footer);
     let line = |gap: &str| {
         let spans = keys().flat_map(|binding| {
@@ -73,20 +73,20 @@ pub(super) fn foot(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// What a key does now: a second stop is another one, and a request is done rather than agreed to.
-pub(super) fn key_label(model: &Model, action: Action) -> &'static str {
+pub(super) fn key_label(model: &ScreenModel, action: KeyAction) -> &'static str {
     let texts = model.texts;
     let run = model.run.as_ref().filter(|run| !run.over);
     match action {
-        Action::Stop if run.is_some_and(|run| run.stops > 0) => texts.stop_now,
-        Action::Pause if run.is_some_and(|run| run.pause == Pause::Asked) => texts.go_on,
-        Action::Yes if model.place() == Place::Prompt => texts.done,
-        Action::No if model.place() == Place::Prompt => texts.not_possible,
+        KeyAction::Stop if run.is_some_and(|run| run.stops > 0) => texts.stop_now,
+        KeyAction::Pause if run.is_some_and(|run| run.pause == Pause::Asked) => texts.go_on,
+        KeyAction::Yes if model.place() == KeyContext::Prompt => texts.done,
+        KeyAction::No if model.place() == KeyContext::Prompt => texts.not_possible,
         _ => (texts.key)(action).short,
     }
 }
 
 /// Why the run on the screen says nothing of a module; empty if it does.
-pub(super) fn no_evidence(model: &Model) -> Vec<String> {
+pub(super) fn no_evidence(model: &ScreenModel) -> Vec<String> {
     let mut reasons = Vec::new();
     let Some(header) = model.shown_state().and_then(RunState::header) else { return reasons };
     if header.bench.kind == BenchKind::Simulated {

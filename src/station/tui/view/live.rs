@@ -18,8 +18,8 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use super::panels::block;
 use super::{WIDE, style, text};
 use crate::tui::lang::fill;
-use crate::tui::live::{Imu, Point};
-use crate::tui::model::{Glyphs, Model};
+use crate::tui::live::{LivePoint, LiveSample};
+use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Time that the curves cover.
 const SPAN: Duration = Duration::from_secs(60);
@@ -30,7 +30,7 @@ const TOGETHER_US: u64 = 1_000_000;
 /// Older readings are said to be so.
 const FRESH: Duration = Duration::from_secs(2);
 
-pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     if model.live.is_empty() {
         let block = block(model.texts.live);
         let inner = block.inner(area);
@@ -44,7 +44,7 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     charts(model, frame, charts_area);
 }
 
-fn numbers(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn numbers(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let block = block(&title(model));
     let inner = block.inner(area);
@@ -80,7 +80,7 @@ fn gap(lines: &mut Vec<Line<'static>>, roomy: bool) {
 }
 
 /// What is shown, and how old it is if it is old.
-fn title(model: &Model) -> String {
+fn title(model: &ScreenModel) -> String {
     let texts = model.texts;
     let age = model.now.since_start.saturating_sub(model.live.at.unwrap_or_default());
     let what = if model.watching { format!("{}: {}", texts.watching, texts.no_verdict) } else { texts.live.to_owned() };
@@ -88,7 +88,7 @@ fn title(model: &Model) -> String {
 }
 
 /// Three axes each of rate, acceleration and field, and the temperatures.
-fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
+fn vectors(model: &ScreenModel, imu: &LiveSample, roomy: bool) -> Vec<Line<'static>> {
     let texts = model.texts;
     let mut lines = Vec::new();
     let groups = [
@@ -120,7 +120,7 @@ fn vectors(model: &Model, imu: &Imu, roomy: bool) -> Vec<Line<'static>> {
 
 /// The roll angle: the host's by the correction that the module keeps, and the board's own. Nothing before anybody read
 /// that correction. Of raw and compensated samples those that come no more are of another attitude.
-pub(super) fn roll(model: &Model) -> Option<Line<'static>> {
+pub(super) fn roll(model: &ScreenModel) -> Option<Line<'static>> {
     let (texts, newest) = (model.texts, &model.live.newest);
     let correction = newest.correction.as_ref()?;
     let times = [newest.imu.as_ref().map(|(us, _)| *us), newest.compensated.as_ref().map(|(us, _)| *us)];
@@ -135,7 +135,7 @@ pub(super) fn roll(model: &Model) -> Option<Line<'static>> {
     Some(Line::from(vec![Span::styled(texts.roll, style::strong()), Span::raw(said)]))
 }
 
-fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
+fn gnss(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let newest = &model.live.newest;
     let head =
@@ -163,7 +163,7 @@ fn gnss(model: &Model, cells: usize) -> Vec<Line<'static>> {
 }
 
 /// Channels 1 to 8, four to a line.
-fn ad(model: &Model) -> Vec<Line<'static>> {
+fn ad(model: &ScreenModel) -> Vec<Line<'static>> {
     let volts = model.live.newest.ad_v;
     let rows = volts.chunks(4).enumerate().map(|(row, chunk)| {
         let each = chunk.iter().enumerate().map(|(index, volt)| {
@@ -175,7 +175,7 @@ fn ad(model: &Model) -> Vec<Line<'static>> {
     rows.collect()
 }
 
-fn stream(model: &Model, reading: &StreamReading, cells: usize) -> Line<'static> {
+fn stream(model: &ScreenModel, reading: &StreamReading, cells: usize) -> Line<'static> {
     let name = match reading.id {
         StreamId::Imu => "IMU",
         StreamId::Gnss => "GNSS",
@@ -187,11 +187,12 @@ fn stream(model: &Model, reading: &StreamReading, cells: usize) -> Line<'static>
         " {name:<5}{:>7.1}/s {:>9}  {}/{}",
         reading.rate_hz, reading.received, reading.on_board, reading.on_line
     );
-    let style = if lost > 0 { style::weight(model.look, crate::tui::model::Weight::Warning) } else { Style::new() };
+    let style =
+        if lost > 0 { style::weight(model.look, crate::tui::model::MessageWeight::Warning) } else { Style::new() };
     Line::styled(text::cut(&line, cells), style)
 }
 
-fn charts(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn charts(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let [rate, accel, field] =
         Layout::vertical([Constraint::Fill(1), Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
@@ -200,9 +201,9 @@ fn charts(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     chart(model, frame, field, &format!("{}  gauss", texts.field), |imu| imu.field_gauss);
 }
 
-fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl Fn(&Imu) -> [f64; 3]) {
+fn chart(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl Fn(&LiveSample) -> [f64; 3]) {
     let now = model.live.points.back().map_or(Duration::ZERO, |point| point.at);
-    let age_s = |point: &Point| now.saturating_sub(point.at).as_secs_f64();
+    let age_s = |point: &LivePoint| now.saturating_sub(point.at).as_secs_f64();
     let in_sight = || model.live.points.iter().filter(|point| now.saturating_sub(point.at) <= SPAN);
     let axes: [Vec<(f64, f64)>; 3] =
         [0, 1, 2].map(|axis| in_sight().map(|point| (-age_s(point), of(&point.imu)[axis])).collect());
@@ -227,7 +228,7 @@ fn chart(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, of: impl
 
 /// Beside the end of each curve its name: colours are not the only sign.
 pub(super) fn names_of_curves(
-    model: &Model,
+    model: &ScreenModel,
     frame: &mut Frame<'_>,
     area: Rect,
     newest: [Option<f64>; 3],

@@ -1,6 +1,6 @@
 //! The log of a run: what happened, in the order of happening.
 
-use gnc_executive::event::Level;
+use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
@@ -12,7 +12,7 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::block;
 use super::{detail, style, text};
-use crate::tui::model::{Model, Weight};
+use crate::tui::model::{MessageWeight, ScreenModel};
 
 /// Lines of a log that are kept for the screen; the record has them all.
 const MAX_LINES: usize = 2000;
@@ -24,13 +24,13 @@ struct Entry {
 }
 
 /// The whole log.
-pub(super) fn page(model: &Model, frame: &mut Frame<'_>, area: Rect, scroll: usize) {
+pub(super) fn page(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, scroll: usize) {
     let lines = |cells| lines(model, model.shown_state(), cells);
     detail::scrolled(model, frame, area, model.texts.log, scroll, lines);
 }
 
 /// The newest lines of the run on the tests page.
-pub(super) fn pane(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn pane(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let block = block(model.texts.log);
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -39,7 +39,7 @@ pub(super) fn pane(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines.into_iter().skip(first).collect::<Vec<_>>()), inner);
 }
 
-fn lines(model: &Model, state: Option<&RunState>, cells: usize) -> Vec<Line<'static>> {
+fn lines(model: &ScreenModel, state: Option<&RunState>, cells: usize) -> Vec<Line<'static>> {
     let Some(state) = state else { return Vec::new() };
     let mut entries = entries(model, state);
     // Stable, so that what happened in one moment keeps its order.
@@ -62,7 +62,7 @@ fn lines(model: &Model, state: Option<&RunState>, cells: usize) -> Vec<Line<'sta
     shown.collect()
 }
 
-fn entries(model: &Model, state: &RunState) -> Vec<Entry> {
+fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
     let texts = model.texts;
     let plain = |elapsed_us, text: String| Entry { elapsed_us, style: Style::new(), text: text::shown(&text) };
     let mut entries = Vec::new();
@@ -88,13 +88,13 @@ fn entries(model: &Model, state: &RunState) -> Vec<Entry> {
     }
     for note in state.notes() {
         let style = match note.level {
-            Level::Info => Style::new(),
-            Level::Warning => style::weight(model.look, Weight::Warning),
-            Level::Error => style::weight(model.look, Weight::Error),
+            NoteLevel::Info => Style::new(),
+            NoteLevel::Warning => style::weight(model.look, MessageWeight::Warning),
+            NoteLevel::Error => style::weight(model.look, MessageWeight::Error),
         };
         let item = note.item.as_ref().map(|item| format!("{item}: ")).unwrap_or_default();
         let level = match note.level {
-            Level::Info => String::new(),
+            NoteLevel::Info => String::new(),
             level => format!("{}: ", (texts.level)(level)),
         };
         entries.push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{}", note.text)) });

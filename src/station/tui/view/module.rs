@@ -9,9 +9,9 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
-use super::attitude::{Attitude, Direction, seen, towards_eye};
+use super::attitude::{Direction, ModuleOnTable, seen, towards_eye};
 use super::style;
-use crate::tui::model::{Glyphs, Model};
+use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Half of the module's edges, in halves of its height: 26 x 26 x 32 mm.
 const HALF: [f64; 3] = [0.81, 0.81, 1.0];
@@ -28,13 +28,19 @@ const SIGHT: [f64; 2] = [2.4, 2.5];
 const STEPS: usize = 60;
 
 /// Draws a module that was laid down so, and turns in this sense about the table's axis.
-pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, orientation: &Orientation, turn: Option<f64>) {
+pub(super) fn draw(
+    model: &ScreenModel,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    orientation: &Orientation,
+    turn: Option<f64>,
+) {
     if area.width == 0 || area.height == 0 {
         return;
     }
     let marker = if model.look.glyphs == Glyphs::Unicode { Marker::Braille } else { Marker::Dot };
     let colour = |colour| if model.look.colour { colour } else { Color::Reset };
-    let attitude = Attitude::of(orientation);
+    let attitude = ModuleOnTable::of(orientation);
     // A cell is about twice as high as it is wide.
     let (cells, rows) = (f64::from(area.width), 2.0 * f64::from(area.height));
     let scale = (SIGHT[0] / rows).max(SIGHT[1] / cells);
@@ -66,7 +72,7 @@ struct Body {
 }
 
 impl Body {
-    fn of(attitude: &Attitude) -> Self {
+    fn of(attitude: &ModuleOnTable) -> Self {
         let half: [Direction; 3] = std::array::from_fn(|axis| attitude.axes[axis] * HALF[axis]);
         let faces = std::array::from_fn(|face| {
             let (axis, sign) = (face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });

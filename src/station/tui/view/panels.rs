@@ -12,7 +12,7 @@ use ratatui::widgets::{Block, Paragraph};
 
 use super::{big, frame, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, Model, Pause, Rounds, RunView};
+use crate::tui::model::{Loaded, Pause, RoundsSetting, RunView, ScreenModel};
 
 /// A panel with its title.
 pub(super) fn block(title: &str) -> Block<'static> {
@@ -30,7 +30,7 @@ fn pair(label: &str, value: &str, style: Style, label_cells: usize, cells: usize
 }
 
 /// Who is tested, by whom, where, with what.
-pub(super) fn product(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let block = block(texts.product);
     let inner = block.inner(area);
@@ -71,7 +71,7 @@ fn join(first: &str, second: &str) -> String {
 }
 
 /// What is typed, else what was scanned; during a run the module that is tested.
-fn serial_number(model: &Model) -> (String, Style) {
+fn serial_number(model: &ScreenModel) -> (String, Style) {
     let typed = &model.scan.typed;
     if !typed.is_empty() {
         return (format!("{}_", text::shown(typed.text())), style::accent(model.look).patch(style::strong()));
@@ -84,7 +84,7 @@ fn serial_number(model: &Model) -> (String, Style) {
 }
 
 /// The part as the module says; before that, as the plan wants it.
-fn part(model: &Model) -> String {
+fn part(model: &ScreenModel) -> String {
     let measured = model.run.as_ref().and_then(|run| measured_part(&run.state));
     let planned = || model.plan.ready().and_then(|plan| plan.part.clone());
     measured.or_else(planned).map_or_else(|| "-".to_owned(), |part| text::shown(&part))
@@ -96,7 +96,7 @@ fn measured_part(state: &RunState) -> Option<String> {
     Some(measured.value_text())
 }
 
-fn plan(model: &Model) -> String {
+fn plan(model: &ScreenModel) -> String {
     match &model.plan {
         Loaded::Ready(plan) => format!("{} {}", text::shown(&plan.name), text::shown(&plan.version)),
         Loaded::Loading => model.texts.loading.to_owned(),
@@ -105,7 +105,7 @@ fn plan(model: &Model) -> String {
 }
 
 /// The board that answered and its supply; before that, the way to it.
-fn board(model: &Model) -> (String, Style) {
+fn board(model: &ScreenModel) -> (String, Style) {
     let texts = model.texts;
     let run = model.run.as_ref();
     if let Some(board) = run.and_then(|run| run.state.board()) {
@@ -124,7 +124,7 @@ fn board(model: &Model) -> (String, Style) {
 }
 
 /// What the run is doing, as one word.
-fn doing(model: &Model, run: &RunView) -> String {
+fn doing(model: &ScreenModel, run: &RunView) -> String {
     let texts = model.texts;
     match (run.state.stop(), run.pause) {
         _ if run.over => texts.run.to_owned(),
@@ -137,7 +137,7 @@ fn doing(model: &Model, run: &RunView) -> String {
 }
 
 /// Start, elapsed, remaining, end, round.
-pub(super) fn times(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let Some(run) = &model.run else {
         let inner = block(texts.run).inner(area);
@@ -168,7 +168,7 @@ pub(super) fn times(model: &Model, frame: &mut Frame<'_>, area: Rect) {
         lines.push(line(texts.remaining, &remaining));
         lines.push(line(texts.ends_at, &ends));
     }
-    if run.rounds != Rounds::Once || run.over {
+    if run.rounds != RoundsSetting::Once || run.over {
         lines.push(line(texts.round, &round(model, run)));
     }
     if !run.over {
@@ -182,7 +182,7 @@ pub(super) fn times(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// What is ready, and what was known before.
-fn idle_lines(model: &Model, cells: usize) -> Vec<Line<'static>> {
+fn idle_lines(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
     use crate::tui::update::earlier_words;
     let texts = model.texts;
     let mut lines = vec![Line::styled(texts.ready, style::strong()), Line::raw(text::cut(texts.no_verdict_yet, cells))];
@@ -191,9 +191,9 @@ fn idle_lines(model: &Model, cells: usize) -> Vec<Line<'static>> {
             let [time, outcome] = earlier_words(model, earlier);
             let said = fill(texts.tested_today, &[&time, &outcome]);
             lines.extend(
-                text::wrap(&said, cells)
-                    .into_iter()
-                    .map(|line| Line::styled(line, style::weight(model.look, crate::tui::model::Weight::Warning))),
+                text::wrap(&said, cells).into_iter().map(|line| {
+                    Line::styled(line, style::weight(model.look, crate::tui::model::MessageWeight::Warning))
+                }),
             );
         }
         Some(None) => lines.push(Line::raw(text::cut(texts.never_tested_today, cells))),
@@ -206,16 +206,16 @@ fn idle_lines(model: &Model, cells: usize) -> Vec<Line<'static>> {
     lines
 }
 
-pub(super) fn rounds_words(model: &Model, rounds: Rounds) -> String {
+pub(super) fn rounds_words(model: &ScreenModel, rounds: RoundsSetting) -> String {
     let texts = model.texts;
     match rounds {
-        Rounds::Once => texts.rounds_once.to_owned(),
-        Rounds::Count(count) => fill(texts.rounds_count, &[&count.to_string()]),
-        Rounds::Minutes(minutes) => fill(texts.rounds_time, &[&minutes.to_string()]),
+        RoundsSetting::Once => texts.rounds_once.to_owned(),
+        RoundsSetting::Count(count) => fill(texts.rounds_count, &[&count.to_string()]),
+        RoundsSetting::Minutes(minutes) => fill(texts.rounds_time, &[&minutes.to_string()]),
     }
 }
 
-fn elapsed_s(model: &Model, run: &RunView) -> f64 {
+fn elapsed_s(model: &ScreenModel, run: &RunView) -> f64 {
     let of_record = run.state.last().map_or(0.0, |stamp| stamp.elapsed_us as f64 / 1e6);
     if run.over || run.state.outcome().is_some() {
         of_record
@@ -225,7 +225,7 @@ fn elapsed_s(model: &Model, run: &RunView) -> f64 {
 }
 
 /// What remains and when it ends, by the last whole run of the plan.
-fn expected(model: &Model, run: &RunView, elapsed_s: f64) -> (String, String) {
+fn expected(model: &ScreenModel, run: &RunView, elapsed_s: f64) -> (String, String) {
     let texts = model.texts;
     // A part of the plan has its own time, of which nobody knows.
     let whole = run.state.header().is_some_and(|header| header.selection.is_none());
@@ -241,14 +241,14 @@ fn expected(model: &Model, run: &RunView, elapsed_s: f64) -> (String, String) {
 }
 
 /// "3 of 10: 2 passed, 1 failed".
-fn round(model: &Model, run: &RunView) -> String {
+fn round(model: &ScreenModel, run: &RunView) -> String {
     use gnc_executive::outcome::Outcome;
     let texts = model.texts;
     let number = run.state.header().and_then(|header| header.looped).map_or(1, |looped| looped.index);
     let which = match run.rounds {
-        Rounds::Count(count) => fill(texts.round_of, &[&number.to_string(), &count.to_string()]),
-        Rounds::Once => "1".to_owned(),
-        Rounds::Minutes(minutes) => {
+        RoundsSetting::Count(count) => fill(texts.round_of, &[&number.to_string(), &count.to_string()]),
+        RoundsSetting::Once => "1".to_owned(),
+        RoundsSetting::Minutes(minutes) => {
             format!("{number} ({})", fill(texts.rounds_time, &[&minutes.to_string()]))
         }
     };
@@ -268,7 +268,7 @@ fn share(run: &RunView) -> (usize, usize) {
 }
 
 /// The same as a bar.
-fn share_bar(model: &Model, run: &RunView, cells: usize) -> Line<'static> {
+fn share_bar(model: &ScreenModel, run: &RunView, cells: usize) -> Line<'static> {
     let (over, all) = share(run);
     let label = format!(" {over}/{all}");
     let room = cells.saturating_sub(text::width(&label));
@@ -282,7 +282,7 @@ pub(super) fn bar(part: usize, whole: usize, cells: usize) -> String {
 }
 
 /// The verdict, to be read from two metres.
-pub(super) fn verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let outcome = model.run.as_ref().and_then(RunView::verdict);
     let Some(outcome) = outcome else { return no_verdict(model, frame, area) };
@@ -303,7 +303,7 @@ pub(super) fn verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// Before the verdict: how many items are over, or that all is ready.
-fn no_verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn no_verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     if let Some(run) = &model.run {
         let (over, all) = share(run);
@@ -320,7 +320,7 @@ fn no_verdict(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// Beside the verdict itself, since it may be all that somebody sees.
-fn short_caveat(model: &Model) -> String {
+fn short_caveat(model: &ScreenModel) -> String {
     let header = model.run.as_ref().and_then(|run| run.state.header());
     let simulated = header.is_some_and(|header| header.bench.kind == gnc_executive::event::BenchKind::Simulated);
     let selection = header.is_some_and(|header| header.selection.is_some());
@@ -328,14 +328,14 @@ fn short_caveat(model: &Model) -> String {
     words.iter().filter(|(is, _)| *is).map(|(_, word)| *word).collect::<Vec<_>>().join(" ")
 }
 
-fn times_line(model: &Model, run: &RunView) -> String {
+fn times_line(model: &ScreenModel, run: &RunView) -> String {
     let ended = run.state.last().map(|stamp| stamp.at.format("%H:%M:%S").to_string()).unwrap_or_default();
     let took = duration(elapsed_s(model, run));
     if run.ends.len() > 1 { round(model, run) } else { format!("{ended} · {took}") }
 }
 
 /// All that is wrong with a plan or a bench.
-pub(super) fn mistakes(model: &Model, frame: &mut Frame<'_>, area: Rect, why: &str) {
+pub(super) fn mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, why: &str) {
     let block = block(model.texts.mistakes);
     let inner = block.inner(area);
     frame.render_widget(block, area);

@@ -10,7 +10,7 @@ use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Circle, Line as Stroke};
 
 use super::{module, style};
-use crate::tui::model::{Glyphs, Model};
+use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Rows that the picture of a request needs.
 pub(super) fn rows(ask: &Ask) -> u16 {
@@ -23,7 +23,7 @@ pub(super) fn rows(ask: &Ask) -> u16 {
 }
 
 /// Draws it.
-pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, ask: &Ask) {
+pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: &Ask) {
     match ask {
         Ask::Switches(on) => switches(model, frame, area, *on),
         Ask::Heading { deg } => heading(model, frame, area, *deg),
@@ -39,7 +39,7 @@ pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect, ask: &Ask) 
 }
 
 /// Five switches, each with its knob up or down.
-fn switches(model: &Model, frame: &mut Frame<'_>, area: Rect, on: Option<u8>) {
+fn switches(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, on: Option<u8>) {
     let texts = model.texts;
     let each = |what: &dyn Fn(u8) -> Span<'static>| {
         (1..=5).flat_map(|number| [what(number), Span::raw(" ")]).collect::<Vec<_>>()
@@ -73,7 +73,7 @@ fn switches(model: &Model, frame: &mut Frame<'_>, area: Rect, on: Option<u8>) {
 }
 
 /// The table from above: its mark at the top, and where the module's reference axis is to point.
-fn heading(model: &Model, frame: &mut Frame<'_>, area: Rect, deg: f64) {
+fn heading(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, deg: f64) {
     let marker = if model.look.glyphs == Glyphs::Unicode { Marker::Braille } else { Marker::Block };
     let colour = |colour| if model.look.colour { colour } else { Color::Reset };
     let (sin, cos) = deg.to_radians().sin_cos();

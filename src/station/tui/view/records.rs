@@ -12,11 +12,11 @@ use super::panels::block;
 use super::rows::first_shown;
 use super::{WIDE, detail, frame as edges, rows, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{Model, Weight, order};
-use crate::tui::records::{Check, MAX_RUNS, Mark, OpenRun, RunLine, Runs};
+use crate::tui::model::{MessageWeight, ScreenModel, order};
+use crate::tui::records::{Check, MAX_RUNS, OpenRun, RunLine, RunMark, Runs};
 use crate::tui::update::checked_words;
 
-pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     match (&model.records.open, &model.records.runs) {
         (Some(open), _) => one(model, open, frame, area),
         (None, Some(runs)) => list(model, runs, frame, area),
@@ -34,7 +34,7 @@ fn line(here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
     if here { line.patch_style(style::turned()) } else { line }
 }
 
-fn days(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let records = &model.records;
     let block = block(&format!("{}: {}", texts.records, texts.days));
@@ -43,7 +43,7 @@ fn days(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     let folder = model.bench.ready().map(|bench| bench.records.display().to_string()).unwrap_or_default();
     let say = |words: String| Line::styled(words, style::faint());
     let lines = match (&records.days, &records.error) {
-        (_, Some(error)) => vec![Line::styled(text::shown(error), style::weight(model.look, Weight::Error))],
+        (_, Some(error)) => vec![Line::styled(text::shown(error), style::weight(model.look, MessageWeight::Error))],
         (None, None) => vec![say(texts.reading_records.to_owned())],
         (Some(days), None) if days.is_empty() => vec![say(fill(texts.no_records, &[&folder]))],
         (Some(days), None) => {
@@ -62,7 +62,7 @@ fn days(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
-fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
+fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let records = &model.records;
     let filter = match records.filter {
@@ -88,7 +88,7 @@ fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     );
     let mut lines = vec![Line::styled(text::cut(&head, cells), style::faint())];
     if let Some(error) = &records.error {
-        lines.push(Line::styled(text::shown(error), style::weight(model.look, Weight::Error)));
+        lines.push(Line::styled(text::shown(error), style::weight(model.look, MessageWeight::Error)));
     }
     if shown.is_empty() {
         lines.push(Line::styled(text::cut(texts.no_run_matches, cells), style::faint()));
@@ -109,7 +109,7 @@ fn list(model: &Model, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
 /// Width of an outcome in the list.
 const OUTCOME: usize = 13;
 
-fn run_spans(model: &Model, run: &RunLine, same: bool) -> Vec<Span<'static>> {
+fn run_spans(model: &ScreenModel, run: &RunLine, same: bool) -> Vec<Span<'static>> {
     let texts = model.texts;
     let (mark, word, mark_style) = mark(model, run.mark);
     let time = run.at.map(|at| at.format("%H:%M:%S").to_string()).unwrap_or_default();
@@ -131,21 +131,21 @@ fn run_spans(model: &Model, run: &RunLine, same: bool) -> Vec<Span<'static>> {
     ]
 }
 
-fn mark(model: &Model, mark: Mark) -> (&'static str, &'static str, Style) {
+fn mark(model: &ScreenModel, mark: RunMark) -> (&'static str, &'static str, Style) {
     let texts = model.texts;
     let bad = style::outcome(model.look, Outcome::Aborted);
     match mark {
-        Mark::Outcome(outcome) => {
+        RunMark::Outcome(outcome) => {
             (style::mark(outcome), (texts.outcome_word)(outcome), style::outcome(model.look, outcome))
         }
-        Mark::Interrupted => ("?", texts.interrupted, bad),
-        Mark::Unsealed => ("?", texts.unsealed, bad),
-        Mark::Unreadable => ("?", texts.unreadable, bad),
-        Mark::Newer => ("?", texts.newer, bad),
+        RunMark::Interrupted => ("?", texts.interrupted, bad),
+        RunMark::Unsealed => ("?", texts.unsealed, bad),
+        RunMark::Unreadable => ("?", texts.unreadable, bad),
+        RunMark::Newer => ("?", texts.newer, bad),
     }
 }
 
-fn one(model: &Model, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
+fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let [top, body] = Layout::vertical([Constraint::Length(6), Constraint::Fill(1)]).areas(area);
     let name = text::shown(&open.path.file_name().unwrap_or_default().to_string_lossy());
@@ -179,17 +179,17 @@ fn one(model: &Model, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     }
 }
 
-fn check(model: &Model, check: &Check, cells: usize) -> Line<'static> {
+fn check(model: &ScreenModel, check: &Check, cells: usize) -> Line<'static> {
     let texts = model.texts;
     match check {
-        Check::NotAsked => Line::styled((texts.key)(crate::tui::keymap::Action::Verify).long, style::faint()),
+        Check::NotAsked => Line::styled((texts.key)(crate::tui::keymap::KeyAction::Verify).long, style::faint()),
         Check::Running => Line::styled(texts.verifying, style::faint()),
         Check::Done(checked) => {
             let (weight, words) = checked_words(texts, checked);
             let (sign, outcome) = match weight {
-                Weight::Info => ("✓", Outcome::Passed),
-                Weight::Warning => ("?", Outcome::Aborted),
-                Weight::Error => ("✗", Outcome::Failed),
+                MessageWeight::Info => ("✓", Outcome::Passed),
+                MessageWeight::Warning => ("?", Outcome::Aborted),
+                MessageWeight::Error => ("✗", Outcome::Failed),
             };
             let line = text::cut(&format!("{sign} {}", text::shown(&words)), cells);
             Line::styled(line, style::outcome(model.look, outcome))

@@ -1,7 +1,7 @@
 //! The items as a list: ticks, marks, outcomes, times, what decided; under a bad one what to look at.
 
 use gnc_bench::guidance::{Guidance, Stage};
-use gnc_executive::event::Level;
+use gnc_executive::event::NoteLevel;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::ItemRecord;
@@ -16,7 +16,7 @@ use ratatui::widgets::Paragraph;
 use super::panels::bar;
 use super::{style, text};
 use crate::tui::lang::{Texts, fill};
-use crate::tui::model::{Model, PlanView, Progress, order};
+use crate::tui::model::{PlanView, Progress, ScreenModel, order};
 
 /// Bad items whose values are listed under them; of more the cursor shows the details.
 const EXPLAINED: usize = 20;
@@ -32,7 +32,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(model: &Model, cells: usize) -> Self {
+    fn new(model: &ScreenModel, cells: usize) -> Self {
         let widest = Outcome::ALL.iter().map(|outcome| text::width((model.texts.outcome_word)(*outcome))).max();
         let outcome = widest.unwrap_or(8);
         // "59 min 59 s" is the longest time.
@@ -44,7 +44,7 @@ impl Columns {
 }
 
 /// The items of a plan that was not run yet.
-pub(super) fn of_plan(model: &Model, plan: &PlanView, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn of_plan(model: &ScreenModel, plan: &PlanView, frame: &mut Frame<'_>, area: Rect) {
     let columns = Columns::new(model, usize::from(area.width));
     let (mut lines, room) = head(model, &columns, plan.items.len(), area);
     let first = first_shown(model.cursor, plan.items.len(), room);
@@ -64,7 +64,7 @@ pub(super) fn of_plan(model: &Model, plan: &PlanView, frame: &mut Frame<'_>, are
 }
 
 /// The items of the run on the tests page.
-pub(super) fn of_run(model: &Model, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn of_run(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some(run) = &model.run else { return };
     let ticks = (!model.is_running()).then_some(model.ticks.as_slice());
     let list = List { model, state: &run.state, progress: &run.progress, ticks, cursor: model.cursor };
@@ -72,12 +72,12 @@ pub(super) fn of_run(model: &Model, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// The items of a run of the records.
-pub(super) fn of_record(model: &Model, state: &RunState, cursor: usize, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn of_record(model: &ScreenModel, state: &RunState, cursor: usize, frame: &mut Frame<'_>, area: Rect) {
     List { model, state, progress: &[], ticks: None, cursor }.draw(frame, area);
 }
 
 struct List<'a> {
-    model: &'a Model,
+    model: &'a ScreenModel,
     state: &'a RunState,
     progress: &'a [Progress],
     /// What the next run is to do; none where nothing can be ticked.
@@ -165,7 +165,7 @@ impl List<'_> {
 }
 
 /// Titles of the columns, and the rows below them. They give way where all items are in sight without them.
-fn head(model: &Model, columns: &Columns, items: usize, area: Rect) -> (Vec<Line<'static>>, usize) {
+fn head(model: &ScreenModel, columns: &Columns, items: usize, area: Rect) -> (Vec<Line<'static>>, usize) {
     let texts = model.texts;
     let height = usize::from(area.height);
     if items == height {
@@ -182,7 +182,7 @@ fn head(model: &Model, columns: &Columns, items: usize, area: Rect) -> (Vec<Line
 }
 
 /// A line with its cursor; the whole of it is turned, so that it is seen without colours.
-fn marked(_: &Model, here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
+fn marked(_: &ScreenModel, here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
     let mut all = vec![Span::raw(if here { ">" } else { " " })];
     all.extend(spans);
     let used: usize = all.iter().map(Span::width).sum();
@@ -210,7 +210,7 @@ fn guided(texts: &Texts, guidance: &Guidance) -> String {
 }
 
 /// What decided an item.
-pub(super) fn decided(model: &Model, row: &Row) -> String {
+pub(super) fn decided(model: &ScreenModel, row: &Row) -> String {
     match &row.cause {
         Some(cause) => text::shown(&(model.texts.cause)(cause)),
         None if row.is_over() => text::shown(&words::reason(&ItemRecord::from(row))),
@@ -223,7 +223,7 @@ pub(super) fn is_bad(outcome: Outcome) -> bool {
 }
 
 /// Under a bad item: its bad values with their limits, each with a sentence on what to look at.
-fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
+fn explained(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let Some(attempt) = row.attempts.last() else { return Vec::new() };
     let bad: Vec<&Measurement> =
@@ -243,7 +243,7 @@ fn explained(model: &Model, row: &Row, cells: usize) -> Vec<Line<'static>> {
         lines.push(Line::styled(format!("         {more}, {}", texts.enter_opens), style::faint()));
     }
     if let Some(error) = &attempt.error {
-        lines.extend(labelled((texts.level)(Level::Error), &text::shown(&error.text), cells));
+        lines.extend(labelled((texts.level)(NoteLevel::Error), &text::shown(&error.text), cells));
         if !error.hint.is_empty() {
             lines.extend(labelled(texts.try_this, &text::shown(&error.hint), cells));
         }

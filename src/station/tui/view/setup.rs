@@ -9,10 +9,10 @@ use ratatui::widgets::Paragraph;
 use super::panels::{block, mistakes};
 use super::{style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{AfterFailure, Loaded, Model};
-use crate::tui::setup_form::{Form, Line as FormLine, MAX_ROUNDS, RoundsKind};
+use crate::tui::model::{AfterFailure, Loaded, ScreenModel};
+use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS, RoundsKind};
 
-pub(super) fn draw(model: &Model, form: &Form, frame: &mut Frame<'_>, area: Rect) {
+pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let lines_height = FormLine::ALL.len() as u16 + 5;
     let [form_area, below] = Layout::vertical([Constraint::Length(lines_height), Constraint::Fill(1)]).areas(area);
@@ -56,7 +56,7 @@ pub(super) fn draw(model: &Model, form: &Form, frame: &mut Frame<'_>, area: Rect
     }
 }
 
-fn label(model: &Model, line: FormLine) -> &'static str {
+fn label(model: &ScreenModel, line: FormLine) -> &'static str {
     let texts = model.texts;
     match line {
         FormLine::Plan => texts.setup_plan,
@@ -68,7 +68,7 @@ fn label(model: &Model, line: FormLine) -> &'static str {
     }
 }
 
-fn value(model: &Model, form: &Form, line: FormLine, here: bool) -> String {
+fn value(model: &ScreenModel, form: &Form, line: FormLine, here: bool) -> String {
     let texts = model.texts;
     let typed = |text: &str| format!("{}{}", text::shown(text), if here { "_" } else { "" });
     match line {

@@ -3,7 +3,7 @@
 use gnc_executive::outcome::Outcome;
 use ratatui::style::{Color, Modifier, Style};
 
-use crate::tui::model::{Look, Weight};
+use crate::tui::model::{Look, MessageWeight};
 
 /// What stands out.
 pub(super) fn strong() -> Style {
@@ -71,11 +71,11 @@ pub(super) fn badge(look: Look) -> Style {
 }
 
 /// A message.
-pub(super) fn weight(look: Look, weight: Weight) -> Style {
+pub(super) fn weight(look: Look, weight: MessageWeight) -> Style {
     match weight {
-        Weight::Info => Style::new(),
-        Weight::Warning => coloured(look, Color::Yellow).add_modifier(Modifier::BOLD),
-        Weight::Error => coloured(look, Color::Red).add_modifier(Modifier::BOLD),
+        MessageWeight::Info => Style::new(),
+        MessageWeight::Warning => coloured(look, Color::Yellow).add_modifier(Modifier::BOLD),
+        MessageWeight::Error => coloured(look, Color::Red).add_modifier(Modifier::BOLD),
     }
 }
 

@@ -38,40 +38,40 @@ enum Hand {
         thread: JoinHandle<Result<(), StoreError>>,
     },
     /// Whoever emits an event; nobody any more after an error.
-    Here(Box<Mutex<Option<Writer>>>),
+    Here(Box<Mutex<Option<JournalFile>>>),
 }
 
 /// A handle on the record that is being written.
 #[derive(Debug)]
-pub struct Scribe {
+pub struct RecordWriter {
     hand: Hand,
     state: Arc<Mutex<RunState>>,
     folder: RunFolder,
     raw: Mutex<Vec<RawThread>>,
 }
 
-impl Scribe {
+impl RecordWriter {
     /// Opens the journal in a run's folder, files the plan, and starts to write. Everybody in `watchers` hears of
     /// what is written.
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
     pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
-        let writer = Writer::open(&folder, plan, watchers)?;
+        let writer = JournalFile::open(&folder, plan, watchers)?;
         let state = Arc::clone(&writer.state);
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
-        let spawned = std::thread::Builder::new().name("scribe".into()).spawn(move || writer.run(receiver));
+        let spawned = std::thread::Builder::new().name("writer".into()).spawn(move || writer.run(receiver));
         let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
         Ok(Self { hand: Hand::Thread { events, thread }, state, folder, raw: Mutex::default() })
     }
 
-    /// As [`Scribe::start`], without a thread: an event is on disk when it was emitted. For a clock that goes on while a
+    /// As [`RecordWriter::start`], without a thread: an event is on disk when it was emitted. For a clock that goes on while a
     /// thread is waited for.
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
     pub fn without_thread(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
-        let writer = Writer::open(&folder, plan, watchers)?;
+        let writer = JournalFile::open(&folder, plan, watchers)?;
         let state = Arc::clone(&writer.state);
         Ok(Self { hand: Hand::Here(Box::new(Mutex::new(Some(writer)))), state, folder, raw: Mutex::default() })
     }
@@ -121,12 +121,12 @@ impl Scribe {
     ///
     /// # Errors
     /// [`StoreError::Closed`] if an earlier event could not be written.
-    pub async fn place(&self) -> Result<Place<'_>, StoreError> {
+    pub async fn place(&self) -> Result<EventSlot<'_>, StoreError> {
         match &self.hand {
             Hand::Thread { events, .. } => {
-                events.reserve().await.map(|room| Place(Room::OnTheWay(room))).map_err(|_| closed())
+                events.reserve().await.map(|room| EventSlot(Room::OnTheWay(room))).map_err(|_| closed())
             }
-            Hand::Here(writer) => Ok(Place(Room::Here(writer))),
+            Hand::Here(writer) => Ok(EventSlot(Room::Here(writer))),
         }
     }
 
@@ -147,15 +147,15 @@ impl Scribe {
 
 /// Room for one event.
 #[derive(Debug)]
-pub struct Place<'a>(Room<'a>);
+pub struct EventSlot<'a>(Room<'a>);
 
 #[derive(Debug)]
 enum Room<'a> {
     OnTheWay(mpsc::Permit<'a, (Event, Option<Written>)>),
-    Here(&'a Mutex<Option<Writer>>),
+    Here(&'a Mutex<Option<JournalFile>>),
 }
 
-impl<'a> Place<'a> {
+impl<'a> EventSlot<'a> {
     /// Hands the event over, at once; `sync` asks for word when it is on disk.
     #[must_use]
     pub fn write(self, event: Event, sync: bool) -> OnItsWay<'a> {
@@ -183,7 +183,7 @@ enum Way<'a> {
     Unawaited,
     Awaited(oneshot::Receiver<Result<(), StoreError>>),
     /// Not written yet: the fold that the record is made of is still in the hands of whoever emits.
-    Here(&'a Mutex<Option<Writer>>, Box<Event>, bool),
+    Here(&'a Mutex<Option<JournalFile>>, Box<Event>, bool),
 }
 
 impl OnItsWay<'_> {
@@ -212,7 +212,7 @@ fn closed() -> StoreError {
 }
 
 /// The open record.
-struct Writer {
+struct JournalFile {
     folder: RunFolder,
     /// Held for as long as the run goes on.
     journal: Flock<File>,
@@ -222,13 +222,13 @@ struct Writer {
     line: Vec<u8>,
 }
 
-impl std::fmt::Debug for Writer {
+impl std::fmt::Debug for JournalFile {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Writer").field("folder", &self.folder).finish_non_exhaustive()
     }
 }
 
-impl Writer {
+impl JournalFile {
     fn open(folder: &RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();

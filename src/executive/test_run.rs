@@ -3,8 +3,8 @@
 use chrono::{DateTime, FixedOffset, TimeDelta};
 
 use crate::event::{
-    AttemptError, Bench, Board, EVENTS_SCHEMA, ErrorRecord, Event, EventKind, Level, PlanInfo, Power, Program,
-    RunHeader,
+    AttemptError, BenchInfo, BoardInfo, EVENTS_SCHEMA, ErrorRecord, Event, EventKind, NoteLevel, PlanInfo, Power,
+    ProgramVersion, RunHeader,
 };
 use crate::job::{BenchAbilities, Job, Next};
 use crate::measurement::{Measurement, Value};
@@ -28,12 +28,12 @@ pub(crate) fn job(text: &str) -> Job {
 }
 
 /// A run whose events are applied as they are made.
-pub(crate) struct Run {
+pub(crate) struct TestRun {
     pub(crate) state: RunState,
     pub(crate) events: Vec<Event>,
 }
 
-impl Run {
+impl TestRun {
     pub(crate) fn new(job: &Job, header: RunHeader) -> Self {
         let mut run = Self { state: RunState::new(), events: Vec::new() };
         run.emit(EventKind::RunStarted { header: Box::new(header), items: job.planned() });
@@ -91,8 +91,8 @@ pub(crate) fn header() -> RunHeader {
         serial_number: "DEMO-1".to_owned(),
         operator: Some("Li Wei".to_owned()),
         station: "line-2".to_owned(),
-        program: Program { name: "gnc-station".to_owned(), version: "0.1.0".to_owned() },
-        bench: Bench { port: Some("/dev/ttyUSB0".to_owned()), rate_bps: Some(921_600), ..Bench::real() },
+        program: ProgramVersion { name: "gnc-station".to_owned(), version: "0.1.0".to_owned() },
+        bench: BenchInfo { port: Some("/dev/ttyUSB0".to_owned()), rate_bps: Some(921_600), ..BenchInfo::real() },
         plan: PlanInfo { name: "small".to_owned(), version: "1.0".to_owned(), sha256: "00".repeat(32) },
         site: None,
         recomputed: None,
@@ -130,11 +130,11 @@ wrong_reads = "== 0"
 "#;
 
 /// A run of [`SMALL`] with every kind of event but a stop.
-pub(crate) fn small_run(header: RunHeader) -> Run {
+pub(crate) fn small_run(header: RunHeader) -> TestRun {
     let job = job(SMALL);
     let item = |position: usize| job.item(position).unwrap();
-    let mut run = Run::new(&job, header);
-    run.emit(EventKind::BoardFound(Board {
+    let mut run = TestRun::new(&job, header);
+    run.emit(EventKind::BoardFound(BoardInfo {
         board_serial: "SB-7".to_owned(),
         firmware: "1.4.0".to_owned(),
         protocol: 1,
@@ -198,7 +198,7 @@ pub(crate) fn small_run(header: RunHeader) -> Run {
         outcome: Outcome::Errored,
         error: Some(error),
     });
-    run.emit(EventKind::Note { level: Level::Info, text: "supply off\u{7}".to_owned(), item: None });
+    run.emit(EventKind::Note { level: NoteLevel::Info, text: "supply off\u{7}".to_owned(), item: None });
     assert_eq!(run.settle(&job), Next::Done { outcome: Outcome::Errored });
     run
 }

@@ -6,25 +6,25 @@ use std::path::Path;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use gnc_records::passport::{self, NoPassport, PASSPORT, PASSPORT_XML, Passport};
-use gnc_records::store::digest::Sums;
+use gnc_records::store::digest::FileDigests;
 use gnc_records::store::{StoreError, pretty, reader};
 
 use super::differences;
 use super::source::RunError;
 
 /// What is not as it was, and a word for the summary.
-pub(super) struct Checked {
+pub(super) struct PassportCheck {
     pub(super) differences: Vec<String>,
     pub(super) summary: String,
 }
 
 /// Compares the files in a run's folder with what its events say now.
-pub(super) fn check(folder: &Path, state: &RunState) -> Result<Checked, RunError> {
-    let mut checked = Checked { differences: Vec::new(), summary: String::new() };
+pub(super) fn check(folder: &Path, state: &RunState) -> Result<PassportCheck, RunError> {
+    let mut checked = PassportCheck { differences: Vec::new(), summary: String::new() };
     let Some(record) = RunRecord::from_state(state).filter(|_| reader::is_sealed(folder)) else {
         return Ok(checked);
     };
-    let (sums, _) = Sums::read(folder)?;
+    let (sums, _) = FileDigests::read(folder)?;
     let is_missing = |error: io::Error| error.kind() == io::ErrorKind::NotFound;
     let is_filed = |name: &str| sums.get(name).is_some() || !reader::paper(folder, name).is_err_and(is_missing);
     let filed = is_filed(PASSPORT) || is_filed(PASSPORT_XML);

@@ -12,9 +12,9 @@
 //! board_clock_u = "5 ppm"                          # rate of the slave board's crystal against true time
 //! ```
 //!
-//! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`Fixture::default`] count.
+//! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`BenchImperfections::default`] count.
 
-use gnc_config::Table;
+use gnc_config::TomlTable;
 use serde::{Deserialize, Serialize};
 
 use crate::quantity::{Unit, bounded, bounded_at};
@@ -29,7 +29,7 @@ const MOST_PPM: f64 = 1000.0;
 /// Imperfections of the bench. Angles in rad, fields in gauss, rates in ppm; every `_u` is a standard uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Fixture {
+pub struct BenchImperfections {
     /// Rotation vector that takes components in the table's axes to components in the axes of the module's seat;
     /// `None` if it was not measured; it then counts as zero.
     pub mounting_rad: Option<[f64; 3]>,
@@ -49,7 +49,7 @@ pub struct Fixture {
     pub board_clock_u_ppm: Option<f64>,
 }
 
-impl Default for Fixture {
+impl Default for BenchImperfections {
     /// A socket screwed on by hand, a position table levelled with a spirit level and pointed by a compass theodolite, a
     /// fixture of aluminium and brass, a laboratory without lifts or trams next to it.
     fn default() -> Self {
@@ -66,8 +66,8 @@ impl Default for Fixture {
 }
 
 /// The table [fixture].
-pub(super) fn fixture(table: &Table<'_, '_>) -> Fixture {
-    let default = Fixture::default();
+pub(super) fn fixture(table: &TomlTable<'_, '_>) -> BenchImperfections {
+    let default = BenchImperfections::default();
     let angle = |key: &'static str, default_rad: f64| {
         bounded_at(table, key, Unit::Degree, (0.0, MOST_DEG)).map_or(default_rad, f64::to_radians)
     };
@@ -88,7 +88,7 @@ pub(super) fn fixture(table: &Table<'_, '_>) -> Fixture {
         }
         three
     });
-    Fixture {
+    BenchImperfections {
         mounting_rad,
         mounting_u_rad: angle("mounting_u", default.mounting_u_rad),
         axis_u_rad: angle("axis_u", default.axis_u_rad),

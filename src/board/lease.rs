@@ -9,26 +9,26 @@ use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::client::Board;
-use crate::conversation::{Answer, Command};
+use crate::client::BoardClient;
 use crate::error::{BoardError, gone};
+use crate::session::{Answer, SessionCommand};
 use crate::status::Advance;
 use crate::stream::{AHEAD, Closed, Stream, WAITING};
 
 /// What one attempt of an item asks of the board. Several items may do so at once.
 #[derive(Debug)]
-pub struct Desk<'a> {
-    board: &'a Board,
+pub struct BoardLease<'a> {
+    board: &'a BoardClient,
     advance: watch::Sender<Advance>,
     requests: RefCell<Vec<u16>>,
     streams: RefCell<Vec<StreamId>>,
     busy: Cell<Duration>,
 }
 
-impl<'a> Desk<'a> {
-    /// A desk for one attempt; `advance` tells people how far it is.
+impl<'a> BoardLease<'a> {
+    /// A lease for one attempt; `advance` tells people how far it is.
     #[must_use]
-    pub fn new(board: &'a Board, advance: watch::Sender<Advance>) -> Self {
+    pub fn new(board: &'a BoardClient, advance: watch::Sender<Advance>) -> Self {
         let (requests, streams) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()));
         Self { board, advance, requests, streams, busy: Cell::new(Duration::ZERO) }
     }
@@ -51,7 +51,7 @@ impl<'a> Desk<'a> {
         let request = self.board.number();
         self.requests.borrow_mut().push(request);
         let (message, what, advance) = (C::ID, C::NAME, self.advance.clone());
-        self.board.send(Command::Ask { request, message, what, payload, answer, advance }).await?;
+        self.board.send(SessionCommand::Ask { request, message, what, payload, answer, advance }).await?;
         let answer = answered.await.map_err(|_| gone())??;
         self.spent(answer.elapsed);
         let reply =
@@ -72,8 +72,8 @@ impl<'a> Desk<'a> {
     pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
         let (sender, frames) = mpsc::channel(WAITING + AHEAD);
         self.streams.borrow_mut().push(stream);
-        self.board.send(Command::Listen { stream, sender }).await?;
-        Ok(Stream::new(stream, frames, self.board.pulse()))
+        self.board.send(SessionCommand::Listen { stream, sender }).await?;
+        Ok(Stream::new(stream, frames, self.board.board_time()))
     }
 
     /// Ends a stream and says where its samples are, those included that came while it was being ended.

@@ -19,7 +19,7 @@ use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload, timing
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep_until};
 
-use super::{Absent, Advance, BoardError, Pulse, Readings};
+use super::{Advance, BoardError, BoardTime, LinkAbsence, Readings};
 use crate::latest::Latest;
 use crate::readings::Gauges;
 use crate::stream::{AHEAD, Newest};
@@ -51,7 +51,7 @@ type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
 
 /// What is asked of the conversation.
 #[derive(Debug)]
-pub(super) enum Command {
+pub(super) enum SessionCommand {
     Hello {
         nonce: u32,
         answer: oneshot::Sender<Result<BoardHello, BoardError>>,
@@ -139,10 +139,10 @@ struct Greeting {
 
 /// The task's state.
 #[derive(Debug)]
-pub(super) struct Conversation {
+pub(super) struct Session {
     link: Link,
-    commands: mpsc::Receiver<Command>,
-    pulse: Latest<Pulse>,
+    commands: mpsc::Receiver<SessionCommand>,
+    board_time: Latest<BoardTime>,
     greeting: Option<Greeting>,
     /// Nonce and boot id of the open session.
     session: Option<(u32, u32)>,
@@ -165,7 +165,7 @@ pub(super) struct Conversation {
     /// How long it was away in this session, and when it was back.
     interrupted: Option<(Duration, Instant)>,
     /// Tells of absences that are over.
-    absences: mpsc::Sender<Absent>,
+    absences: mpsc::Sender<LinkAbsence>,
     /// What the line counted before the first session: the middle of a frame is not damage.
     before: Option<LineCounters>,
     report: LinkReport,
@@ -179,19 +179,19 @@ async fn until(due: Instant) {
     poll_fn(|context| if Instant::now() >= due { Poll::Ready(()) } else { timer.as_mut().poll(context) }).await;
 }
 
-impl Conversation {
+impl Session {
     pub(super) fn new(
         link: Link,
-        commands: mpsc::Receiver<Command>,
-        pulse: Latest<Pulse>,
+        commands: mpsc::Receiver<SessionCommand>,
+        board_time: Latest<BoardTime>,
         readings: watch::Sender<Readings>,
-        absences: mpsc::Sender<Absent>,
+        absences: mpsc::Sender<LinkAbsence>,
     ) -> Self {
         let now = Instant::now();
         Self {
             link,
             commands,
-            pulse,
+            board_time,
             greeting: None,
             session: None,
             last_boot_id: None,
@@ -286,14 +286,14 @@ impl Conversation {
         (self.heard + SILENT_AFTER).min(self.beat + BEATLESS_AFTER)
     }
 
-    fn command(&mut self, command: Command) {
+    fn command(&mut self, command: SessionCommand) {
         let now = Instant::now();
         match command {
-            Command::Hello { nonce, answer } => {
+            SessionCommand::Hello { nonce, answer } => {
                 self.session = None;
                 self.greeting = Some(Greeting { nonce, answer, asked: 0, since: now, due: now });
             }
-            Command::Ask { request, message, what, payload, answer, advance } => {
+            SessionCommand::Ask { request, message, what, payload, answer, advance } => {
                 if self.session.is_none() {
                     let _ = answer.send(Err(self.no_session()));
                     return;
@@ -313,7 +313,7 @@ impl Conversation {
                     inquiry: false,
                 });
             }
-            Command::Listen { stream, sender } => {
+            SessionCommand::Listen { stream, sender } => {
                 self.forget(stream);
                 self.streams.push((stream, sender));
             }

@@ -2,17 +2,17 @@
 
 use gnc_protocol::message::{Accept, BoardHello, Heartbeat, MAGIC, Nak, Progress, ResultHead, event};
 use gnc_protocol::stream::{StreamFrame, StreamId};
-use gnc_protocol::wire::{Reader, Text, Wire as _};
+use gnc_protocol::wire::{FieldReader, Text, Wire as _};
 use gnc_protocol::{FaultCode, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::mpsc;
 use tokio::time::{Duration, Instant};
 
-use super::{Answer, Conversation};
+use super::{Answer, Session};
 use crate::error::BoardError;
-use crate::status::{Advance, Pulse};
+use crate::status::{Advance, BoardTime};
 use crate::stream::Newest;
 
-impl Conversation {
+impl Session {
     pub(super) fn receive(&mut self, frame: &Frame) {
         let now = Instant::now();
         let Header { kind, request, message, .. } = frame.header;
@@ -68,7 +68,7 @@ impl Conversation {
         self.beat = Instant::now();
         self.before.get_or_insert_with(|| self.link.counters());
         self.link.restart_sequence();
-        self.pulse.change(|pulse| *pulse = Pulse::default());
+        self.board_time.change(|board_time| *board_time = BoardTime::default());
         let _ = greeting.answer.send(Ok(hello));
     }
 
@@ -101,7 +101,7 @@ impl Conversation {
         let Some(pending) = self.take(request, message) else { return };
         pending.advance.send_replace(Advance::default());
         let what = pending.what;
-        let mut reader = Reader::new(payload);
+        let mut reader = FieldReader::new(payload);
         let answer = match ResultHead::get(&mut reader) {
             Err(source) => Err(BoardError::BadAnswer { what, source }),
             Ok(ResultHead { status: FaultCode::None, elapsed_us }) => Ok(Answer {
@@ -152,9 +152,9 @@ impl Conversation {
                     return self.restarted(before, beat.boot_id);
                 }
                 self.beat = Instant::now();
-                self.pulse.change(|pulse| {
-                    pulse.board_time_us = beat.board_time_us;
-                    pulse.beats += 1;
+                self.board_time.change(|board_time| {
+                    board_time.board_time_us = beat.board_time_us;
+                    board_time.beats += 1;
                 });
             }
             event::WATCHDOG if self.session.is_some() => {

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::Conversation;
+use super::Session;
 use crate::error::BoardError;
-use crate::status::Absent;
+use crate::status::LinkAbsence;
 
 /// An absence that the session may outlive: the board's watchdog ends it 1.75 s after the last keep-alive, which may be
 /// half a second old when the port goes. What is asked meanwhile waits.
@@ -17,7 +17,7 @@ const SHOWN_WITHIN: Duration = Duration::from_millis(2500);
 /// While nothing at all is due.
 const NOTHING_DUE: Duration = Duration::from_secs(3600);
 
-impl Conversation {
+impl Session {
     pub(super) fn went_away(&mut self) {
         self.away_since = Some(Instant::now());
     }
@@ -36,7 +36,7 @@ impl Conversation {
         }
         (self.heard, self.beat, self.keep_alive_due) = (now, now, now);
         // Nobody has read of the ones before: one more tells him nothing new.
-        let _ = self.absences.try_send(Absent { name: self.link.name(), lasted });
+        let _ = self.absences.try_send(LinkAbsence { name: self.link.name(), lasted });
     }
 
     pub(super) fn away_due(&self, since: Instant) -> Instant {
