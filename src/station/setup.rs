@@ -134,7 +134,7 @@ fn simulated(args: &RunArgs, personality: &Path, serial_number: &str) -> Result<
     let personality = personality.map_err(|mistakes| {
         Refusal::new(
             mistakes,
-            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality/mod.rs",
+            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality.rs",
         )
     })?;
     let speed = speed(&args.sim_speed)?;
