@@ -157,3 +157,28 @@ fn items_measure_what_the_catalogue_says() {
         assert_eq!(measured, promised, "{id}");
     }
 }
+
+/// A plan that is edited, and then removed, between two rounds: all rounds run what was checked.
+#[test]
+fn all_rounds_run_the_same_plan() {
+    use std::io::{BufRead as _, BufReader};
+    let place = Place::new(STATION);
+    let plan = "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+    let path = place.write("p.toml", plan);
+    let args =
+        ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "T-1", "--loops", "20", "--events"];
+    let mut station = place.station(args).stdout(std::process::Stdio::piped()).spawn().expect("the station");
+    let lines = BufReader::new(station.stdout.take().expect("its output")).lines().map_while(Result::ok);
+    // The station may be some rounds ahead of what is read here, and not all twenty.
+    for (round, _) in lines.filter(|line| line.contains("\"kind\":\"run_started\"")).enumerate() {
+        match round {
+            0 => std::fs::write(&path, plan.replace("<= 0", "<= 1000000")).expect("a plan"),
+            4 => std::fs::remove_file(&path).expect("a plan"),
+            _ => {}
+        }
+    }
+    assert!(station.wait().expect("its end").success());
+    let filed = |run: &std::path::PathBuf| std::fs::read_to_string(run.join("plan/01-p.toml")).ok();
+    let plans: Vec<_> = place.runs().iter().map(filed).collect();
+    assert_eq!(plans, vec![Some(plan.to_owned()); 20]);
+}

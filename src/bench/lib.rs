@@ -1,7 +1,7 @@
 //! The bench at work: turntables and fixtures, a procedure for each item, and the runner that follows a plan.
 //!
 //! Procedures measure and never judge. Only the runner acts, and it passes an event on only after the record has it. The
-//! crate knows no command line and no screen: these start [`runner::run`] and watch.
+//! crate knows no command line and no screen: these ask the [`service`] and watch.
 
 pub mod control;
 pub mod fixture;
@@ -10,4 +10,5 @@ pub mod journal;
 mod procedure;
 mod recorder;
 pub mod runner;
+pub mod service;
 mod turntable;

@@ -19,6 +19,7 @@ use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
 use gnc_analysis::figures::Findings;
 use gnc_board::{Advance, Board, Desk, Readings};
+use gnc_executive::bench::Site;
 use gnc_executive::event::{AttemptError, EventKind, Level, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
 use gnc_executive::measurement::Measurement;
@@ -43,15 +44,13 @@ use connection::connect;
 use recovery::{session_lives, spoilt};
 use verdict::judge;
 
-pub use gnc_executive::bench::Site;
-
 /// Items that run at once. Of the four requests that a board takes at once one is left for a second request of one
 /// item, or for reading error records.
 const AT_ONCE: usize = 3;
 
 /// A run that was ordered.
 #[derive(Debug)]
-pub struct Order {
+pub(crate) struct Order {
     /// The plan on this bench.
     pub job: Job,
     /// Who tests what, where, with what.
@@ -111,7 +110,7 @@ pub struct Ending {
 }
 
 /// Carries out an order.
-pub async fn run(order: &Order, journal: Journal, control: &Control, live: &Live) -> Ending {
+pub(crate) async fn run(order: &Order, journal: Journal, control: &Control, live: &Live) -> Ending {
     let run = Run {
         order,
         journal: &journal,

@@ -1,7 +1,7 @@
 //! The contract between procedures, which measure, and plans, which judge: what every item takes and what it yields.
 //!
-//! Pure data. A procedure yields exactly the measurements that stand here, and a plan may limit exactly those. Procedures
-//! name a measurement by its constant, so that a misspelt name does not compile.
+//! Pure data. A procedure yields exactly the measurements that stand here, and a plan may limit exactly those.
+//! Procedures name a measurement by its constant, so that a misspelt name does not compile.
 //!
 //! A bench that lacks a device of an item cannot run it: the plan is then refused before power-on, unless it calls
 //! the item optional, which makes it skipped with that cause.
@@ -28,8 +28,8 @@ use crate::quantity::{Dimension, Unit};
 pub use page::page;
 pub use shared::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
 
-/// Makes the items out of their one table. A row is an item: what it tests, its id in plans and records, and what it takes
-/// and yields.
+/// Makes the items out of their one table. A row is an item: what it tests, its id in plans and records, and its
+/// specification.
 macro_rules! items {
     ($($(#[doc = $about:literal])* $item:ident = $id:literal: $spec:path,)*) => {
         /// A test item.
@@ -69,33 +69,34 @@ macro_rules! items {
 items! {
     /// Who is in the socket: serial number, part, versions, supply.
     Identity = "identity": processor::IDENTITY,
-    /// Both cores.
+    /// Both cores: registers, memory, integer and floating-point arithmetic, compared bit for bit with this computer.
     Cpu = "cpu": processor::CPU,
-    /// The three timers.
+    /// The three timers: their intervals against the clock of the board, and missing interrupts.
     Timers = "timers": processor::TIMERS,
-    /// Internal RAM of the DSP.
+    /// Internal RAM of the DSP: every word, pattern by pattern.
     InternalRam = "internal-ram": memory::INTERNAL_RAM,
-    /// External SDRAM.
+    /// External SDRAM: every word, pattern by pattern.
     Sdram = "sdram": memory::SDRAM,
-    /// SPI flash, in a scratch sector.
+    /// SPI flash, in a scratch sector: erase, blank check, write, read back.
     SpiFlash = "spi-flash": memory::SPI_FLASH,
-    /// Internal flash, in a scratch sector.
+    /// Internal flash, in a scratch sector: erase, blank check, write, read back.
     InternalFlash = "internal-flash": memory::INTERNAL_FLASH,
-    /// Gyroscopes and accelerometers at rest.
+    /// Gyroscopes and accelerometers at rest: means, noise, stuck and saturated channels.
     Imu = "imu": sensors::IMU,
-    /// Satellite receiver.
+    /// Satellite receiver: fix, place, 1PPS, and faults in what it says.
     Gnss = "gnss": sensors::GNSS,
-    /// AD channels and magnetometer.
+    /// AD channels with each DIP switch on and off, and the magnetometer at several headings.
     Ad = "ad": sensors::AD,
-    /// The four IO lines.
+    /// The four IO lines: every ordered pair at both levels, and shorts.
     Io = "io": ports::IO,
-    /// SPI against the IO lines.
+    /// SPI against the IO lines, both ways.
     Spi = "spi": ports::SPI,
-    /// RS-422 echo.
+    /// RS-422 echo of blocks of several lengths.
     Sci = "sci": ports::SCI,
-    /// CAN echo.
+    /// CAN echo of standard and extended frames.
     Can = "can": ports::CAN,
-    /// The board's switch takes the supply away and gives it back: the module starts each time, as soon, and draws the same.
+    /// The board's switch takes the supply away and gives it back: the module starts each time, as soon as before, and
+    /// draws the same.
     PowerCycle = "power-cycle": power::POWER_CYCLE,
     /// Accelerometer calibration from six, twelve or twenty-four positions.
     SixPosition = "six-position": calibration::SIX_POSITION,

@@ -12,7 +12,8 @@ use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
 
-/// Version of the events' form; a program that reads them compares it first.
+/// Version of the events' form. A program that reads a journal compares it first, with [`crate::journal::fold`]; a later
+/// form counts it up.
 pub const EVENTS_SCHEMA: &str = "gnc-events/1";
 
 /// One event, one line of a journal.
@@ -389,6 +390,25 @@ pub enum StopHow {
 }
 
 impl EventKind {
+    /// The names of all kinds in journals.
+    pub(crate) const NAMES: [&str; 15] = [
+        "run_started",
+        "board_found",
+        "board_rebooted",
+        "power",
+        "item_started",
+        "measured",
+        "found",
+        "error_record",
+        "attempt_ended",
+        "item_ended",
+        "prompted",
+        "answered",
+        "note",
+        "stop_requested",
+        "run_ended",
+    ];
+
     /// Its name in journals.
     pub(crate) fn name(&self) -> &'static str {
         match self {

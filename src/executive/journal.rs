@@ -2,10 +2,18 @@
 //!
 //! Each event is one line, appended at once. A station that loses its power leaves a journal whose last line may be cut
 //! off, or followed by zero bytes where the file system had no time for the data; that run is interrupted, and all
-//! events before are good. Anything else that cannot be read is a damaged journal.
+//! events before are good.
+//!
+//! A later version of the station may add kinds of events and values, or count up the schema that the first event names.
+//! Such a journal is refused as [`JournalError::Newer`], which is not damage. Anything else that cannot be read is a
+//! damaged journal. A misspelt name looks like a new one: only the digests of the record tell the two apart.
 
-use crate::event::Event;
+mod newer;
+
+use crate::event::{EVENTS_SCHEMA, Event, EventKind};
 use crate::state::{OutOfOrder, RunState};
+
+pub use newer::Unknown;
 
 /// What a stored journal holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +36,25 @@ pub enum JournalError {
         line: usize,
         /// What the parser says.
         source: serde_json::Error,
+    },
+    /// A later version of the station wrote it, and this one does not know all of it.
+    #[error("written by a newer version of the station ({unknown})")]
+    Newer {
+        /// Number of the line, from 1.
+        line: usize,
+        /// What this version does not know.
+        unknown: Unknown,
+    },
+    /// The first event names a schema that no version of the station has.
+    #[error(
+        "line {line} of the journal has the schema {}, and this program reads {EVENTS_SCHEMA}",
+        gnc_text::quoted(schema)
+    )]
+    OtherSchema {
+        /// Number of the line, from 1.
+        line: usize,
+        /// The schema.
+        schema: String,
     },
     /// An event cannot follow those before it.
     #[error("line {line} of the journal does not follow from those before it")]
@@ -52,7 +79,7 @@ pub fn line(event: &Event) -> Result<String, serde_json::Error> {
 /// Folds a stored journal; an empty one gives an empty state.
 ///
 /// # Errors
-/// A line other than the last is damaged, or events do not follow from each other.
+/// A line other than the last is damaged, events do not follow from each other, or a later version wrote them.
 pub fn fold(bytes: &[u8]) -> Result<Journal, JournalError> {
     let whole = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut state = RunState::new();
@@ -62,9 +89,21 @@ pub fn fold(bytes: &[u8]) -> Result<Journal, JournalError> {
         let event: Event = match serde_json::from_slice(piece) {
             Ok(event) => event,
             // Only the last line can be cut off, and then it has no end. One whose end alone is missing is whole.
-            Err(_) if !piece.ends_with(b"\n") => break,
-            Err(source) => return Err(JournalError::NotAnEvent { line, source }),
+            Err(source) => match newer::unknown(piece, &source, state.next_seq()) {
+                Some(unknown) => return Err(JournalError::Newer { line, unknown }),
+                None if !piece.ends_with(b"\n") => break,
+                None => return Err(JournalError::NotAnEvent { line, source }),
+            },
         };
+        if let EventKind::RunStarted { header, .. } = &event.kind
+            && header.schema != EVENTS_SCHEMA
+        {
+            let schema = header.schema.clone();
+            return Err(match newer::schema(&schema) {
+                Some(unknown) => JournalError::Newer { line, unknown },
+                None => JournalError::OtherSchema { line, schema },
+            });
+        }
         state.apply(&event).map_err(|source| JournalError::OutOfOrder { line, source })?;
         good_bytes += piece.len();
     }

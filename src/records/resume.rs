@@ -4,7 +4,6 @@
 //! bench, and at the board its firmware and the calibration that the module keeps.
 
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use gnc_analysis::capture::Capture;
@@ -12,17 +11,15 @@ use gnc_executive::event::{Bench, EarlierRun, Event, EventKind, RunHeader};
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
-use crate::store::{DIGESTS, JOURNAL, digest, reader};
+use crate::store::reader::{self, ReadError};
+use crate::store::{self, DIGESTS, JOURNAL, digest};
 
 /// Why a run cannot be taken up again.
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeError {
     /// There is no such run, or its journal is damaged.
-    #[error("the run to take up again cannot be read: {what}")]
-    Unreadable {
-        /// Why.
-        what: String,
-    },
+    #[error("the run to take up again cannot be read")]
+    Unreadable(#[source] ReadError),
     /// Something is not as it was.
     #[error("the run to take up again had {what} {was}, this one has {is}")]
     Unlike {
@@ -33,6 +30,9 @@ pub enum ResumeError {
         /// Here.
         is: String,
     },
+    /// Another station carries it out at this moment.
+    #[error("the run to take up again goes on")]
+    GoesOn,
     /// A file of a closed run is not as it was written.
     #[error("the run to take up again is not as it was written: {what}")]
     Changed {
@@ -49,11 +49,32 @@ impl ResumeError {
     #[must_use]
     pub fn try_this(&self) -> &'static str {
         match self {
-            Self::Unreadable { .. } => "`gnc-station records list` shows the runs that are there",
+            Self::Unreadable(error) => error.try_this(),
             Self::Unlike { .. } => "run the plan from its beginning, without --resume",
+            Self::GoesOn => "let it end, or stop it where it runs",
             Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
             Self::Captures(error) => error.source.try_this(),
         }
+    }
+}
+
+/// What the run that is to begin must have in common with the one that is taken up, as far as it is known without a
+/// board.
+#[derive(Debug, Clone, Copy)]
+pub struct Like<'a> {
+    /// SHA-256 of the plan with all that it includes.
+    pub plan_sha256: &'a str,
+    /// The module's serial number.
+    pub serial_number: &'a str,
+    /// The bench.
+    pub bench: &'a Bench,
+}
+
+impl<'a> Like<'a> {
+    /// That of a run with this header.
+    #[must_use]
+    pub fn header(header: &'a RunHeader) -> Self {
+        Self { plan_sha256: &header.plan.sha256, serial_number: &header.serial_number, bench: &header.bench }
     }
 }
 
@@ -73,16 +94,18 @@ impl Resumed {
     ///
     /// # Errors
     /// [`ResumeError`].
-    pub fn read(folder: &Path, header: &RunHeader) -> Result<Self, ResumeError> {
-        let state = reader::fold(folder).map_err(|what| ResumeError::Unreadable { what })?;
-        let unreadable = |error: io::Error| ResumeError::Unreadable { what: error.to_string() };
-        let journal = fs::read(folder.join(JOURNAL)).map_err(unreadable)?;
-        let Some(was) = state.header() else {
-            return Err(ResumeError::Unreadable { what: "the journal holds no whole event".into() });
-        };
-        same("the plan with the digest", &was.plan.sha256, &header.plan.sha256)?;
-        same("the serial number", &was.serial_number, &header.serial_number)?;
-        same("the bench", &bench(&was.bench), &bench(&header.bench))?;
+    pub fn read(folder: &Path, like: Like<'_>) -> Result<Self, ResumeError> {
+        let state = reader::fold(folder).map_err(ResumeError::Unreadable)?;
+        let path = folder.join(JOURNAL);
+        let unreadable = |source| ResumeError::Unreadable(ReadError::File { path: path.clone(), source });
+        let journal = fs::read(&path).map_err(unreadable)?;
+        let was = state.header().ok_or(ResumeError::Unreadable(ReadError::Empty))?;
+        same("the plan with the digest", &was.plan.sha256, like.plan_sha256)?;
+        same("the serial number", &was.serial_number, like.serial_number)?;
+        same("the bench", &bench(&was.bench), &bench(like.bench))?;
+        if store::goes_on(folder) {
+            return Err(ResumeError::GoesOn);
+        }
         // A run that was stopped in order is closed, and its digests vouch for it.
         if folder.join(DIGESTS).exists()
             && let Some(what) = reader::verify(folder).into_iter().next()

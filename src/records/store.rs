@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
+pub(crate) use closing::goes_on;
 pub use closing::{pretty, seal_interrupted};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
 /// What to do with records.
@@ -15,7 +16,8 @@ pub(crate) enum RecordsCommand {
         /// Its folder, whole or below the records folder; or a serial number, for its newest run.
         run: PathBuf,
     },
-    /// Compares runs with their digests and their journals.
+    /// Compares runs with their digests and their journals: exit code 1 if something was changed, 2 if all that can be said
+    /// of a run is that a newer version of the station wrote it.
     Verify {
         /// Their folders or serial numbers; all runs if none is named.
         runs: Vec<PathBuf>,
@@ -104,7 +106,8 @@ pub(crate) struct RunArgs {
     /// Whether a bad item ends the run and its loop, whatever the plan says.
     #[arg(long, value_name = "stop|continue")]
     pub on_fail: Option<OnFailArg>,
-    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same.
+    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same. The
+    /// screen asks first, and offers such a run of a scanned module by itself.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
     pub resume: Option<PathBuf>,
     /// Runs one item after the other, also where the plan's items could run at once.
@@ -122,6 +125,15 @@ pub(crate) enum OnFailArg {
     Stop,
     /// The rest is run.
     Continue,
+}
+
+impl From<OnFailArg> for OnFail {
+    fn from(asked: OnFailArg) -> Self {
+        match asked {
+            OnFailArg::Stop => Self::Stop,
+            OnFailArg::Continue => Self::Continue,
+        }
+    }
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {

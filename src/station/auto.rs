@@ -6,24 +6,21 @@
 mod face;
 
 use std::io::{self, IsTerminal as _};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::mpsc;
-use std::time::Instant;
 
-use chrono::Local;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::{Fixture, Operator};
-use gnc_bench::journal::Journal;
-use gnc_bench::runner::{self, Ending, Live, Order};
-use gnc_executive::event::{EVENTS_SCHEMA, Loop, PlanInfo, Program, RunHeader};
-use gnc_executive::job::Job;
+use gnc_bench::runner::{Ending, Live};
+use gnc_bench::service::{self, Observer, Request, Rounds, ServiceError};
+use gnc_executive::event::Program;
 use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::{OnFail, Plan};
-use gnc_records::resume::Resumed;
-use gnc_records::store::{RunFolder, Scribe, StationKey, Watcher, digest, seal_interrupted};
+use gnc_executive::plan::OnFail;
+use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 
-use crate::args::{OnFailArg, RunArgs};
+use crate::args::RunArgs;
 use crate::refusal::{Refusal, complain, refuse};
 use crate::setup::{self, Setup};
 use crate::{files, records, serial_number};
@@ -36,12 +33,12 @@ const UNREAD_EVENTS: usize = 1 << 16;
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
     match prepare(args) {
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
-        Ok((plan, setup, serial_number)) => {
+        Ok((request, setup)) => {
             let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
                 Ok(runtime) => runtime,
                 Err(error) => return refuse(format_args!("cannot start: {error}"), ""),
             };
-            let outcome = runtime.block_on(all_rounds(args, &plan, setup, &serial_number));
+            let outcome = runtime.block_on(all_rounds(args, &request, setup));
             // The thread that reads answers may wait for a line for ever.
             runtime.shutdown_background();
             match outcome {
@@ -52,17 +49,32 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
     }
 }
 
-fn prepare(args: &RunArgs) -> Result<(Plan, Setup, String), Refusal> {
+/// What the command line asks for, and the bench for it.
+fn prepare(args: &RunArgs) -> Result<(Request, Setup), Refusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
-    let path = args.auto.as_deref().unwrap_or_else(|| std::path::Path::new(""));
-    let mut plan = files::plan(path)?;
-    match args.on_fail {
-        Some(OnFailArg::Stop) => plan.on_fail = OnFail::Stop,
-        Some(OnFailArg::Continue) => plan.on_fail = OnFail::Continue,
-        None => {}
-    }
-    let setup = setup::from_args(args, &serial_number, at_the_terminal)?;
-    Ok((plan, setup, serial_number))
+    let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
+    let plan = files::plan(path)?;
+    let setup = setup::check(args)?.open(&serial_number, at_the_terminal)?;
+    let resume = args.resume.as_deref();
+    let rounds = match args.until {
+        Some(time) => Rounds::For(time),
+        None if args.loops > 1 => Rounds::Count(args.loops),
+        None => Rounds::Once,
+    };
+    let request = Request {
+        plan,
+        serial_number,
+        operator: args.operator.clone(),
+        selection: args.only.clone(),
+        program: program(),
+        on_fail: args.on_fail.map(OnFail::from),
+        rounds,
+        resume: resume.map(|run| records::to_resume(&setup.equipment.records, run)).transpose()?,
+        one_by_one: args.one_by_one,
+        nonce: None,
+        began: None,
+    };
+    Ok((request, setup))
 }
 
 fn serial_number(given: Option<&str>) -> Result<String, Refusal> {
@@ -81,59 +93,21 @@ fn at_the_terminal() -> Result<Fixture, Refusal> {
     operator.map(Fixture::Operator).map_err(|error| Refusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
-async fn all_rounds(args: &RunArgs, plan: &Plan, setup: Setup, serial_number: &str) -> Result<Outcome, Refusal> {
+async fn all_rounds(args: &RunArgs, request: &Request, setup: Setup) -> Result<Outcome, Refusal> {
     let control =
         Control::from_signals().map_err(|error| Refusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
-    let job =
-        Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
-    let mut header = header(args, plan, &setup, serial_number);
-    let resumed = args.resume.as_deref().map(|run| taken_up(run, &setup.records, &header)).transpose()?;
-    header.resumed = resumed.as_ref().map(Resumed::earlier);
-    let mut order = Order {
-        job,
-        header,
-        target: setup.target,
-        can: setup.can,
-        fixture: setup.fixture,
-        site: setup.site,
-        resumed,
-        one_by_one: args.one_by_one,
-        nonce: None,
-        found: seal_interrupted(&setup.records, setup.key.as_ref()),
-    };
     // The simulated bench ends with this scope.
-    let _simulation = setup.simulation;
-    let began = Instant::now();
-    let mut ends = Vec::new();
-    for round in 1.. {
-        let count = args.until.is_none().then_some(args.loops);
-        let looped = args.until.is_some() || args.loops > 1;
-        order.header.looped = looped.then_some(Loop { index: round, count });
-        let ending = match one_round(args, &order, plan, (&setup.records, setup.key.as_ref()), &control).await {
-            Ok(ending) => ending,
-            Err(refusal) if ends.is_empty() => return Err(refusal),
-            Err(refusal) => {
-                complain(refusal.what, &refusal.try_this);
-                ends.push(Outcome::Errored);
-                break;
-            }
-        };
-        let outcome = ending.outcome;
-        ends.push(outcome);
-        order.found.clear();
-        let enough = match args.until {
-            Some(time) => began.elapsed() >= time,
-            None => round >= args.loops,
-        };
-        let bad = !outcome.is_good() && args.on_fail == Some(OnFailArg::Stop);
-        if enough || bad || !ending.begun || control.asked().times > 0 {
-            break;
-        }
+    let Setup { equipment, simulation: _simulation } = setup;
+    let live = Live::default();
+    let mut shown = Shown { events_to_stdout: args.events, control: &control, live: &live, face: None };
+    let done = service::run(request, equipment, &control, &live, &mut shown).await.map_err(|error| refusal(&error))?;
+    if let Some(refused) = &done.refused {
+        complain(with_causes(refused), refused.try_this());
     }
-    if ends.len() > 1 {
-        face::say(args.events, &format!("{} rounds: {}", ends.len(), counts(&ends)));
+    if done.outcomes.len() > 1 {
+        face::say(args.events, &format!("{} rounds: {}", done.outcomes.len(), counts(&done.outcomes)));
     }
-    Ok(Outcome::worst(ends).unwrap_or(Outcome::Errored))
+    Ok(done.outcome())
 }
 
 /// "7 passed, 1 failed".
@@ -143,72 +117,44 @@ fn counts(ends: &[Outcome]) -> String {
     present.map(|outcome| format!("{} {outcome}", count(outcome))).collect::<Vec<_>>().join(", ")
 }
 
-/// The run that is taken up again, if it is like the one that is to begin.
-fn taken_up(run: &std::path::Path, records: &std::path::Path, header: &RunHeader) -> Result<Resumed, Refusal> {
-    let runs = records::resolve(records, run).map_err(|error| Refusal::new(with_causes(&error), error.try_this()))?;
-    let [folder] = runs.as_slice() else {
-        let shown = gnc_text::quoted(&run.to_string_lossy());
-        let what = match runs.len() {
-            0 => format!("there is no run {shown}"),
-            more => format!("{shown} names {more} runs"),
-        };
-        return Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"));
-    };
-    Resumed::read(folder, header).map_err(|error| Refusal::new(with_causes(&error), error.try_this()))
+/// A request that the service does not carry out.
+fn refusal(error: &ServiceError) -> Refusal {
+    Refusal::new(with_causes(error), error.try_this())
 }
 
-async fn one_round(
-    args: &RunArgs,
-    order: &Order,
-    plan: &Plan,
-    (records, key): (&std::path::Path, Option<&StationKey>),
-    control: &Control,
-) -> Result<Ending, Refusal> {
-    let store_refusal = |error: gnc_records::store::StoreError| Refusal::new(with_causes(&error), error.try_this());
-    // Before power-on, so that no module is tested whose record cannot be kept.
-    let folder = RunFolder::create(records, Local::now().fixed_offset(), &order.header.serial_number, &plan.name)
-        .map_err(store_refusal)?
-        .signed_with(key.cloned());
-    let path = folder.path().to_owned();
-    let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-    let live = Live::default();
-    let face = Face::start(events, &live, args.events, path.clone())
-        .map_err(|error| Refusal::new(format!("cannot start: {error}"), ""))?;
-    let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
-    let scribe = Scribe::start(folder, plan, vec![watcher]).map_err(store_refusal)?;
-    let ending = runner::run(order, Journal::new(scribe), control, &live).await;
-    face.join(control).await;
-    if let Some(error) = &ending.store_error {
-        complain(
-            format_args!(
-                "ERRORED: this run is no pass, since its record could not be written: {}; what there is lies in {}",
-                with_causes(error),
-                path.display()
-            ),
-            error.try_this(),
-        );
-    }
-    Ok(ending)
+/// Shows each round, on a thread of its own.
+struct Shown<'a> {
+    events_to_stdout: bool,
+    control: &'a Control,
+    live: &'a Live,
+    face: Option<Face>,
 }
 
-/// Who tests what, where, with what.
-pub(crate) fn header(args: &RunArgs, plan: &Plan, setup: &Setup, serial_number: &str) -> RunHeader {
-    RunHeader {
-        schema: EVENTS_SCHEMA.to_owned(),
-        serial_number: serial_number.to_owned(),
-        operator: args.operator.clone(),
-        station: setup.station.clone(),
-        program: Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() },
-        bench: setup.bench.clone(),
-        plan: PlanInfo {
-            name: plan.name.clone(),
-            version: plan.version.clone(),
-            sha256: digest::of_plan(plan.files()),
-        },
-        site: setup.site.clone(),
-        recomputed: None,
-        resumed: None,
-        selection: args.only.clone(),
-        looped: None,
+impl Observer for Shown<'_> {
+    fn begin(&mut self, folder: &Path) -> io::Result<Watcher> {
+        let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
+        self.face = Some(Face::start(events, self.live, self.events_to_stdout, folder.to_owned())?);
+        Ok(Box::new(move |event| watcher.try_send(event.clone()).is_ok()))
     }
+
+    async fn end(&mut self, folder: &Path, ending: &Ending) {
+        if let Some(face) = self.face.take() {
+            face.join(self.control).await;
+        }
+        if let Some(error) = &ending.store_error {
+            complain(
+                format_args!(
+                    "ERRORED: this run is no pass, since its record could not be written: {}; what there is lies in {}",
+                    with_causes(error),
+                    folder.display()
+                ),
+                error.try_this(),
+            );
+        }
+    }
+}
+
+/// This program, as records name it.
+pub(crate) fn program() -> Program {
+    Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() }
 }

@@ -20,9 +20,12 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
     let mut wrong = 0;
     for path in plans {
         let checked = files::plan(path).and_then(|plan| {
-            let (items, time) = (plan.items().len(), bench_time(&plan));
+            let plan = plan.plan();
+            let (items, time) = (plan.items().len(), bench_time(plan));
             match abilities {
-                Some(abilities) => Job::new(plan, abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?,
+                Some(abilities) => {
+                    Job::new(plan.clone(), abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?
+                }
                 None => return Ok((items, time, ", not held against any bench")),
             };
             Ok((items, time, ""))

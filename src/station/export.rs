@@ -13,6 +13,7 @@ use clap::ValueEnum;
 use gnc_analysis::capture::Capture;
 use gnc_records::raw::RawRecord;
 use gnc_records::store::captures::{self, CapturesError};
+use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{StoreError, on};
 use gnc_text::{printable, with_causes};
 
@@ -112,6 +113,13 @@ fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
     cut_off.into_iter().chain(lossy).collect()
 }
 
+/// Raw samples have a form of their own, so those of a run of a later version are exported as far as they can be read.
+fn newer(folder: &Path) -> Option<Doubt> {
+    let error = reader::fold(folder).err().filter(ReadError::is_newer)?;
+    let what = format!("{}: {error}; its raw samples are exported as this version reads them", folder.display());
+    Some(Doubt { what, try_this: error.try_this() })
+}
+
 /// Exports every raw file; gives what there is to know of them.
 fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportError> {
     let files = captures::files(folder)?;
@@ -122,7 +130,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportEr
         return Err(ExportError::Exists { path: out.to_owned() });
     }
     on(fs::create_dir_all(out), "create", out)?;
-    let mut found = Vec::new();
+    let mut found: Vec<Doubt> = newer(folder).into_iter().collect();
     let mut told = io::stdout().lock();
     for file in files {
         let record = captures::read(&file)?;

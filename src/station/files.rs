@@ -1,28 +1,68 @@
-//! Plans and bench files from the disk.
+//! Plans and bench files from the disk, and whether they are still as they were read.
 
 use std::fs::File;
 use std::io::{self, Read as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use gnc_analysis::motion;
+use gnc_bench::service::CheckedPlan;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
 
 use crate::refusal::Refusal;
 
 /// Reads and checks a plan with all that it includes.
-pub(crate) fn plan(path: &Path) -> Result<Plan, Refusal> {
+pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, Refusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
-    // What it does with the module is known here alone.
-    plan.and_then(|plan| plan.check(motion::mistakes)).map_err(|mistakes| Refusal::new(mistakes, ""))
+    plan.and_then(CheckedPlan::new).map_err(|mistakes| Refusal::new(mistakes, ""))
 }
 
 /// Reads and checks a bench file.
 pub(crate) fn bench(path: &Path) -> Result<BenchFile, Refusal> {
+    let (file, _) = bench_and_text(path)?;
+    Ok(file)
+}
+
+/// Reads and checks a bench file, and keeps what was read.
+pub(crate) fn bench_and_text(path: &Path) -> Result<(BenchFile, ReadFile), Refusal> {
     let bytes = read(path, MAX_BENCH_BYTES).map_err(|error| cannot_read("bench file", path, &error))?;
-    BenchFile::read(&path.to_string_lossy(), bytes).map_err(|mistakes| Refusal::new(mistakes, ""))
+    let text = ReadFile { path: path.to_owned(), bytes: bytes.clone() };
+    let file = BenchFile::read(&path.to_string_lossy(), bytes).map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    Ok((file, text))
+}
+
+/// A file as it was when it was read.
+#[derive(Debug, Clone)]
+pub(crate) struct ReadFile {
+    pub path: PathBuf,
+    pub bytes: Vec<u8>,
+}
+
+/// A file that is no longer as it was read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ChangedFile {
+    /// Its name, as the user or an include gave it.
+    pub name: String,
+    /// Why it cannot be read any more; `None` if it holds something else.
+    pub unreadable: Option<String>,
+}
+
+/// The files of a plan that are not as they were checked.
+pub(crate) fn changed_plan(path: &Path, plan: &CheckedPlan) -> Vec<ChangedFile> {
+    // The plan's own name may have been spelt in another encoding; its path is as it was given.
+    let paths = std::iter::once(path).chain(plan.plan().files().skip(1).map(|(name, _)| Path::new(name)));
+    paths.zip(plan.plan().files()).filter_map(|(path, (_, text))| changed(path, text)).collect()
+}
+
+/// A file, if it is not as it was read.
+pub(crate) fn changed(path: &Path, was: &[u8]) -> Option<ChangedFile> {
+    let name = path.display().to_string();
+    match read(path, was.len()) {
+        Ok(is) if is == was => None,
+        Ok(_) => Some(ChangedFile { name, unreadable: None }),
+        Err(error) => Some(ChangedFile { name, unreadable: Some(error.to_string()) }),
+    }
 }
 
 /// At most one byte more than the limit, so that the checker can say that there are too many.

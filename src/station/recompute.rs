@@ -78,8 +78,9 @@ fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
         run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         journal_sha256: digest::of_file(&folder.join(JOURNAL))?,
     };
-    let again = again::judge(&run, &plan, Some(of))?;
-    let path = file(folder, &plan, &again)?;
+    let plan = plan.plan();
+    let again = again::judge(&run, plan, Some(of))?;
+    let path = file(folder, plan, &again)?;
     let mut out = std::io::stdout().lock();
     for line in &again.differences {
         let _ = writeln!(out, "{}", printable(line));

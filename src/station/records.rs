@@ -11,7 +11,7 @@ use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
-use crate::refusal::{complain, refuse};
+use crate::refusal::{Refusal, complain, refuse};
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -54,7 +54,10 @@ fn list(records: &Path) -> Result<ExitCode, StoreError> {
         let place = found.path.strip_prefix(records).unwrap_or(&found.path).display().to_string();
         let line = match &found.run {
             Ok(run) => summary(run, found.sealed),
-            Err(why) => format!("{:<12}{}", "unreadable", printable(why)),
+            Err(error) => {
+                let word = if error.is_newer() { "newer" } else { "unreadable" };
+                format!("{word:<12}{}", printable(&gnc_text::with_causes(error)))
+            }
         };
         let _ = writeln!(out, "{line}  {place}");
     }
@@ -84,7 +87,7 @@ fn show(folder: &Path) -> ExitCode {
             let _ = std::io::stdout().write_all(text::log_txt(&run).as_bytes());
             ExitCode::SUCCESS
         }
-        Err(why) => refuse(why, "`gnc-station records list` shows the runs that are there"),
+        Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
     }
 }
 
@@ -102,21 +105,27 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
         }
         folders
     };
-    let mut bad = 0;
+    let (mut bad, mut newer) = (0, 0);
     let mut out = std::io::stdout().lock();
     for folder in &folders {
-        let mut problems = reader::verify(folder);
-        problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
-        if problems.is_empty() {
-            let _ = writeln!(out, "{}: as written", folder.display());
-        } else {
-            bad += 1;
-            for problem in problems {
-                let _ = writeln!(out, "{}: {}", folder.display(), printable(&problem));
+        let mut found = reader::check(folder);
+        found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
+        let (whole, place) = (found.problems.is_empty(), folder.display());
+        let _ = match &found.newer {
+            Some(why) if whole => {
+                writeln!(out, "{place}: {why}: its digests agree, and its journal is not compared with them")
             }
+            Some(why) => writeln!(out, "{place}: {why}"),
+            None if whole => writeln!(out, "{place}: as written"),
+            None => Ok(()),
+        };
+        for problem in &found.problems {
+            let _ = writeln!(out, "{place}: {}", printable(problem));
         }
+        bad += usize::from(!whole);
+        newer += usize::from(whole && found.newer.is_some());
     }
-    let _ = writeln!(out, "{} of {} runs are as written", folders.len() - bad, folders.len());
+    let _ = writeln!(out, "{} of {} runs are as written", folders.len() - bad - newer, folders.len());
     if runs.is_empty() {
         bad += along_the_chain(records, &mut out)?;
     }
@@ -124,6 +133,12 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
         let try_this = "run the module again where a run was interrupted; restore what was changed from a backup";
         complain("these records are not as they were written, so they prove nothing", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
+    }
+    if newer > 0 {
+        let what = format!(
+            "{newer} of these records were written by a newer version of the station: nothing is known to be wrong"
+        );
+        return Ok(refuse(what, "verify them with that version, or a later one"));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -148,9 +163,7 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
     if let Some(folder) = [named.to_owned(), records.join(named)].into_iter().find(|folder| reader::is_run(folder)) {
         return Ok(vec![folder]);
     }
-    let of_module = |found: &reader::FoundRun| {
-        found.run.as_ref().is_ok_and(|run| Some(run.serial_number.as_str()) == named.to_str())
-    };
+    let of_module = |found: &reader::FoundRun| named.to_str().is_some_and(|named| found.is_of(named));
     Ok(reader::list(records)?.into_iter().filter(of_module).map(|found| found.path).collect())
 }
 
@@ -167,6 +180,22 @@ pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
             Err(refuse(what, "name one by its folder; `gnc-station records list` shows them"))
         }
     }
+}
+
+/// The one run that is to be taken up again.
+///
+/// # Errors
+/// There is none, there are several, or the folder cannot be read.
+pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Refusal> {
+    let mut runs =
+        resolve(records, named).map_err(|error| Refusal::new(gnc_text::with_causes(&error), error.try_this()))?;
+    let shown = gnc_text::quoted(&named.to_string_lossy());
+    let what = match runs.len() {
+        0 => format!("there is no run {shown}"),
+        1 => return Ok(runs.remove(0)),
+        more => format!("{shown} names {more} runs"),
+    };
+    Err(Refusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
 }
 
 pub(crate) fn no_such(named: &Path) -> ExitCode {

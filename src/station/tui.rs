@@ -10,6 +10,7 @@ mod lang;
 mod live;
 mod look;
 mod model;
+mod pending;
 mod records;
 mod scene;
 mod session;
@@ -23,16 +24,20 @@ mod view;
 mod tests;
 
 use std::io::{self, IsTerminal as _};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use gnc_bench::runner::Live;
 use gnc_executive::outcome::Outcome;
+use gnc_records::resume::ResumeError;
+use gnc_records::store::reader;
+use gnc_text::{printable, with_causes};
 use tokio::sync::{mpsc, watch};
 
 use crate::args::{OnFailArg, RunArgs};
 use crate::refusal::{Refusal, complain, refuse};
-use crate::serial_number;
+use crate::{serial_number, setup};
 use model::{AfterFailure, Loaded, Model, Rounds};
 use session::{Session, Signals};
 use show::{Clock, Inbox};
@@ -75,7 +80,8 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     let plan = args.plan.clone().unwrap_or_else(|| PLAN.into());
     let serial_number = args.serial_number.as_deref().map(serial_number::check).transpose();
     let serial_number = serial_number.map_err(|error| Refusal::new(error, "scan the module's label again"))?;
-    let model = first_model(args, &plan, serial_number, clock);
+    let resume = args.resume.as_deref().map(|run| to_resume(args, run)).transpose()?;
+    let model = first_model(args, &plan, serial_number, resume, clock);
 
     let live = Live::default();
     let (screen, messages) = mpsc::channel(MESSAGES);
@@ -92,9 +98,7 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, Refusal> {
     })?;
     spawn("keys", move || terminal::read_keys(&keys_in))?;
 
-    let mut session_args = args.clone();
-    session_args.loops = 1;
-    let session = Session { args: session_args, plan, screen, commands, signals, live };
+    let session = Session::new((args.clone(), plan), screen, commands, signals, live);
     let outcome = runtime.block_on(async {
         let resizes = tokio::spawn(terminal::watch_size(resized_in));
         let outcome = session.serve().await;
@@ -117,7 +121,25 @@ fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Refusal
     spawned.map(drop).map_err(|error| Refusal::new(format!("cannot start the screen: {error}"), ""))
 }
 
-fn first_model(args: &RunArgs, plan: &std::path::Path, serial_number: Option<String>, clock: Clock) -> Model {
+/// The run that is to be taken up, and the serial number of its module.
+fn to_resume(args: &RunArgs, run: &Path) -> Result<(PathBuf, String), Refusal> {
+    let folder = crate::records::to_resume(&setup::records_folder(args), run)?;
+    match reader::read(&folder) {
+        Ok(run) => Ok((folder, run.serial_number)),
+        Err(error) => {
+            let error = ResumeError::Unreadable(error);
+            Err(Refusal::new(with_causes(&error), error.try_this()))
+        }
+    }
+}
+
+fn first_model(
+    args: &RunArgs,
+    plan: &Path,
+    serial_number: Option<String>,
+    resume: Option<(PathBuf, String)>,
+    clock: Clock,
+) -> Model {
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
     let mut model = Model::new(lang, look, clock.now());
     model.operator = args.operator.clone().unwrap_or_default();
@@ -137,6 +159,13 @@ fn first_model(args: &RunArgs, plan: &std::path::Path, serial_number: Option<Str
     };
     model.only.clone_from(&args.only);
     model.scan.current = serial_number;
+    if let Some((folder, of)) = resume {
+        let run = folder.file_name().unwrap_or_default().to_string_lossy();
+        let number = model.scan.current.get_or_insert(of);
+        let said = lang::fill(model.texts.resume_asked, &[&printable(number), &printable(&run)]);
+        model.say(model::Weight::Info, said);
+        model.resume = Some(folder);
+    }
     model
 }
 

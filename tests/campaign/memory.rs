@@ -8,20 +8,18 @@ use std::time::Duration;
 use chrono::DateTime;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::{Ask, Fixture, Question};
-use gnc_bench::journal::Journal;
-use gnc_bench::runner::{self, Live};
-use gnc_executive::event::Event;
+use gnc_bench::runner::Live;
+use gnc_bench::service;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_link::memory::MemoryPort;
-use gnc_records::store::{Scribe, Watcher};
 use hw_mocks::{Adapter, Bench, Options, Speed};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
 use super::case::{Case, Link};
-use super::order::{Ordered, order};
+use super::order::{Heard, Ordered, order};
 use super::run::{Act, LONGEST, Ran, SAFE_AFTER, acts, options};
 
 /// When every run begins, by its own calendar.
@@ -51,14 +49,12 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     };
     let (asks, questions) = mpsc::channel(QUESTIONS);
     let began = DateTime::parse_from_rfc3339(BEGAN).map_err(|error| said(&error))?;
-    let Ordered { order, folder } = order(case, "1", (target, can), Fixture::Screen(asks), place, began)?;
-    let path = folder.path().to_owned();
+    let Ordered { request, equipment } = order(case, "1", (target, can), Fixture::Screen(asks), place, Some(began))?;
     let (told, heard) = watch::channel(0);
-    let watcher: Watcher = Box::new(move |_: &Event| {
+    let mut listener = Heard::new(move || {
         told.send_modify(|events| *events += 1);
         true
     });
-    let scribe = Scribe::without_thread(folder, order.job.plan(), vec![watcher]).map_err(|error| said(&error))?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .start_paused(true)
@@ -67,8 +63,8 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     runtime.block_on(async {
         let control = Control::default();
         let mut world = World::new(case, &options, (port, adapter), control.clone(), questions, heard);
-        let (journal, live) = (Journal::dated(scribe, began), Live::default());
-        let station = timeout(LONGEST, runner::run(&order, journal, &control, &live));
+        let live = Live::default();
+        let station = timeout(LONGEST, service::run(&request, equipment, &control, &live, &mut listener));
         let ended = tokio::select! {
             biased;
             ended = station => ended,
@@ -77,7 +73,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         let at = Instant::now();
         let mut ran = Ran { took: at - world.began, in_memory: true, ..Ran::default() };
         ran.since_disturbed = world.disturbed.map(|disturbed| at - disturbed);
-        let Ok(ending) = ended else {
+        let Ok(done) = ended else {
             ran.problems.push(format!("it did not come to an end within {LONGEST:?}"));
             return Ok(ran);
         };
@@ -87,10 +83,8 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         world.due.clear();
         ran.off_after = timeout(SAFE_AFTER, world.off()).await.ok().map(|off| off.saturating_duration_since(at));
         ran.off_since_disturbed = world.disturbed.zip(world.off_since_disturbed).map(|(from, to)| to - from);
-        match ending.store_error {
-            Some(error) => Err(format!("the record could not be written: {error}")),
-            None => Ok(ran.with_record(ending.outcome, &path)),
-        }
+        let (outcome, folder) = listener.ended(done)?;
+        Ok(ran.with_record(outcome, &folder))
     })
 }
 

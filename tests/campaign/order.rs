@@ -1,24 +1,26 @@
 //! What the station is asked to do in every run of a campaign.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset};
 use gnc_bench::fixture::Fixture;
-use gnc_bench::runner::Order;
+use gnc_bench::runner::Ending;
+use gnc_bench::service::{CheckedPlan, Done, Equipment, Observer, Request, Rounds, ServiceError};
 use gnc_executive::bench::BenchFile;
-use gnc_executive::event::{Bench, EVENTS_SCHEMA, PlanInfo, Program, RunHeader};
-use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::event::{Bench, Event, Program};
+use gnc_executive::job::BenchAbilities;
+use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
-use gnc_records::store::{RunFolder, digest};
+use gnc_records::store::Watcher;
 
 use super::case::{Case, Link};
 
-/// An order and the folder of its record.
+/// A request and the bench for it.
 pub(super) struct Ordered {
-    pub(super) order: Order,
-    pub(super) folder: RunFolder,
+    pub(super) request: Request,
+    pub(super) equipment: Equipment,
 }
 
 /// The functional plan on the bench of a case; its records go below `place`.
@@ -28,45 +30,73 @@ pub(super) fn order(
     (target, can): (Target, CanTarget),
     fixture: Fixture,
     place: &Path,
-    began: DateTime<FixedOffset>,
+    began: Option<DateTime<FixedOffset>>,
 ) -> Result<Ordered, String> {
     let said = |error: &dyn std::fmt::Display| error.to_string();
     let bytes = std::fs::read(crate::functional_plan()).map_err(|error| said(&error))?;
     let mut no_includes = |name: &str| Err(format!("{name}: the functional plan includes nothing"));
-    let plan = Plan::read("functional.toml", bytes, &mut no_includes).map_err(|mistakes| said(&mistakes))?;
+    let plan = Plan::read("functional.toml", bytes, &mut no_includes).and_then(CheckedPlan::new);
     let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
         .map_err(|mistakes| said(&mistakes))?;
-    let abilities = BenchAbilities { rs422: case.link == Link::Rs422, can: true, operator: true };
-    let header = RunHeader {
-        schema: EVENTS_SCHEMA.to_owned(),
+    let request = Request {
+        plan: plan.map_err(|mistakes| said(&mistakes))?,
         serial_number: "T-1".to_owned(),
         operator: None,
-        station: "campaign".to_owned(),
-        program: Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() },
-        bench: Bench::simulated(case.board.to_owned(), speed, case.bench_seed()),
-        plan: PlanInfo {
-            name: plan.name.clone(),
-            version: plan.version.clone(),
-            sha256: digest::of_plan(plan.files()),
-        },
-        site: file.site.clone(),
-        recomputed: None,
-        resumed: None,
         selection: None,
-        looped: None,
-    };
-    let folder = RunFolder::create(&place.join("records"), began, "T-1", &plan.name).map_err(|error| said(&error))?;
-    let order = Order {
-        job: Job::new(plan, abilities, None).map_err(|mistakes| said(&mistakes))?,
-        header,
-        target,
-        can: Some(can),
-        fixture,
-        site: file.site,
-        resumed: None,
+        program: Program { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() },
+        on_fail: None,
+        rounds: Rounds::Once,
+        resume: None,
         one_by_one: false,
         nonce: Some(case.bench_seed() as u32),
-        found: Vec::new(),
+        began,
     };
-    Ok(Ordered { order, folder })
+    let equipment = Equipment {
+        station: "campaign".to_owned(),
+        records: place.join("records"),
+        key: None,
+        bench: Bench::simulated(case.board.to_owned(), speed, case.bench_seed()),
+        target,
+        can: Some(can),
+        abilities: BenchAbilities { rs422: case.link == Link::Rs422, can: true, operator: true },
+        fixture,
+        site: file.site,
+    };
+    Ok(Ordered { request, equipment })
+}
+
+/// Hears of each event, and remembers where the record is and why it could not be written.
+pub(super) struct Heard<F> {
+    event: F,
+    folder: Option<PathBuf>,
+    store_error: Option<String>,
+}
+
+impl<F: Fn() -> bool + Clone + Send + 'static> Heard<F> {
+    /// `event` is called for each one; `false`: the listener has gone.
+    pub(super) fn new(event: F) -> Self {
+        Self { event, folder: None, store_error: None }
+    }
+
+    /// The outcome and the folder of the only round, or what hindered it.
+    pub(super) fn ended(self, done: Result<Done, ServiceError>) -> Result<(Outcome, PathBuf), String> {
+        let done = done.map_err(|error| error.to_string())?;
+        match (self.store_error, self.folder) {
+            (Some(error), _) => Err(format!("the record could not be written: {error}")),
+            (None, Some(folder)) => Ok((done.outcome(), folder)),
+            (None, None) => Err("no round was begun".to_owned()),
+        }
+    }
+}
+
+impl<F: Fn() -> bool + Clone + Send + 'static> Observer for Heard<F> {
+    fn begin(&mut self, folder: &Path) -> std::io::Result<Watcher> {
+        self.folder = Some(folder.to_owned());
+        let event = self.event.clone();
+        Ok(Box::new(move |_: &Event| event()))
+    }
+
+    async fn end(&mut self, _: &Path, ending: &Ending) {
+        self.store_error = ending.store_error.as_ref().map(ToString::to_string);
+    }
 }

@@ -5,20 +5,18 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use chrono::Local;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::Fixture;
-use gnc_bench::journal::Journal;
-use gnc_bench::runner::{self, Live};
+use gnc_bench::runner::Live;
+use gnc_bench::service;
 use gnc_executive::outcome::Outcome;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
-use gnc_records::store::{Scribe, Watcher};
 use hw_mocks::{Cable, RunningBench, Speed};
 use tokio::time::Instant;
 
 use super::case::{Case, Link};
-use super::order::{Ordered, order};
+use super::order::{Heard, Ordered, order};
 use super::run::{Act, LONGEST, Ran, SAFE_AFTER, acts, options};
 
 /// More events than any run of the functional plan has.
@@ -52,7 +50,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         Link::Can => Target::Can(can.clone()),
     };
     let fixture = Fixture::Driven(std::sync::Arc::new(hands.clone()));
-    let ordered = order(case, "max", (target, can), fixture, place, Local::now().fixed_offset())?;
+    let ordered = order(case, "max", (target, can), fixture, place, None)?;
     let station = Station { control: control.clone(), told, ordered };
     let thread = std::thread::Builder::new()
         .name(format!("run {}", case.number))
@@ -160,19 +158,14 @@ impl Station {
     }
 
     fn follow_plan(self) -> Ended {
-        let said = |error: &dyn std::fmt::Display| error.to_string();
-        let Ordered { order, folder } = self.ordered;
-        let path = folder.path().to_owned();
+        let Ordered { request, equipment } = self.ordered;
         let told = self.told;
-        let watcher: Watcher = Box::new(move |_| told.send(News::Event).is_ok());
-        let scribe = Scribe::start(folder, order.job.plan(), vec![watcher]).map_err(|error| said(&error))?;
+        let mut listener = Heard::new(move || told.send(News::Event).is_ok());
         let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| said(&error))?;
-        let ending = runtime.block_on(runner::run(&order, Journal::new(scribe), &self.control, &Live::default()));
+            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| error.to_string())?;
+        let live = Live::default();
+        let done = runtime.block_on(service::run(&request, equipment, &self.control, &live, &mut listener));
         runtime.shutdown_background();
-        match ending.store_error {
-            Some(error) => Err(format!("the record could not be written: {error}")),
-            None => Ok((ending.outcome, path)),
-        }
+        listener.ended(done)
     }
 }

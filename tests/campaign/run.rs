@@ -66,7 +66,7 @@ impl Ran {
         }
         match reader::read(folder) {
             Ok(record) => self.record = Some(record),
-            Err(why) => self.problems.push(why),
+            Err(error) => self.problems.push(error.to_string()),
         }
         self
     }

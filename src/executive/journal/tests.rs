@@ -110,6 +110,97 @@ fn damaged_journals_are_refused() {
     "#);
 }
 
+/// What a later version adds is told apart from damage, wherever it stands; the line is named in the order of the file.
+#[test]
+fn a_newer_journal_is_not_damage() {
+    let (bytes, _, _) = stored();
+    let text = String::from_utf8(bytes).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let last = lines.len() - 1;
+    // One name in one line is another one.
+    let told = |at: usize, from: &str, to: &str| {
+        assert!(lines[at].contains(from), "{from} is not in {}", lines[at]);
+        let changed = lines[at].replacen(from, to, 1);
+        let all: Vec<&str> =
+            lines.iter().enumerate().map(|(i, line)| if i == at { &*changed } else { *line }).collect();
+        match fold((all.join("\n") + "\n").as_bytes()) {
+            Err(error @ JournalError::Newer { line, .. }) => format!("line {line}: {error}"),
+            other => format!("{other:?}"),
+        }
+    };
+    let newer = |line: usize, what: &str| format!("line {line}: written by a newer version of the station ({what})");
+    assert_eq!(told(0, "\"run_started\"", "\"run_ordered\""), newer(1, "event `run_ordered`"));
+    assert_eq!(told(4, "\"measured\"", "\"weighed\""), newer(5, "event `weighed`"));
+    assert_eq!(told(last, "\"run_ended\"", "\"run_sealed\""), newer(last + 1, "event `run_sealed`"));
+    assert_eq!(told(0, "gnc-events/1", "gnc-events/2"), newer(1, "schema `gnc-events/2`"));
+    // Whatever else is new in it.
+    assert_eq!(
+        told(0, "gnc-events/1\",\"serial_number\"", "gnc-events/12\",\"number\""),
+        newer(1, "schema `gnc-events/12`")
+    );
+    assert_eq!(
+        told(0, "\"id\":\"sdram\"", "\"id\":\"power-cycle\""),
+        newer(1, "value `power-cycle` in event `run_started`")
+    );
+    assert_eq!(
+        told(last, "\"outcome\":\"", "\"outcome\":\"nearly_"),
+        newer(last + 1, "value `nearly_errored` in event `run_ended`")
+    );
+    assert_eq!(told(4, "\"unit\":null", "\"unit\":\"parsec\""), newer(5, "value `parsec` in event `measured`"));
+    // From outside, so it may hold anything.
+    assert_eq!(told(4, "\"measured\"", "\"\\u001b[2J\""), newer(5, "event `\\u{1b}[2J`"));
+}
+
+/// A line that no version would write is damage, whatever its kind.
+#[test]
+fn damage_is_not_a_newer_version() {
+    let (bytes, _, _) = stored();
+    let text = String::from_utf8(bytes).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let refused = |changed: &str| {
+        let error = fold(format!("{}\n{changed}\n", lines[0]).as_bytes()).unwrap_err();
+        assert!(!matches!(error, JournalError::Newer { .. }), "{changed}: {error}");
+    };
+    let unknown = lines[1].replace("board_found", "weighed");
+    refused(&unknown.replace("\"seq\":1", "\"seq\":2"));
+    refused(&unknown.replace("\"seq\":1,", ""));
+    refused(&unknown.replace("\"elapsed_us\":250000", "\"elapsed_us\":\"soon\""));
+    refused(&unknown[..unknown.len() - 1]);
+    refused(&lines[1].replace("\"board_serial\"", "\"board_number\""));
+    refused(&lines[1].replace("\"protocol\":1", "\"protocol\":\"one\""));
+    refused("\"weighed\"");
+    for schema in ["gnc-events/0", "gnc-events/one", "gnc-events", "gnc-runs/2", ""] {
+        let error = fold(lines[0].replace("gnc-events/1", schema).as_bytes()).unwrap_err();
+        let expected = format!("line 1 of the journal has the schema {schema:?}, and this program reads gnc-events/1");
+        assert_eq!(error.to_string(), expected);
+    }
+}
+
+/// A line that was cut off is cut off, whatever it was going to say; a whole one is read even if its end is missing.
+#[test]
+fn an_unknown_event_may_be_cut_off() {
+    let (bytes, _, events) = stored();
+    let text = String::from_utf8(bytes).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let unknown = lines[1].replace("board_found", "weighed");
+    for cut in 0..unknown.len() {
+        let journal = fold(format!("{}\n{}", lines[0], &unknown[..cut]).as_bytes()).unwrap();
+        assert_eq!(journal.state.next_seq(), events[0].seq + 1, "cut at {cut}");
+    }
+    let whole = fold(format!("{}\n{unknown}", lines[0]).as_bytes());
+    assert!(matches!(whole, Err(JournalError::Newer { line: 2, .. })), "{whole:?}");
+}
+
+/// The list of known kinds is that of the parser, which names it when it meets another one.
+#[test]
+fn the_list_of_kinds_is_whole() {
+    let at = "2026-11-22T14:30:15+08:00";
+    let text = format!("{{\"seq\":0,\"at\":\"{at}\",\"elapsed_us\":0,\"kind\":\"x\"}}");
+    let told = serde_json::from_str::<Event>(&text).unwrap_err().to_string();
+    let names = EventKind::NAMES.map(|name| format!("`{name}`")).join(", ");
+    assert_eq!(told.split(" at line").next(), Some(&*format!("unknown variant `x`, expected one of {names}")));
+}
+
 fn any_value() -> impl Strategy<Value = Value> {
     prop_oneof![
         (any::<f64>(), proptest::sample::select(Unit::ALL.to_vec()))

@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 use std::fmt;
 
-use gnc_text::quoted;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use super::{Dimension, spelling};
@@ -260,7 +259,7 @@ impl Serialize for Unit {
 impl<'de> Deserialize<'de> for Unit {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let symbol = String::deserialize(deserializer)?;
-        Unit::from_symbol(&symbol).ok_or_else(|| de::Error::custom(format_args!("unknown unit {}", quoted(&symbol))))
+        Unit::from_symbol(&symbol).ok_or_else(|| de::Error::unknown_variant(&symbol, &["the symbol of a unit"]))
     }
 }
 

@@ -29,6 +29,12 @@ pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError
     on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
 }
 
+/// Whether a station writes a run at this moment.
+pub(crate) fn goes_on(run: &Path) -> bool {
+    let path = run.join(JOURNAL);
+    File::open(&path).is_ok_and(|journal| hold(journal, &path).is_err())
+}
+
 /// Closes the folder of a run with what its journal says. `cut_off` are the raw files that had no end.
 pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[CutOffFile]) -> Result<(), StoreError> {
     let mut sums = Sums::default();

@@ -1,10 +1,11 @@
 //! Reads records back. The journal is the truth; what was made from it is compared with it.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::event::Event;
-use gnc_executive::journal;
+use gnc_executive::journal::{self, JournalError, Unknown};
 use gnc_executive::plan::MAX_PLAN_FILES;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
@@ -16,15 +17,103 @@ use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, di
 /// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 
+/// Why a run cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// A file or folder.
+    #[error("cannot read {}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// No journal has so many bytes.
+    #[error("{} is longer than any journal", path.display())]
+    TooLong {
+        /// The journal.
+        path: PathBuf,
+    },
+    /// The journal is not as any version of the station writes it.
+    #[error("the journal is damaged")]
+    Damaged(#[source] JournalError),
+    /// A later version of the station wrote the journal, and this one does not know all of it.
+    #[error("written by a newer version of the station ({0})")]
+    Newer(Unknown),
+    /// The run was cut off at its start.
+    #[error("the journal holds no whole event: the run was cut off at its start")]
+    Empty,
+    /// The folder of its plan is empty.
+    #[error("{PLAN}/ is empty")]
+    NoPlan,
+}
+
+impl ReadError {
+    /// What the user can try.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::Newer(_) => "read it with the version of the station that wrote it, or a later one",
+            Self::File { .. } | Self::TooLong { .. } | Self::Damaged(_) | Self::Empty | Self::NoPlan => {
+                "`gnc-station records list` shows the runs that are there"
+            }
+        }
+    }
+
+    /// Whether a later version of the station wrote the run, so that nothing is known to be wrong with it.
+    #[must_use]
+    pub fn is_newer(&self) -> bool {
+        self.unknown().is_some()
+    }
+
+    /// What this version does not know in the journal of a later one.
+    #[must_use]
+    pub fn unknown(&self) -> Option<&Unknown> {
+        match self {
+            Self::Newer(unknown) => Some(unknown),
+            _ => None,
+        }
+    }
+
+    fn of_journal(error: JournalError) -> Self {
+        match error {
+            JournalError::Newer { unknown, .. } => Self::Newer(unknown),
+            error => Self::Damaged(error),
+        }
+    }
+}
+
+/// What a comparison of a run with its digests and its journal finds.
+#[derive(Debug, Default)]
+pub struct Verified {
+    /// What is wrong, a sentence each; nothing if all is as it was written.
+    pub problems: Vec<String>,
+    /// A later version of the station wrote the journal: digests are compared, and what the journal says is not.
+    pub newer: Option<ReadError>,
+}
+
 /// A run found in the records folder.
 #[derive(Debug)]
 pub struct FoundRun {
     /// Its folder.
     pub path: PathBuf,
     /// What it holds, or why that cannot be read.
-    pub run: Result<RunRecord, String>,
+    pub run: Result<RunRecord, ReadError>,
     /// Whether its folder was closed with its digests; a run without them is no evidence, whatever it says.
     pub sealed: bool,
+}
+
+impl FoundRun {
+    /// Whether it is a run of this module; of a run of a later version the name of its folder tells.
+    #[must_use]
+    pub fn is_of(&self, serial_number: &str) -> bool {
+        match &self.run {
+            Ok(run) => run.serial_number == serial_number,
+            Err(error) => {
+                error.is_newer() && self.path.parent().is_some_and(|of| name_of(of) == folder_name(serial_number))
+            }
+        }
+    }
 }
 
 /// All runs below a records folder, oldest first.
@@ -89,6 +178,14 @@ pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
     days.flat_map(of_day).take(limit)
 }
 
+/// Folders of the runs of one module, newest first. A folder of another module may be among them, since two serial numbers
+/// may share one.
+pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<Item = PathBuf> {
+    let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
+    let name = folder_name(serial_number);
+    days.flat_map(move |day| folders(&day.join(&name)).unwrap_or_default().into_iter().rev())
+}
+
 fn found(path: PathBuf) -> FoundRun {
     FoundRun { run: read(&path), sealed: is_sealed(&path), path }
 }
@@ -117,27 +214,26 @@ fn is_day(folder: &Path) -> bool {
 /// Reads a run from its journal.
 ///
 /// # Errors
-/// A sentence for people.
-pub fn read(folder: &Path) -> Result<RunRecord, String> {
+/// [`ReadError`].
+pub fn read(folder: &Path) -> Result<RunRecord, ReadError> {
     let state = fold(folder)?;
-    RunRecord::from_state(&state)
-        .ok_or_else(|| "the journal holds no whole event: the run was cut off at its start".into())
+    RunRecord::from_state(&state).ok_or(ReadError::Empty)
 }
 
 /// Folds a run's journal.
 ///
 /// # Errors
-/// A sentence for people.
-pub fn fold(folder: &Path) -> Result<RunState, String> {
+/// [`ReadError`].
+pub fn fold(folder: &Path) -> Result<RunState, ReadError> {
     let bytes = journal_of(folder)?;
-    journal::fold(&bytes).map(|journal| journal.state).map_err(|error| format!("the journal is damaged: {error}"))
+    journal::fold(&bytes).map(|journal| journal.state).map_err(ReadError::of_journal)
 }
 
 /// The events of a run whose journal [`fold`] found good, in their order.
 ///
 /// # Errors
-/// A sentence for people.
-pub fn events(folder: &Path) -> Result<Vec<Event>, String> {
+/// [`ReadError`].
+pub fn events(folder: &Path) -> Result<Vec<Event>, ReadError> {
     let bytes = journal_of(folder)?;
     // Of an interrupted run the last line may be cut off; the fold found all others good.
     Ok(bytes.split_inclusive(|byte| *byte == b'\n').map_while(|line| serde_json::from_slice(line).ok()).collect())
@@ -146,20 +242,21 @@ pub fn events(folder: &Path) -> Result<Vec<Event>, String> {
 /// The files of a run's plan, each with its name and content, in the order in which the plan included them.
 ///
 /// # Errors
-/// A sentence for people.
-pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, String> {
-    let in_words = |error: std::io::Error| format!("{PLAN}/: {error}");
+/// [`ReadError`].
+pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
+    let dir = folder.join(PLAN);
+    let cannot = |source: io::Error| ReadError::File { path: dir.clone(), source };
     let mut files = Vec::new();
-    for entry in fs::read_dir(folder.join(PLAN)).map_err(in_words)?.take(MAX_PLAN_FILES + 1) {
-        files.push(entry.map_err(in_words)?.path());
+    for entry in fs::read_dir(&dir).map_err(cannot)?.take(MAX_PLAN_FILES + 1) {
+        files.push(entry.map_err(cannot)?.path());
     }
     // Their names begin with a number of two digits and a mark.
     files.sort();
     if files.is_empty() {
-        return Err(format!("{PLAN}/ is empty"));
+        return Err(ReadError::NoPlan);
     }
     let named = |path: &PathBuf| name_of(path).get(3..).unwrap_or_default().to_owned();
-    files.iter().map(|path| Ok((named(path), fs::read(path).map_err(in_words)?))).collect()
+    files.iter().map(|path| Ok((named(path), fs::read(path).map_err(cannot)?))).collect()
 }
 
 /// A paper as it was filed.
@@ -170,19 +267,29 @@ pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     fs::read(folder.join(name))
 }
 
-fn journal_of(folder: &Path) -> Result<Vec<u8>, String> {
+fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
     let path = folder.join(JOURNAL);
-    let in_words = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
-    if fs::metadata(&path).map_err(in_words)?.len() > MAX_JOURNAL_BYTES {
-        return Err(format!("{} is longer than any journal", path.display()));
+    let cannot = |source: io::Error| ReadError::File { path: path.clone(), source };
+    if fs::metadata(&path).map_err(cannot)?.len() > MAX_JOURNAL_BYTES {
+        return Err(ReadError::TooLong { path });
     }
-    fs::read(&path).map_err(in_words)
+    fs::read(&path).map_err(cannot)
 }
 
-/// What is wrong with a run's folder; nothing if all is as it was written.
+/// What is wrong with a run's folder, as far as this version of the station can tell; nothing if all is as it was
+/// written. A run of a later version cannot be told to be as it was written.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    compare(folder).unwrap_or_else(|error| vec![gnc_text::with_causes(&error)])
+    let Verified { mut problems, newer } = check(folder);
+    problems.extend(newer.map(|newer| newer.to_string()));
+    problems
+}
+
+/// Compares a run's folder with its digests and its journal.
+#[must_use]
+pub fn check(folder: &Path) -> Verified {
+    compare(folder)
+        .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() })
 }
 
 /// What is wrong with the signature of a run's digests.
@@ -198,18 +305,21 @@ pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
     }
 }
 
-fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {
-    let state = match fold(folder) {
-        Ok(state) => state,
-        Err(why) => return Ok(vec![why]),
-    };
+fn compare(folder: &Path) -> Result<Verified, StoreError> {
+    let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
     let path = folder.join(DIGESTS);
+    let (state, newer) = match fold(folder) {
+        Ok(state) => (Some(state), None),
+        Err(error) if error.is_newer() => (None, Some(error)),
+        Err(error) => return only(gnc_text::with_causes(&error)),
+    };
     // The next start of a run seals it.
-    if state.header().is_none() || state.is_interrupted() && !path.exists() {
-        return Ok(vec!["interrupted: the run has no end, so nothing vouches for it".into()]);
+    if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
+        return only("interrupted: the run has no end, so nothing vouches for it".into());
     }
     if !path.exists() {
-        return Ok(vec![format!("{DIGESTS} is missing: nothing vouches for this run")]);
+        let problem = format!("{DIGESTS} is missing: nothing vouches for this run");
+        return Ok(Verified { problems: vec![problem], newer });
     }
     let (sums, bad) = Sums::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is no digest"); bad];
@@ -229,12 +339,15 @@ fn compare(folder: &Path) -> Result<Vec<String>, StoreError> {
         }
     }
     problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
-    let stored = fs::read(folder.join(RECORD)).ok().and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
-    match (stored, RunRecord::from_state(&state)) {
-        (Some(stored), Some(folded)) if stored == folded => {}
-        _ => problems.push(format!("{RECORD} does not say what {JOURNAL} says")),
+    if let Some(state) = state {
+        let stored = fs::read(folder.join(RECORD)).ok();
+        let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
+        match (stored, RunRecord::from_state(&state)) {
+            (Some(stored), Some(folded)) if stored == folded => {}
+            _ => problems.push(format!("{RECORD} does not say what {JOURNAL} says")),
+        }
     }
-    Ok(problems)
+    Ok(Verified { problems, newer })
 }
 
 fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {

@@ -5,16 +5,17 @@ use std::path::{Path, PathBuf};
 use gnc_executive::event::{Event, EventKind, RunHeader};
 use gnc_executive::plan::{ParamError, Plan};
 use gnc_executive::state::OutOfOrder;
+use gnc_records::store::StoreError;
 use gnc_records::store::captures::CapturesError;
-use gnc_records::store::{StoreError, reader};
+use gnc_records::store::reader::{self, ReadError};
 
 use super::info;
 
 /// Why a run cannot be recomputed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum RunError {
-    #[error("the run cannot be read: {what}")]
-    Unreadable { what: String },
+    #[error("the run cannot be read")]
+    Unreadable(#[from] ReadError),
     #[error("its events do not follow from each other")]
     OutOfOrder { source: OutOfOrder },
     #[error("it was recomputed itself, from {run}, and holds no raw record")]
@@ -36,9 +37,8 @@ pub(super) enum RunError {
 impl RunError {
     pub(super) fn try_this(&self) -> &'static str {
         match self {
-            Self::Unreadable { .. } | Self::OutOfOrder { .. } => {
-                "`gnc-station records list` shows the runs that are there"
-            }
+            Self::Unreadable(error) => error.try_this(),
+            Self::OutOfOrder { .. } => "`gnc-station records list` shows the runs that are there",
             Self::NoRawRecord { .. } => "recompute the run that it came from",
             Self::OtherPlan => "restore the run's folder from a backup",
             Self::Plan { .. } => "",
@@ -59,12 +59,11 @@ pub(super) struct Run {
 
 impl Run {
     pub(super) fn read(folder: &Path) -> Result<Self, RunError> {
-        let unreadable = |what| RunError::Unreadable { what };
-        // Folding it finds what is damaged.
-        reader::fold(folder).map_err(unreadable)?;
-        let events = reader::events(folder).map_err(unreadable)?;
+        // Folding it finds what is damaged, and what a later version of the station wrote.
+        reader::fold(folder)?;
+        let events = reader::events(folder)?;
         let Some(EventKind::RunStarted { header, .. }) = events.first().map(|event| &event.kind) else {
-            return Err(RunError::Unreadable { what: "the journal holds no whole event".into() });
+            return Err(ReadError::Empty.into());
         };
         if let Some(of) = &header.recomputed {
             return Err(RunError::NoRawRecord { run: of.run.clone() });
@@ -75,7 +74,7 @@ impl Run {
 
     /// The plan as it was run, and nothing else.
     pub(super) fn recorded_plan(&self) -> Result<Plan, RunError> {
-        let files = reader::plan(&self.folder).map_err(|what| RunError::Unreadable { what })?;
+        let files = reader::plan(&self.folder)?;
         // They come in the order of reading, which is that in which they are asked for.
         let mut files = files.into_iter();
         let (name, bytes) = files.next().unwrap_or_default();

@@ -1,4 +1,5 @@
-//! What people ask of a run while it goes on, on the simulated bench: a pause, an item given up, a look without a run.
+//! What people ask of the run service and of a run while it goes on, on the simulated bench: rounds, a pause, an item given
+//! up, a look without a run.
 
 #![cfg(feature = "sim")]
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
@@ -6,17 +7,23 @@
 #[path = "played/played.rs"]
 mod played;
 
+use std::path::Path;
+use std::time::Duration;
+
 use gnc_bench::control::Control;
-use gnc_bench::runner::{Live, looking};
+use gnc_bench::runner::{Ending, Live, looking};
+use gnc_bench::service::{Observer, Request, Rounds};
 use gnc_board::{Board, Desk, Readings};
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::plan::OnFail;
 use gnc_executive::state::RunState;
 use gnc_link::{Link, Target};
 use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
 use gnc_protocol::message::ModulePower;
+use gnc_records::store::Watcher;
 use hw_mocks::{Options, RunningBench, Speed};
-use played::{outcomes, run_plan};
+use played::{outcomes, request, run_plan, serve};
 use tokio::sync::watch;
 
 const PLAN: &str = r#"
@@ -59,6 +66,84 @@ gyro_x = "0 +- 1 deg/s"
 /// Runs the short plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
 fn run(speed: Speed, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
     run_plan(PLAN, &Options { speed, ..Options::default() }, watch)
+}
+
+/// What happens to a round.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    Shown,
+    /// The face cannot show it.
+    Unshown,
+    /// Its folder is removed while it runs.
+    Removed,
+}
+
+/// The fates of the rounds one after the other; later ones are shown.
+struct Fated<'a> {
+    fates: std::slice::Iter<'a, Fate>,
+}
+
+impl Observer for Fated<'_> {
+    fn begin(&mut self, folder: &Path) -> std::io::Result<Watcher> {
+        let (fate, folder) = (self.fates.next().copied().unwrap_or(Fate::Shown), folder.to_owned());
+        if fate == Fate::Unshown {
+            return Err(std::io::Error::other("no thread"));
+        }
+        Ok(Box::new(move |event| {
+            if fate == Fate::Removed && matches!(event.kind, EventKind::ItemStarted { .. }) {
+                let _ = std::fs::remove_dir_all(&folder);
+            }
+            true
+        }))
+    }
+
+    async fn end(&mut self, _: &Path, _: &Ending) {}
+}
+
+/// Which rounds there are, and how the last one that was asked for was refused.
+#[track_caller]
+fn check_rounds(rounds: Rounds, on_fail: Option<OnFail>, limit: &str, fates: &[Fate], expected: (&[Outcome], &str)) {
+    let plan = format!(
+        "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"{limit}\"\n"
+    );
+    let request = Request { rounds, on_fail, ..request(&plan) };
+    let options = Options { speed: Speed::Max, ..Options::default() };
+    let done = serve(&request, &options, &Control::default(), Fated { fates: fates.iter() }).expect("one round");
+    let refused = done.refused.as_ref().map(|error| gnc_text::with_causes(error)).unwrap_or_default();
+    assert_eq!((done.outcomes.as_slice(), refused.as_str()), expected);
+}
+
+#[test]
+fn rounds_end_when_there_is_a_reason() {
+    use Outcome::{Errored, Failed, Passed};
+    let (good, bad) = ("<= 0", "1 .. 2");
+    let stop = Some(OnFail::Stop);
+    check_rounds(Rounds::Once, None, good, &[], (&[Passed], ""));
+    check_rounds(Rounds::Count(3), None, bad, &[], (&[Failed; 3], ""));
+    check_rounds(Rounds::Count(3), stop, good, &[], (&[Passed; 3], ""));
+    check_rounds(Rounds::Count(3), stop, bad, &[], (&[Failed], ""));
+    check_rounds(Rounds::For(Duration::ZERO), None, good, &[], (&[Passed], ""));
+    // A module is not tested on without a record, nor unseen.
+    check_rounds(Rounds::Count(3), None, good, &[Fate::Shown, Fate::Removed], (&[Passed, Errored], ""));
+    let unshown = (&[Passed, Errored][..], "cannot start: no thread");
+    check_rounds(Rounds::Count(3), None, good, &[Fate::Shown, Fate::Unshown], unshown);
+}
+
+/// Nothing is run where the first round cannot begin.
+#[test]
+fn a_first_round_that_cannot_begin_is_refused() {
+    let options = Options { speed: Speed::Max, ..Options::default() };
+    let refused = |request: &Request, fates: &[Fate]| {
+        let refused = serve(request, &options, &Control::default(), Fated { fates: fates.iter() });
+        gnc_text::with_causes(&refused.expect_err("refused"))
+    };
+    let asked = request(PLAN);
+    assert_eq!(refused(&asked, &[Fate::Unshown]), "cannot start: no thread");
+    let unknown = Request { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
+    assert!(refused(&unknown, &[]).contains("cpo"), "{}", refused(&unknown, &[]));
+    let gone = Request { resume: Some("records/gone".into()), ..asked };
+    let told = "the run to take up again cannot be read: cannot read records/gone/events.jsonl: ";
+    assert!(refused(&gone, &[]).starts_with(told), "{}", refused(&gone, &[]));
 }
 
 /// A capture of 100 s at true speed is given up at once; the run goes on with the next item, and is aborted.

@@ -43,6 +43,14 @@ pub(crate) enum Action {
     Yes,
     /// No.
     No,
+    /// Reads and checks the files that were changed.
+    LoadNew,
+    /// Runs the plan as it was checked.
+    RunChecked,
+    /// Takes a run up again that broke off.
+    TakeUp,
+    /// Runs the plan from its beginning.
+    FromStart,
     /// Shows the log.
     Log,
     /// Compares the run with its digests.
@@ -98,6 +106,10 @@ pub(crate) enum Place {
     Prompt,
     /// A question of the program.
     Confirm,
+    /// The question what to do with files that were changed.
+    Changed,
+    /// The question whether to take a run up again.
+    Interrupted,
     /// The list of keys.
     Help,
 }
@@ -105,7 +117,7 @@ pub(crate) enum Place {
 impl Place {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [Place; 13] = [
+    pub(crate) const ALL: [Place; 15] = [
         Place::Idle,
         Place::Running,
         Place::Detail,
@@ -118,6 +130,8 @@ impl Place {
         Place::Setup,
         Place::Prompt,
         Place::Confirm,
+        Place::Changed,
+        Place::Interrupted,
         Place::Help,
     ];
 }
@@ -177,7 +191,12 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(4), Action::Filter, &[Place::Records]),
     shown(Key::F(5), Action::Reload, &[Place::Records]),
     shown(Key::Enter, Action::Yes, &[Place::Prompt, Place::Confirm]),
-    shown(Key::Esc, Action::No, &[Place::Prompt, Place::Confirm]),
+    // Not with F5: a key that is pressed twice must not answer.
+    shown(Key::Enter, Action::LoadNew, &[Place::Changed]),
+    shown(Key::F(6), Action::RunChecked, &[Place::Changed]),
+    shown(Key::Enter, Action::TakeUp, &[Place::Interrupted]),
+    shown(Key::F(6), Action::FromStart, &[Place::Interrupted]),
+    shown(Key::Esc, Action::No, &[Place::Prompt, Place::Confirm, Place::Changed, Place::Interrupted]),
     shown(Key::Enter, Action::Open, &[Place::Records, Place::Record]),
     silent(Key::Enter, Action::Open, &[Place::Idle, Place::Running]),
     shown(Key::Enter, Action::Take, &[Place::Setup]),

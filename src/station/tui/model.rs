@@ -17,7 +17,9 @@ use gnc_executive::state::RunState;
 use super::field::Field;
 use super::keymap::Place;
 use super::lang::{Lang, Texts};
+use super::pending::{Interrupted, Pending};
 use super::records::Records;
+use crate::files::ChangedFile;
 
 /// The time, passed in so that every screen can be drawn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +75,12 @@ pub(crate) enum Over {
     Log { scroll: usize },
     /// The module was tested today; test it again?
     Again { at: DateTime<FixedOffset>, outcome: Option<Outcome> },
+    /// Files are not as they were checked; run what was checked, or read them again?
+    Changed(Vec<ChangedFile>),
+    /// A run of the module broke off; take it up again?
+    Interrupted(Interrupted),
+    /// The run that was asked for cannot be taken up; run the plan from its beginning?
+    NoResume { why: String },
     /// A run is on; leave?
     Leave,
 }
@@ -117,6 +125,8 @@ impl<T> Loaded<T> {
 pub(crate) struct PlanView {
     pub name: String,
     pub version: String,
+    /// Digest of what was checked: that, and nothing else, is what a start runs.
+    pub sha256: String,
     pub items: Vec<PlannedItem>,
     /// What its items do with the module, of those that capture.
     pub programs: Vec<ProgramView>,
@@ -285,13 +295,6 @@ pub(crate) struct Earlier {
     pub outcome: Option<Outcome>,
 }
 
-/// What was asked for and waits for the look at earlier runs.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Pending {
-    pub selection: Option<Vec<String>>,
-    pub rounds: Rounds,
-}
-
 /// How much a message matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Weight {
@@ -319,6 +322,8 @@ pub(crate) struct Model {
     pub after_failure: AfterFailure,
     pub scan: Scan,
     pub pending: Option<Pending>,
+    /// The run that the command line wants to take up, until the operator has decided about it.
+    pub resume: Option<PathBuf>,
     /// Items that are to be run, in the order of the plan.
     pub ticks: Vec<bool>,
     /// Items that the command line chose.
@@ -359,6 +364,7 @@ impl Model {
             after_failure: AfterFailure::AsPlanned,
             scan: Scan::default(),
             pending: None,
+            resume: None,
             ticks: Vec::new(),
             only: None,
             cursor: 0,
@@ -381,7 +387,9 @@ impl Model {
     /// Where the next key is pressed.
     pub(crate) fn place(&self) -> Place {
         match self.over.last() {
-            Some(Over::Again { .. } | Over::Leave) => return Place::Confirm,
+            Some(Over::Again { .. } | Over::NoResume { .. } | Over::Leave) => return Place::Confirm,
+            Some(Over::Changed(_)) => return Place::Changed,
+            Some(Over::Interrupted(_)) => return Place::Interrupted,
             Some(Over::Help { .. }) => return Place::Help,
             Some(Over::Setup(_)) => return Place::Setup,
             _ => {}

@@ -31,6 +31,8 @@ pub(crate) enum Mark {
     Unsealed,
     /// It cannot be read.
     Unreadable,
+    /// A later version of the station wrote it.
+    Newer,
 }
 
 /// A run in a list.
@@ -71,8 +73,25 @@ pub(crate) struct OpenRun {
 pub(crate) enum Check {
     NotAsked,
     Running,
+    Done(Checked),
+}
+
+/// How a run compares with its digests and its journal.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Checked {
     /// What is wrong; nothing if all is as written.
-    Done(Vec<String>),
+    pub problems: Vec<String>,
+    /// What this version does not know in the journal of a later one; its digests alone were compared.
+    pub newer: Option<String>,
+}
+
+/// Why a run is not shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Unopened {
+    /// A later version of the station wrote it: what this one does not know.
+    Newer(String),
+    /// Why it cannot be read.
+    Unreadable(String),
 }
 
 /// What the page knows.

@@ -23,6 +23,7 @@ use ratatui::backend::TestBackend;
 use super::decode::Key;
 use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Model, Now, PlanView, Progress};
+use super::pending::Prepared;
 use super::update::{Command, Msg, update};
 use super::view;
 
@@ -57,6 +58,7 @@ impl Scene {
         let plan = PlanView {
             name: "functional".into(),
             version: "1.0".into(),
+            sha256: "00".repeat(32),
             items: items(),
             programs: Vec::new(),
             part: Some("GNC-POP-26".into()),
@@ -129,7 +131,9 @@ impl Scene {
         self.types(serial_number);
         self.key(Key::Enter);
         self.key(Key::F(5));
-        self.tell(Msg::Earlier { serial_number: serial_number.into(), run: None });
+        let serial = serial_number.to_owned();
+        let prepared = Prepared { serial_number: serial, changed: Vec::new(), earlier: None, resume: None };
+        self.tell(Msg::Prepared(Box::new(prepared)));
         self.run_began = self.now.since_start;
         self.seq = 0;
         let (plan, items) = self.plan.clone();

@@ -2,11 +2,13 @@
 
 mod archive;
 mod files;
+mod prepare;
 mod rounds;
 
 use std::collections::VecDeque;
 use std::future::pending;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use gnc_bench::control::Control;
@@ -18,10 +20,14 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::update::{Command, Msg};
 use crate::args::RunArgs;
+use crate::tui::model::Loaded;
+use files::{Held, HeldPlan, Looked};
 use rounds::{Finished, Handles};
 
 /// Questions that may wait: one of each item that runs.
 const QUESTIONS: usize = 8;
+/// Parts of looks at bench and plan that may wait.
+const LOOKS: usize = 8;
 
 /// Signals that end the program.
 #[derive(Debug)]
@@ -53,12 +59,18 @@ impl Signals {
 /// What the session needs.
 #[derive(Debug)]
 pub(crate) struct Session {
-    pub args: RunArgs,
-    pub plan: PathBuf,
-    pub screen: mpsc::Sender<Msg>,
-    pub commands: mpsc::Receiver<Command>,
-    pub signals: Signals,
-    pub live: Live,
+    args: RunArgs,
+    plan: PathBuf,
+    screen: mpsc::Sender<Msg>,
+    commands: mpsc::Receiver<Command>,
+    signals: Signals,
+    live: Live,
+    /// Bench and plan as they were checked.
+    held: Held,
+    /// Counts the looks at bench and plan: of two the later one counts.
+    look: u64,
+    tell_look: mpsc::Sender<(u64, Looked)>,
+    looks: mpsc::Receiver<(u64, Looked)>,
 }
 
 /// What goes on at the board: a run, or a look at raw values.
@@ -68,6 +80,18 @@ struct Running {
 }
 
 impl Session {
+    /// A session that has read nothing yet.
+    pub(crate) fn new(
+        (args, plan): (RunArgs, PathBuf),
+        screen: mpsc::Sender<Msg>,
+        commands: mpsc::Receiver<Command>,
+        signals: Signals,
+        live: Live,
+    ) -> Self {
+        let (tell_look, looks) = mpsc::channel(LOOKS);
+        Self { args, plan, screen, commands, signals, live, held: Held::default(), look: 0, tell_look, looks }
+    }
+
     /// Serves the screen until somebody leaves. The outcome is that of a run that was ended by the end of the program.
     pub(crate) async fn serve(mut self) -> Option<Outcome> {
         let (ask, mut questions) = mpsc::channel::<Question>(QUESTIONS);
@@ -93,6 +117,11 @@ impl Session {
                         return finished.outcome();
                     }
                     self.tell(finished.into_msg());
+                }
+                Some((look, looked)) = self.looks.recv() => {
+                    if look == self.look {
+                        self.take(looked);
+                    }
                 }
                 Some(question) = questions.recv() => {
                     waiting.push_back(question);
@@ -126,13 +155,13 @@ impl Session {
                     Some(Command::Start(start)) if running.is_none() => {
                         let handles = self.handles(&ask);
                         let control = handles.control.clone();
-                        let done = rounds::run(self.args.clone(), self.plan.clone(), start, handles).boxed_local();
+                        let done = rounds::run(self.held.clone(), start, self.args.one_by_one, handles).boxed_local();
                         running = Some(Running { done, control });
                     }
                     Some(Command::Watch) if running.is_none() => {
                         let handles = self.handles(&ask);
                         let control = handles.control.clone();
-                        let done = rounds::watch(self.args.clone(), handles).boxed_local();
+                        let done = rounds::watch(self.held.clone(), handles).boxed_local();
                         running = Some(Running { done, control });
                     }
                     Some(command) => self.other(command),
@@ -156,6 +185,10 @@ impl Session {
             Command::LookUp(serial_number) => {
                 let records = self.records();
                 self.aside(move || archive::look_up(&records, serial_number));
+            }
+            Command::Prepare { serial_number, selection, resume } => {
+                let look = prepare::Look { held: self.held.clone(), records: self.records(), serial_number, selection };
+                self.aside(move || Msg::Prepared(Box::new(look.prepare(resume))));
             }
             Command::Choose { plan, bench } => self.choose(Some((plan, bench))),
             Command::ListChoices => {
@@ -183,12 +216,44 @@ impl Session {
             self.plan = plan.into();
             files::set_bench(&mut self.args, &bench);
         }
-        let (args, plan, screen) = (self.args.clone(), self.plan.clone(), self.screen.clone());
-        tokio::task::spawn_blocking(move || files::look(&args, &plan, &screen));
+        // Nothing of the old ones runs any more.
+        (self.held, self.look) = (Held::default(), self.look + 1);
+        let (args, plan, look, looks) = (self.args.clone(), self.plan.clone(), self.look, self.tell_look.clone());
+        tokio::task::spawn_blocking(move || {
+            files::look(&args, &plan, |looked| {
+                // A session that has ended wants to know nothing.
+                let _ = looks.blocking_send((look, looked));
+            });
+        });
     }
 
+    /// Holds what was read, and shows it.
+    fn take(&mut self, looked: Looked) {
+        let msg = match looked {
+            Looked::Bench { path, bench: Ok(checked) } => {
+                let bench = Loaded::Ready(files::bench_view(&path, &checked));
+                self.held.bench = Some(Arc::from(checked));
+                Msg::Bench { path, bench }
+            }
+            Looked::Bench { path, bench: Err(refusal) } => {
+                Msg::Bench { path, bench: Loaded::Refused(files::lines(&refusal)) }
+            }
+            Looked::Plan { path, plan: Ok(checked) } => {
+                let (held, view): (HeldPlan, _) = *checked;
+                self.held.plan = Some(Arc::new(held));
+                Msg::Plan { path, plan: Loaded::Ready(view) }
+            }
+            Looked::Plan { path, plan: Err(refusal) } => {
+                Msg::Plan { path, plan: Loaded::Refused(files::lines(&refusal)) }
+            }
+            Looked::Expected(expected_s) => Msg::Expected(expected_s),
+        };
+        self.tell(msg);
+    }
+
+    /// Where runs are recorded: by the bench that is shown, or as far as that can be said without one.
     fn records(&self) -> PathBuf {
-        files::records(&self.args)
+        self.held.bench.as_ref().map_or_else(|| files::records(&self.args), |bench| bench.records.clone())
     }
 
     /// Work on files, beside the run.

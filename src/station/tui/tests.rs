@@ -1,6 +1,7 @@
 //! Every screen in every language at its two sizes, and what keys do. Time stands still in all of them.
 
 mod captures;
+mod start;
 
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use gnc_rig::{Along, Orientation};
 use super::decode::Key;
 use super::lang::Lang;
 use super::model::{Earlier, Glyphs, Loaded, Rounds};
+use super::pending::Prepared;
 use super::records::{Day, Mark, RunLine, Runs};
 use super::scene::{ITEMS, Scene, measured};
 use super::update::{Command, Msg};
@@ -369,15 +371,25 @@ fn hostile_scans_are_refused_in_words() {
     check(&[Key::Pasted(' '), Key::Pasted(' ')], "empty");
 }
 
+/// The look at files and records before a run of DEMO-1.
+fn look() -> Command {
+    Command::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: None }
+}
+
+/// What it finds where no file was changed and no run broke off.
+fn found(earlier: Option<Earlier>) -> Msg {
+    let (changed, resume) = (Vec::new(), None);
+    Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, earlier, resume }))
+}
+
 /// A module that was tested today is started only after a question; what failed is repeated without one.
 #[test]
 fn a_second_test_is_asked_for() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T14:30:00+08:00").expect("a time");
-    let earlier =
-        || Msg::Earlier { serial_number: "DEMO-1".into(), run: Some(Earlier { at, outcome: Some(Outcome::Failed) }) };
-    assert_eq!(scene.key(Key::F(5)), Some(Command::LookUp("DEMO-1".into())));
+    let earlier = || found(Some(Earlier { at, outcome: Some(Outcome::Failed) }));
+    assert_eq!(scene.key(Key::F(5)), Some(look()));
     assert_eq!(scene.tell(earlier()), None);
     assert!(scene.text().contains("Test it again?"), "{}", scene.text());
     assert_eq!(scene.key(Key::Esc), None);
@@ -390,8 +402,8 @@ fn a_second_test_is_asked_for() {
 fn what_failed_is_repeated() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
-    assert_eq!(scene.key(Key::F(4)), Some(Command::LookUp("DEMO-1".into())));
-    let command = scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run: None });
+    assert!(matches!(scene.key(Key::F(4)), Some(Command::Prepare { selection: Some(_), .. })));
+    let command = scene.tell(found(None));
     let Some(Command::Start(start)) = command else { panic!("{command:?}") };
     let selection = start.selection.expect("a selection");
     // The failed one, the one that was skipped because of it, and those that were never reached.
@@ -425,8 +437,8 @@ fn ticks_make_a_selection() {
     assert!(scene.text().contains("No item is ticked"), "{}", scene.text());
     scene.key(Key::Down);
     scene.key(Key::Char(' '));
-    assert_eq!(scene.key(Key::F(5)), Some(Command::LookUp("DEMO-1".into())));
-    let command = scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run: None });
+    assert!(matches!(scene.key(Key::F(5)), Some(Command::Prepare { selection: Some(_), .. })));
+    let command = scene.tell(found(None));
     assert!(matches!(command, Some(Command::Start(start)) if start.selection == Some(vec!["cpu".into()])));
 }
 

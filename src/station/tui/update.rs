@@ -2,6 +2,7 @@
 
 mod keys;
 mod run;
+mod start;
 
 use std::path::PathBuf;
 
@@ -11,9 +12,10 @@ use gnc_executive::event::Event;
 use gnc_executive::state::RunState;
 
 use super::decode::Key;
-use super::lang::{Lang, fill};
+use super::lang::{Lang, Texts, fill};
 use super::model::{BenchView, Earlier, Loaded, Model, Now, Page, PlanView, Progress, Rounds, Weight};
-use super::records::{Check, Day, Mark, OpenRun, Runs};
+use super::pending::Prepared;
+use super::records::{Check, Checked, Day, Mark, OpenRun, Runs, Unopened};
 use super::setup_form::Choices;
 
 /// Something that happened.
@@ -41,6 +43,8 @@ pub(crate) enum Msg {
     Choices(Choices),
     /// The newest run of a module today.
     Earlier { serial_number: String, run: Option<Earlier> },
+    /// What must be known before the run that was asked for begins.
+    Prepared(Box<Prepared>),
     /// A round begins, with its record there.
     RoundBegins { folder: PathBuf },
     /// No round follows: why a record could not be written, why a round was not begun.
@@ -54,9 +58,9 @@ pub(crate) enum Msg {
     /// Runs of a day.
     Runs(Result<Runs, String>),
     /// A run was opened.
-    Opened(Result<Box<(PathBuf, RunState, Mark)>, String>),
+    Opened(Result<Box<(PathBuf, RunState, Mark)>, Unopened>),
     /// A run was compared with its digests.
-    Verified { path: PathBuf, problems: Vec<String> },
+    Verified { path: PathBuf, checked: Checked },
     /// Nothing is watched any more, and why.
     WatchOver { why: Option<String> },
     /// Somebody wants the program to end.
@@ -68,6 +72,14 @@ pub(crate) enum Msg {
 pub(crate) enum Command {
     /// Look for earlier runs of a module.
     LookUp(String),
+    /// Look at all that must be known before a run of a module begins.
+    Prepare {
+        serial_number: String,
+        /// Names of the chosen items; `None` for the whole plan.
+        selection: Option<Vec<String>>,
+        /// The run that the command line wants to take up.
+        resume: Option<PathBuf>,
+    },
     Start(Start),
     /// Show raw values without a run.
     Watch,
@@ -94,6 +106,10 @@ pub(crate) enum Command {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Start {
     pub serial_number: String,
+    /// Digest of the plan that is shown.
+    pub plan_sha256: String,
+    /// The run that is taken up again.
+    pub resume: Option<PathBuf>,
     pub operator: Option<String>,
     pub selection: Option<Vec<String>>,
     pub rounds: Rounds,
@@ -124,7 +140,8 @@ pub(crate) fn update(model: &mut Model, msg: Msg) -> Option<Command> {
         }
         Msg::Plan { path, plan } => take_plan(model, path, plan),
         Msg::Choices(choices) => model.choices = choices,
-        Msg::Earlier { serial_number, run } => return run::earlier(model, &serial_number, run),
+        Msg::Earlier { serial_number, run } => run::earlier(model, &serial_number, run),
+        Msg::Prepared(prepared) => return start::prepared(model, *prepared),
         Msg::RoundBegins { folder } => {
             if let Some(run) = &mut model.run {
                 run.folder = Some(folder);
@@ -163,6 +180,10 @@ fn take_plan(model: &mut Model, path: String, plan: Loaded<PlanView>) {
         // The verdict on the screen was by another plan.
         model.run = None;
     }
+    if matches!(plan, Loaded::Refused(_)) {
+        // The message may say that F5 starts a run.
+        model.message = None;
+    }
     model.plan_path = path;
     model.plan = plan;
     model.cursor = 0;
@@ -191,21 +212,31 @@ fn take_records(model: &mut Model, msg: Msg) {
             let (path, state, mark) = *opened;
             records.open = Some(OpenRun { path, state, mark, cursor: 0, check: Check::NotAsked });
         }
-        Msg::Verified { path, problems } => {
+        Msg::Verified { path, checked } => {
             if let Some(open) = records.open.as_mut().filter(|open| open.path == path) {
-                open.check = Check::Done(problems);
+                open.check = Check::Done(checked);
             } else {
-                let text = model.texts;
-                let (weight, what) = match problems.first() {
-                    None => (Weight::Info, text.as_written.to_owned()),
-                    Some(problem) => (Weight::Error, format!("{}: {problem}", text.not_as_written)),
-                };
+                let (weight, what) = checked_words(model.texts, &checked);
                 let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 model.say(weight, format!("{name}: {what}"));
             }
         }
-        Msg::Days(Err(why)) | Msg::Runs(Err(why)) | Msg::Opened(Err(why)) => records.error = Some(why),
+        Msg::Opened(Err(Unopened::Newer(unknown))) => {
+            records.error = Some(words(model.texts.written_by_newer, &[&unknown]));
+        }
+        Msg::Days(Err(why)) | Msg::Runs(Err(why)) | Msg::Opened(Err(Unopened::Unreadable(why))) => {
+            records.error = Some(why);
+        }
         _ => {}
+    }
+}
+
+/// How a run compares with its digests and its journal, and how much that matters.
+pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (Weight, String) {
+    match (checked.problems.as_slice(), &checked.newer) {
+        ([], None) => (Weight::Info, texts.as_written.to_owned()),
+        ([], Some(unknown)) => (Weight::Warning, words(texts.digests_agree, &[unknown])),
+        (problems, _) => (Weight::Error, format!("{}: {}", texts.not_as_written, problems.join("; "))),
     }
 }
 

@@ -78,6 +78,9 @@ fn whole(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     }
     match model.over.last() {
         Some(Over::Again { at, outcome }) => dialog::again(model, frame, body, *at, *outcome),
+        Some(Over::Changed(files)) => dialog::changed(model, frame, body, files),
+        Some(Over::Interrupted(run)) => dialog::interrupted(model, frame, body, run),
+        Some(Over::NoResume { why }) => dialog::no_resume(model, frame, body, why),
         Some(Over::Leave) => dialog::leave(model, frame, body),
         Some(Over::Help { .. } | Over::Setup(_)) => {}
         _ => dialog::prompt(model, frame, body),

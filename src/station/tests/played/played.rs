@@ -1,78 +1,100 @@
 //! Runs a plan on the simulated bench, in this process.
 
-use std::sync::{Arc, mpsc};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{self, SyncSender};
 
-use chrono::Local;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::Fixture;
-use gnc_bench::journal::Journal;
-use gnc_bench::runner::{self, Live, Order};
-use gnc_executive::event::{Bench, EVENTS_SCHEMA, Event, PlanInfo, Program, RunHeader};
-use gnc_executive::job::{BenchAbilities, Job};
+use gnc_bench::runner::{Ending, Live};
+use gnc_bench::service::{self, CheckedPlan, Done, Equipment, Observer, Request, Rounds, ServiceError};
+use gnc_executive::event::{Bench, Event, Program};
+use gnc_executive::job::BenchAbilities;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_link::Target;
-use gnc_records::store::{RunFolder, Scribe, Watcher};
+use gnc_records::store::Watcher;
 use hw_mocks::{Options, RunningBench};
 
-/// Runs a plan on a simulated bench that has a turntable and no operator, and leaves the module without power. `watch` sees
-/// every event and asks what it likes. Tells the run as it ended.
+/// Runs a plan once. `watch` sees every event and asks what it likes. Tells the run as it ended.
 pub(crate) fn run_plan(plan: &str, options: &Options, watch: impl Fn(&Event, &Control) + Send + 'static) -> RunState {
+    let (told, events) = mpsc::sync_channel(1000);
+    let control = Control::default();
+    let asks = control.clone();
+    let observer = std::thread::spawn(move || {
+        let mut state = RunState::new();
+        for event in events {
+            state.apply(&event).expect("in order");
+            watch(&event, &asks);
+        }
+        state
+    });
+    let done = serve(&request(plan), options, &control, Told { events: Some(told) });
+    assert_eq!(done.expect("a run").outcomes.len(), 1);
+    observer.join().expect("an observer")
+}
+
+/// One run of a plan.
+pub(crate) fn request(plan: &str) -> Request {
+    let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
+    Request {
+        plan: plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}")),
+        serial_number: "SN".to_owned(),
+        operator: None,
+        selection: None,
+        program: Program { name: "control".to_owned(), version: "0".to_owned() },
+        on_fail: None,
+        rounds: Rounds::Once,
+        resume: None,
+        one_by_one: false,
+        nonce: None,
+        began: None,
+    }
+}
+
+/// Carries it out on a simulated bench that has a turntable and no operator, and leaves the module without power. The records are
+/// thrown away.
+pub(crate) fn serve(
+    request: &Request,
+    options: &Options,
+    control: &Control,
+    mut observer: impl Observer,
+) -> Result<Done, ServiceError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
         let bench = RunningBench::start(options).expect("a simulated bench");
         let records = tempfile::tempdir().expect("a folder");
-        let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
-        let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
-        let abilities = BenchAbilities { rs422: true, can: false, operator: false };
-        let order = Order {
-            job: Job::new(plan.clone(), abilities, None).unwrap_or_else(|mistakes| panic!("{mistakes}")),
-            header: header(),
+        let equipment = Equipment {
+            station: "test".to_owned(),
+            records: records.path().to_owned(),
+            key: None,
+            bench: Bench::simulated("good", "1", 1),
             target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
             can: None,
+            abilities: BenchAbilities { rs422: true, can: false, operator: false },
             fixture: Fixture::Driven(Arc::new(bench.control())),
             site: None,
-            resumed: None,
-            one_by_one: false,
-            nonce: None,
-            found: Vec::new(),
         };
-        let folder = RunFolder::create(records.path(), Local::now().fixed_offset(), "SN", "short").expect("a folder");
-        let (watcher, events) = mpsc::sync_channel(1000);
-        let watcher: Watcher = Box::new(move |event| watcher.try_send(event.clone()).is_ok());
-        let scribe = Scribe::start(folder, &plan, vec![watcher]).expect("a store");
-        let control = Control::default();
-        let asks = control.clone();
-        let observer = std::thread::spawn(move || {
-            let mut state = RunState::new();
-            for event in events {
-                state.apply(&event).expect("in order");
-                watch(&event, &asks);
-            }
-            state
-        });
-        let ending = runner::run(&order, Journal::new(scribe), &control, &Live::default()).await;
-        assert!(ending.store_error.is_none());
+        let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;
         assert!(!bench.control().truth().expect("a bench").powered, "the module is left under power");
-        observer.join().expect("an observer")
+        done
     })
 }
 
-fn header() -> RunHeader {
-    RunHeader {
-        schema: EVENTS_SCHEMA.to_owned(),
-        serial_number: "SN".to_owned(),
-        operator: None,
-        station: "test".to_owned(),
-        program: Program { name: "control".to_owned(), version: "0".to_owned() },
-        bench: Bench::simulated("good", "1", 1),
-        plan: PlanInfo { name: "short".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
-        site: None,
-        recomputed: None,
-        resumed: None,
-        selection: None,
-        looped: None,
+/// Hands the events of the only round on.
+struct Told {
+    events: Option<SyncSender<Event>>,
+}
+
+impl Observer for Told {
+    fn begin(&mut self, _: &Path) -> std::io::Result<Watcher> {
+        let events = self.events.take().expect("one round");
+        Ok(Box::new(move |event| events.try_send(event.clone()).is_ok()))
+    }
+
+    async fn end(&mut self, _: &Path, ending: &Ending) {
+        assert!(ending.store_error.is_none());
     }
 }
 

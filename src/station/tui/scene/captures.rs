@@ -76,6 +76,7 @@ impl Scene {
         let view = PlanView {
             name: "calibration".into(),
             version: "1.0".into(),
+            sha256: "00".repeat(32),
             items,
             programs: plan.items().iter().filter_map(ProgramView::of).collect(),
             part: Some("GNC-POP-26".into()),

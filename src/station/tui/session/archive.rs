@@ -6,23 +6,28 @@ use chrono::Local;
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
-use gnc_records::store::reader;
+use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 
 use crate::tui::model::Earlier;
-use crate::tui::records::{Day, MAX_RUNS, Mark, RunLine, Runs};
+use crate::tui::records::{Checked, Day, MAX_RUNS, Mark, RunLine, Runs, Unopened};
 use crate::tui::update::Msg;
 
 /// Runs that are opened to learn how long a plan takes; if none of them is of it, nobody knows.
 const MAX_LOOKED_AT: usize = 100;
 
-/// The newest run of a module today.
+/// Says which is the newest run of a module today.
 pub(super) fn look_up(records: &Path, serial_number: String) -> Msg {
-    let today = Local::now().format("%Y-%m-%d").to_string();
-    let runs = reader::of_module(records, &today, &serial_number);
-    let newest = runs.iter().filter_map(|found| found.run.as_ref().ok()).max_by_key(|run| run.started);
-    let run = newest.map(|run| Earlier { at: run.started, outcome: (!run.interrupted).then_some(run.outcome) });
+    let run = earlier(records, &serial_number);
     Msg::Earlier { serial_number, run }
+}
+
+/// The newest run of a module today.
+pub(super) fn earlier(records: &Path, serial_number: &str) -> Option<Earlier> {
+    let today = Local::now().format("%Y-%m-%d").to_string();
+    let runs = reader::of_module(records, &today, serial_number);
+    let newest = runs.iter().filter_map(|found| found.run.as_ref().ok()).max_by_key(|run| run.started);
+    newest.map(|run| Earlier { at: run.started, outcome: (!run.interrupted).then_some(run.outcome) })
 }
 
 /// Days with records, newest first.
@@ -45,6 +50,7 @@ pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
 fn line(found: reader::FoundRun) -> RunLine {
     let mark = match &found.run {
         Ok(run) => mark(run, found.sealed),
+        Err(error) if error.is_newer() => Mark::Newer,
         Err(_) => Mark::Unreadable,
     };
     let folder = |path: Option<&Path>| {
@@ -83,21 +89,29 @@ fn mark(run: &RunRecord, sealed: bool) -> Mark {
 }
 
 /// Opens a run.
-pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, Mark)>, String> {
-    let state = reader::fold(&path)?;
-    let run = RunRecord::from_state(&state).ok_or("the journal holds no whole event")?;
+pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, Mark)>, Unopened> {
+    let state = reader::fold(&path).map_err(|error| unopened(&error))?;
+    let run = RunRecord::from_state(&state).ok_or_else(|| unopened(&ReadError::Empty))?;
     let mark = mark(&run, reader::is_sealed(&path));
     Ok(Box::new((path, state, mark)))
 }
 
+fn unopened(error: &ReadError) -> Unopened {
+    match error.unknown() {
+        Some(unknown) => Unopened::Newer(unknown.to_string()),
+        None => Unopened::Unreadable(with_causes(error)),
+    }
+}
+
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let problems = reader::verify(&path);
-    Msg::Verified { path, problems }
+    let Verified { problems, newer } = reader::check(&path);
+    let newer = newer.as_ref().and_then(ReadError::unknown).map(ToString::to_string);
+    Msg::Verified { path, checked: Checked { problems, newer } }
 }
 
 /// The fold of a run whose events did not all reach the screen.
 pub(super) fn refold(path: &Path) -> Msg {
-    Msg::Refolded(reader::fold(path).map(Box::new))
+    Msg::Refolded(reader::fold(path).map(Box::new).map_err(|error| with_causes(&error)))
 }
 
 /// Seconds that the newest good and whole run of this plan took on this kind of bench.

@@ -1,22 +1,19 @@
-//! Plans and benches that the screen can choose.
+//! Plans and benches that the screen can choose, and the ones that are chosen.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use gnc_bench::fixture::Fixture;
-use gnc_executive::event::BenchKind;
-use gnc_executive::job::Job;
+use gnc_bench::service::CheckedPlan;
+use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
-use gnc_records::store::digest;
-use tokio::sync::mpsc;
 
 use super::archive;
 use crate::args::RunArgs;
-use crate::files;
+use crate::files::{self, ChangedFile};
 use crate::refusal::Refusal;
-use crate::setup::{self, BENCH_FILE, Setup};
-use crate::tui::model::{BenchView, Loaded, PlanView, ProgramView};
+use crate::setup::{self, BENCH_FILE, CheckedBench};
+use crate::tui::model::{BenchView, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;
-use crate::tui::update::Msg;
 
 /// What stands before the name of a simulated module.
 pub(crate) const SIM: &str = "sim:";
@@ -25,59 +22,83 @@ const PLANS: &str = "test-plans";
 /// Files that are offered; more are typed.
 const MAX_CHOICES: usize = 100;
 
-/// Looks at bench and plan and tells the screen what they are, or all that is wrong with them.
-pub(super) fn look(args: &RunArgs, plan_path: &Path, screen: &mpsc::Sender<Msg>) {
-    let nobody = || Ok(Fixture::Screen(mpsc::channel(1).0));
-    let setup = setup::from_args(args, "", nobody);
-    let path = bench_name(args);
-    let bench = match &setup {
-        Ok(setup) => Loaded::Ready(bench_view(args, setup)),
-        Err(refusal) => Loaded::Refused(lines(refusal)),
-    };
-    let _ = screen.blocking_send(Msg::Bench { path, bench });
-    let path = plan_path.display().to_string();
-    let plan = match plan_view(plan_path, setup.as_ref().ok()) {
-        Ok(view) => Loaded::Ready(view),
-        Err(refusal) => Loaded::Refused(lines(&refusal)),
-    };
-    let good = matches!(plan, Loaded::Ready(_));
-    let _ = screen.blocking_send(Msg::Plan { path, plan });
-    if let (true, Ok(setup), Ok(plan)) = (good, setup, files::plan(plan_path)) {
-        let expected = archive::last_whole_run_s(&setup.records, &digest::of_plan(plan.files()), setup.bench.kind);
-        let _ = screen.blocking_send(Msg::Expected(expected));
+/// Why nothing is started while bench and plan are being read.
+pub(super) const NOT_HELD: &str = "plan and bench are not those on the screen";
+
+/// What runs when the operator starts: bench and plan as they were read, checked and shown.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Held {
+    pub bench: Option<Arc<CheckedBench>>,
+    pub plan: Option<Arc<HeldPlan>>,
+}
+
+/// A plan as it was checked, and where it was read.
+#[derive(Debug)]
+pub(super) struct HeldPlan {
+    pub path: PathBuf,
+    pub plan: CheckedPlan,
+}
+
+impl Held {
+    /// The files that are not as they were checked.
+    pub(super) fn changed(&self) -> Vec<ChangedFile> {
+        let plan = self.plan.iter().flat_map(|held| files::changed_plan(&held.path, &held.plan));
+        let bench = self.bench.iter().filter_map(|bench| bench.text.as_ref());
+        plan.chain(bench.filter_map(|text| files::changed(&text.path, &text.bytes))).collect()
     }
 }
 
-fn lines(refusal: &Refusal) -> String {
+/// What a look at bench and plan finds, in the order in which it is told.
+#[derive(Debug)]
+pub(super) enum Looked {
+    Bench { path: String, bench: Result<Box<CheckedBench>, Refusal> },
+    Plan { path: String, plan: Result<Box<(HeldPlan, PlanView)>, Refusal> },
+    Expected(Option<f64>),
+}
+
+/// Reads and checks bench and plan, and tells what they are or all that is wrong with them.
+pub(super) fn look(args: &RunArgs, plan_path: &Path, tell: impl Fn(Looked)) {
+    let bench = setup::check(args).map(Box::new);
+    let known = bench.as_ref().ok().map(|bench| (bench.abilities, bench.bench.kind, bench.records.clone()));
+    tell(Looked::Bench { path: bench_name(args), bench });
+    // Without a bench the plan alone is checked, so that the two can be mended one after the other.
+    let abilities = known.as_ref().map_or(setup::SIMULATED, |(abilities, ..)| *abilities);
+    let plan = plan_view(plan_path, abilities).map(Box::new);
+    let sha256 = plan.as_ref().ok().map(|plan| plan.1.sha256.clone());
+    tell(Looked::Plan { path: plan_path.display().to_string(), plan });
+    if let (Some(sha256), Some((_, kind, records))) = (sha256, known) {
+        tell(Looked::Expected(archive::last_whole_run_s(&records, &sha256, kind)));
+    }
+}
+
+pub(super) fn lines(refusal: &Refusal) -> String {
     if refusal.try_this.is_empty() { refusal.what.clone() } else { format!("{}\n{}", refusal.what, refusal.try_this) }
 }
 
-fn bench_view(args: &RunArgs, setup: &Setup) -> BenchView {
+pub(super) fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
     BenchView {
-        station: setup.station.clone(),
-        kind: setup.bench.kind,
-        name: setup.bench.personality.clone().unwrap_or_else(|| bench_name(args)),
-        link: match setup.bench.kind {
-            // Another one for each module.
-            BenchKind::Simulated => String::new(),
-            BenchKind::Real => setup.target.to_string(),
-        },
-        records: setup.records.clone(),
+        station: checked.station.clone(),
+        kind: checked.bench.kind,
+        name: checked.bench.personality.clone().unwrap_or_else(|| path.to_owned()),
+        // Of a simulated bench it is another one for each module.
+        link: checked.link().map(ToString::to_string).unwrap_or_default(),
+        records: checked.records.clone(),
     }
 }
 
-fn plan_view(path: &Path, setup: Option<&Setup>) -> Result<PlanView, Refusal> {
-    let plan = files::plan(path)?;
-    // Without a bench the plan alone is checked, as somebody may mend one after the other.
-    let abilities = setup.map_or(setup::SIMULATED, |setup| setup.abilities);
+fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), Refusal> {
+    let checked = files::plan(path)?;
+    let plan = checked.plan();
     let part = plan.items().iter().find_map(|item| match item.limit("part") {
         Some(Limit::Text(text)) => Some(text.resolve("").to_owned()),
         _ => None,
     });
     let (name, version) = (plan.name.clone(), plan.version.clone());
     let programs = plan.items().iter().filter_map(ProgramView::of).collect();
-    let job = Job::new(plan, abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?;
-    Ok(PlanView { name, version, items: job.planned(), programs, part, expected_s: None })
+    let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let sha256 = checked.sha256().to_owned();
+    let view = PlanView { name, version, sha256, items: job.planned(), programs, part, expected_s: None };
+    Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
 }
 
 /// The bench as the form names it.

@@ -1,27 +1,26 @@
 //! One order of the screen: a run, or a run again and again.
 
-use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::io;
+use std::path::Path;
+use std::time::Duration;
 
-use chrono::Local;
 use gnc_bench::control::Control;
 use gnc_bench::fixture::{Fixture, Question};
-use gnc_bench::journal::Journal;
-use gnc_bench::runner::{self, Live, Order, looking};
-use gnc_executive::event::{Event, Loop};
-use gnc_executive::job::Job;
+use gnc_bench::runner::{Ending, Live, looking};
+use gnc_bench::service::{self, Observer, Request};
+use gnc_executive::event::Event;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
-use gnc_records::store::{RunFolder, Scribe, Watcher, seal_interrupted};
+use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
-use crate::args::RunArgs;
+use super::files::{Held, NOT_HELD};
+use crate::auto;
 use crate::refusal::Refusal;
-use crate::setup::{self, Setup};
+use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, Rounds};
 use crate::tui::update::{Msg, Start};
-use crate::{auto, files};
 
 /// How the run is reached from outside.
 pub(super) struct Handles {
@@ -63,12 +62,13 @@ impl Finished {
 }
 
 /// Shows raw values until somebody asks for a stop.
-pub(super) async fn watch(args: RunArgs, handles: Handles) -> Finished {
-    let setup = match setup::from_args(&args, "", || Ok(Fixture::Absent)) {
+pub(super) async fn watch(held: Held, handles: Handles) -> Finished {
+    let opened = held.bench.ok_or_else(nothing_held).and_then(|bench| bench.open("", || Ok(Fixture::Absent)));
+    let setup = match opened {
         Ok(setup) => setup,
         Err(refusal) => return Finished::Watch { why: Some(in_words(&refusal)) },
     };
-    let looked = looking::look(&setup.target, &handles.control, &handles.live.readings).await;
+    let looked = looking::look(&setup.equipment.target, &handles.control, &handles.live.readings).await;
     Finished::Watch { why: looked.err().map(|error| format!("{}; {}", with_causes(&error), error.try_this())) }
 }
 
@@ -77,81 +77,82 @@ fn in_words(refusal: &Refusal) -> String {
     format!("{}{hint}", refusal.what)
 }
 
-/// What is known of rounds so far.
-#[derive(Debug, Default)]
-struct SoFar {
-    outcome: Option<Outcome>,
+/// The screen and what runs are out of step: nothing is started that is not shown.
+fn nothing_held() -> Refusal {
+    Refusal::new(NOT_HELD, "choose them again with F2")
+}
+
+/// Carries out an order of the screen.
+pub(super) async fn run(held: Held, start: Start, one_by_one: bool, handles: Handles) -> Finished {
+    match prepare(held, start, one_by_one, &handles) {
+        Ok((request, setup)) => serve(&request, setup, handles).await,
+        Err(refusal) => Finished::Run { outcome: None, store_error: None, refusal: Some(in_words(&refusal)) },
+    }
+}
+
+fn prepare(held: Held, start: Start, one_by_one: bool, handles: &Handles) -> Result<(Request, Setup), Refusal> {
+    let (Some(bench), Some(plan)) = (held.bench, held.plan) else { return Err(nothing_held()) };
+    if plan.plan.sha256() != start.plan_sha256 {
+        return Err(nothing_held());
+    }
+    let questions = handles.questions.clone();
+    let setup = bench.open(&start.serial_number, || Ok(Fixture::Screen(questions)))?;
+    let request = Request {
+        plan: plan.plan.clone(),
+        serial_number: start.serial_number,
+        operator: start.operator,
+        selection: start.selection,
+        program: auto::program(),
+        on_fail: match start.after_failure {
+            AfterFailure::AsPlanned => None,
+            AfterFailure::Stop => Some(OnFail::Stop),
+            AfterFailure::GoOn => Some(OnFail::Continue),
+        },
+        rounds: match start.rounds {
+            Rounds::Once => service::Rounds::Once,
+            Rounds::Count(count) => service::Rounds::Count(count),
+            Rounds::Minutes(minutes) => service::Rounds::For(Duration::from_secs(60 * u64::from(minutes))),
+        },
+        resume: start.resume,
+        one_by_one,
+        nonce: None,
+        began: None,
+    };
+    Ok((request, setup))
+}
+
+async fn serve(request: &Request, setup: Setup, handles: Handles) -> Finished {
+    // The simulated bench ends with this scope.
+    let Setup { equipment, simulation: _simulation } = setup;
+    let mut shown = Shown { screen: handles.screen, store_error: None };
+    let done = service::run(request, equipment, &handles.control, &handles.live, &mut shown).await;
+    let (outcome, refused) = match done {
+        Ok(done) => (Some(done.outcome()), done.refused),
+        Err(refused) => (None, Some(refused)),
+    };
+    let refusal = refused.map(|error| in_words(&Refusal::new(with_causes(&error), error.try_this())));
+    Finished::Run { outcome, store_error: shown.store_error, refusal }
+}
+
+/// Tells the screen of each round. A screen that is far behind reads the record later.
+struct Shown {
+    screen: mpsc::Sender<Msg>,
     store_error: Option<String>,
 }
 
-pub(super) async fn run(mut args: RunArgs, plan: PathBuf, start: Start, handles: Handles) -> Finished {
-    args.operator.clone_from(&start.operator);
-    args.only.clone_from(&start.selection);
-    let mut so_far = SoFar::default();
-    let all = all(&args, &plan, &start, &handles, &mut so_far).await;
-    let refusal = all.err().map(|refusal| in_words(&refusal));
-    Finished::Run { outcome: so_far.outcome, store_error: so_far.store_error, refusal }
-}
-
-async fn all(
-    args: &RunArgs,
-    plan: &std::path::Path,
-    start: &Start,
-    handles: &Handles,
-    so_far: &mut SoFar,
-) -> Result<(), Refusal> {
-    let mut plan = files::plan(plan)?;
-    match start.after_failure {
-        AfterFailure::AsPlanned => {}
-        AfterFailure::Stop => plan.on_fail = OnFail::Stop,
-        AfterFailure::GoOn => plan.on_fail = OnFail::Continue,
-    }
-    let questions = handles.questions.clone();
-    let setup = setup::from_args(args, &start.serial_number, || Ok(Fixture::Screen(questions)))?;
-    let job =
-        Job::new(plan.clone(), setup.abilities, args.only.as_deref()).map_err(|mistakes| Refusal::new(mistakes, ""))?;
-    let header = auto::header(args, &plan, &setup, &start.serial_number);
-    let Setup { records, key, target, can, fixture, site, simulation, .. } = setup;
-    let (one_by_one, found) = (args.one_by_one, seal_interrupted(&records, key.as_ref()));
-    let mut order = Order { job, header, target, can, fixture, site, resumed: None, one_by_one, nonce: None, found };
-    // The simulated bench ends with this scope.
-    let _simulation = simulation;
-    let control = &handles.control;
-    let began = Instant::now();
-    for round in 1.. {
-        let (looped, last) = match start.rounds {
-            Rounds::Once => (None, true),
-            Rounds::Count(count) => (Some(Loop { index: round, count: Some(count) }), round >= count),
-            Rounds::Minutes(_) => (Some(Loop { index: round, count: None }), false),
-        };
-        order.header.looped = looped;
-        let folder = RunFolder::create(&records, Local::now().fixed_offset(), &start.serial_number, &plan.name)
-            .map_err(|error| Refusal::new(with_causes(&error), error.try_this()))?
-            .signed_with(key.clone());
-        // A screen that is that far behind reads the record later.
-        let _ = handles.screen.try_send(Msg::RoundBegins { folder: folder.path().to_owned() });
-        let screen = handles.screen.clone();
-        let watcher: Watcher = Box::new(move |event: &Event| {
+impl Observer for Shown {
+    fn begin(&mut self, folder: &Path) -> io::Result<Watcher> {
+        let _ = self.screen.try_send(Msg::RoundBegins { folder: folder.to_owned() });
+        let screen = self.screen.clone();
+        Ok(Box::new(move |event: &Event| {
             let told = screen.try_send(Msg::Event(Box::new(event.clone())));
             !matches!(told, Err(mpsc::error::TrySendError::Closed(_)))
-        });
-        let scribe = Scribe::start(folder, &plan, vec![watcher])
-            .map_err(|error| Refusal::new(with_causes(&error), error.try_this()))?;
-        let ending = runner::run(&order, Journal::new(scribe), control, &handles.live).await;
-        order.found.clear();
-        so_far.outcome = Outcome::worst(so_far.outcome.into_iter().chain([ending.outcome]));
+        }))
+    }
+
+    async fn end(&mut self, _: &Path, ending: &Ending) {
         if let Some(error) = &ending.store_error {
-            so_far.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
-        }
-        let time_over = match start.rounds {
-            Rounds::Minutes(minutes) => began.elapsed() >= Duration::from_secs(60 * u64::from(minutes)),
-            Rounds::Once | Rounds::Count(_) => false,
-        };
-        let bad = !ending.outcome.is_good() && start.after_failure == AfterFailure::Stop;
-        let stopped = control.asked().times > 0;
-        if last || time_over || bad || stopped || !ending.begun || ending.store_error.is_some() {
-            return Ok(());
+            self.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
         }
     }
-    Ok(())
 }

@@ -1,12 +1,13 @@
 //! Keys: what they do where.
 
-use super::run::{ask_to_start, start};
+use super::start::{self, ask_to_start};
 use super::{Command, set_language, words};
 use crate::serial_number::{self, SerialNumberError};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, Action, Place};
 use crate::tui::live::History;
-use crate::tui::model::{Loaded, Model, Over, Page, Pause, Pending, Rounds, RunView, Weight, order};
+use crate::tui::model::{Loaded, Model, Over, Page, Pause, Rounds, RunView, Weight, order};
+use crate::tui::pending::Pending;
 use crate::tui::records::Check;
 use crate::tui::setup_form::{Form, Line, MAX_ROUNDS};
 
@@ -131,8 +132,9 @@ fn act(model: &mut Model, place: Place, action: Action) -> Option<Command> {
         Action::Take => return take_form(model),
         Action::Back if place == Place::Watching => return leave_watch(model),
         Action::Back => back(model, place),
-        Action::Yes => return answer(model, true),
-        Action::No => return answer(model, false),
+        Action::Yes | Action::No | Action::LoadNew | Action::RunChecked | Action::TakeUp | Action::FromStart => {
+            return start::answer(model, action).unwrap_or_else(|| answer(model, action == Action::Yes));
+        }
         Action::Log => model.over.push(Over::Log { scroll: 0 }),
         Action::Verify => return verify(model),
         Action::Redraw => model.redraw = true,
@@ -197,7 +199,7 @@ fn begin(model: &mut Model, what: What) -> Option<Command> {
     let selection = selection.filter(|_| !everything);
     // One item may be looped, to watch it; what failed is looked at once.
     let rounds = if what == What::Failed { Rounds::Once } else { model.rounds };
-    ask_to_start(model, Pending { selection, rounds })
+    ask_to_start(model, Pending::new(selection, rounds))
 }
 
 fn ticked(model: &mut Model) -> Option<Vec<String>> {
@@ -357,6 +359,7 @@ fn take_form(model: &mut Model) -> Option<Command> {
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
     if plan != model.plan_path || bench != model.bench_path || !matches!(model.plan, Loaded::Ready(_)) {
         model.plan = Loaded::Loading;
+        model.pending = None;
         return Some(Command::Choose { plan, bench });
     }
     None
@@ -380,25 +383,13 @@ fn back(model: &mut Model, place: Place) {
 }
 
 fn answer(model: &mut Model, yes: bool) -> Option<Command> {
-    match model.over.last() {
-        Some(Over::Again { .. }) => {
-            model.over.pop();
-            if yes {
-                return start(model);
-            }
-            model.pending = None;
-            return None;
+    if model.over.pop_if(|over| *over == Over::Leave).is_some() {
+        if yes {
+            model.leaving = true;
+            model.say(Weight::Warning, model.texts.leave_stop_first);
+            return stop(model);
         }
-        Some(Over::Leave) => {
-            model.over.pop();
-            if yes {
-                model.leaving = true;
-                model.say(Weight::Warning, model.texts.leave_stop_first);
-                return stop(model);
-            }
-            return None;
-        }
-        _ => {}
+        return None;
     }
     let run = model.run.as_mut()?;
     run.prompt.take().map(|_| Command::Answer(yes))

@@ -4,9 +4,8 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
 
-use super::{Command, Start, earlier_words, words};
-use crate::tui::live::History;
-use crate::tui::model::{Earlier, Loaded, Model, Over, Pause, Pending, Prompt, RunView, Weight};
+use super::{Command, words};
+use crate::tui::model::{Earlier, Loaded, Model, Over, Pause, Prompt, Weight};
 
 /// Folds an event as every other observer does.
 pub(super) fn event(model: &mut Model, event: &Event) -> Option<Command> {
@@ -50,53 +49,11 @@ pub(super) fn asked(model: &mut Model, item: String, ask: Ask) {
     }
 }
 
-/// A run is asked for: first somebody looks whether the module was tested today.
-pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Command> {
-    let Some(serial_number) = model.scan.current.clone() else {
-        model.say(Weight::Warning, model.texts.scan_first);
-        return None;
-    };
-    model.pending = Some(pending);
-    model.scan.earlier = None;
-    Some(Command::LookUp(serial_number))
-}
-
-/// What is known of earlier runs; a start that waited for it goes on, or asks.
-pub(super) fn earlier(model: &mut Model, serial_number: &str, run: Option<Earlier>) -> Option<Command> {
-    if model.scan.current.as_deref() != Some(serial_number) {
-        return None;
+/// What is known of earlier runs of the module.
+pub(super) fn earlier(model: &mut Model, serial_number: &str, run: Option<Earlier>) {
+    if model.scan.current.as_deref() == Some(serial_number) {
+        model.scan.earlier = Some(run);
     }
-    model.scan.earlier = Some(run.clone());
-    let pending = model.pending.clone()?;
-    match run {
-        // To repeat what failed, or one item, is no second test of the module.
-        Some(run) if pending.selection.is_none() => {
-            model.over.push(Over::Again { at: run.at, outcome: run.outcome });
-            let [time, outcome] = earlier_words(model, &run);
-            model.say(Weight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
-            None
-        }
-        _ => start(model),
-    }
-}
-
-/// Starts what waits.
-pub(super) fn start(model: &mut Model) -> Option<Command> {
-    let pending = model.pending.take()?;
-    let serial_number = model.scan.current.clone()?;
-    let expected_s = model.plan.ready().and_then(|plan| plan.expected_s);
-    // What was read from another module is not shown beside this one.
-    model.live = History::default();
-    model.run = Some(RunView::new(serial_number.clone(), pending.rounds, expected_s, &model.now));
-    model.message = None;
-    model.cursor = 0;
-    Some(Command::Start(Start {
-        serial_number,
-        operator: Some(model.operator.trim().to_owned()).filter(|name| !name.is_empty()),
-        selection: pending.selection,
-        rounds: pending.rounds,
-        after_failure: model.after_failure,
-    }))
 }
 
 /// Nothing follows.

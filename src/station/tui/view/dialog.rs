@@ -10,11 +10,15 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 
 use super::{detail, picture, style, text};
+use crate::files::ChangedFile;
 use crate::tui::keymap::{self, Action, Place};
 use crate::tui::lang::fill;
 use crate::tui::model::{Earlier, Glyphs, Model};
+use crate::tui::pending::Interrupted;
 use crate::tui::update::earlier_words;
 
+/// Files that a question names; a plan with more is better looked at in its folder.
+const MAX_FILES: usize = 6;
 /// Width of a question.
 const WIDTH: u16 = 66;
 
@@ -35,17 +39,17 @@ fn over(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, rows: u16
 
 /// "Enter Yes   Esc No".
 fn answers(model: &Model) -> Line<'static> {
-    let spans = [Action::Yes, Action::No].into_iter().flat_map(|action| {
-        let key = keymap::bindings(Place::Confirm).find(|binding| binding.action == action);
-        let name = key.map(|binding| keymap::name(binding.key)).unwrap_or_default();
-        let what = super::frame::key_label(model, action);
-        [Span::styled(name, style::turned()), Span::raw(format!(" {what}   "))]
+    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != Action::Stop);
+    let spans = keys.flat_map(|binding| {
+        let what = super::frame::key_label(model, binding.action);
+        [Span::styled(keymap::name(binding.key), style::turned()), Span::raw(format!(" {what}   "))]
     });
     Line::from(spans.collect::<Vec<_>>())
 }
 
-fn question(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, words: &str) {
-    let lines = text::wrap(words, usize::from(WIDTH.min(area.width)).saturating_sub(4));
+fn question(model: &Model, frame: &mut Frame<'_>, area: Rect, title: &str, words: &[String]) {
+    let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
+    let lines: Vec<String> = words.iter().flat_map(|words| text::wrap(words, cells)).collect();
     let place = over(model, frame, area, title, lines.len() as u16 + 2);
     let mut shown: Vec<Line<'_>> = lines.into_iter().map(Line::raw).collect();
     shown.push(Line::raw(""));
@@ -64,12 +68,47 @@ pub(super) fn again(
     let [time, outcome] = earlier_words(model, &Earlier { at, outcome });
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
     let words = fill(model.texts.again_question, &[&number, &time, &outcome]);
-    question(model, frame, area, model.texts.again_title, &words);
+    question(model, frame, area, model.texts.again_title, &[words]);
+}
+
+/// Files are not as they were checked.
+pub(super) fn changed(model: &Model, frame: &mut Frame<'_>, area: Rect, files: &[ChangedFile]) {
+    let texts = model.texts;
+    let mut lines: Vec<String> = files.iter().take(MAX_FILES).map(|file| changed_file(model, file)).collect();
+    if files.len() > MAX_FILES {
+        lines.push(fill(texts.more_lines, &[&(files.len() - MAX_FILES).to_string()]));
+    }
+    lines.push(texts.changed_question.to_owned());
+    question(model, frame, area, texts.changed_title, &lines);
+}
+
+fn changed_file(model: &Model, file: &ChangedFile) -> String {
+    let name = text::shown(&file.name);
+    match &file.unreadable {
+        None => fill(model.texts.file_changed, &[&name]),
+        Some(why) => fill(model.texts.file_unreadable, &[&name, &text::shown(why)]),
+    }
+}
+
+/// A run of the module broke off.
+pub(super) fn interrupted(model: &Model, frame: &mut Frame<'_>, area: Rect, run: &Interrupted) {
+    let texts = model.texts;
+    let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
+    let at = run.at.format("%F %H:%M").to_string();
+    let words = fill(texts.interrupted_question, &[&number, &at]);
+    question(model, frame, area, texts.interrupted_title, &[words]);
+}
+
+/// The run that was asked for cannot be taken up.
+pub(super) fn no_resume(model: &Model, frame: &mut Frame<'_>, area: Rect, why: &str) {
+    let texts = model.texts;
+    let lines = [text::shown(why), texts.no_resume_question.to_owned()];
+    question(model, frame, area, texts.interrupted_title, &lines);
 }
 
 /// A run is on.
 pub(super) fn leave(model: &Model, frame: &mut Frame<'_>, area: Rect) {
-    question(model, frame, area, model.texts.leave_title, model.texts.leave_question);
+    question(model, frame, area, model.texts.leave_title, &[model.texts.leave_question.to_owned()]);
 }
 
 /// The run asks for something.

@@ -14,6 +14,7 @@ use super::{WIDE, detail, frame as edges, rows, style, text};
 use crate::tui::lang::fill;
 use crate::tui::model::{Model, Weight, order};
 use crate::tui::records::{Check, MAX_RUNS, Mark, OpenRun, RunLine, Runs};
+use crate::tui::update::checked_words;
 
 pub(super) fn draw(model: &Model, frame: &mut Frame<'_>, area: Rect) {
     match (&model.records.open, &model.records.runs) {
@@ -140,6 +141,7 @@ fn mark(model: &Model, mark: Mark) -> (&'static str, &'static str, Style) {
         Mark::Interrupted => ("?", texts.interrupted, bad),
         Mark::Unsealed => ("?", texts.unsealed, bad),
         Mark::Unreadable => ("?", texts.unreadable, bad),
+        Mark::Newer => ("?", texts.newer, bad),
     }
 }
 
@@ -182,12 +184,15 @@ fn check(model: &Model, check: &Check, cells: usize) -> Line<'static> {
     match check {
         Check::NotAsked => Line::styled((texts.key)(crate::tui::keymap::Action::Verify).long, style::faint()),
         Check::Running => Line::styled(texts.verifying, style::faint()),
-        Check::Done(problems) if problems.is_empty() => {
-            Line::styled(format!("✓ {}", texts.as_written), style::outcome(model.look, Outcome::Passed))
-        }
-        Check::Done(problems) => {
-            let all = format!("✗ {}: {}", texts.not_as_written, text::shown(&problems.join("; ")));
-            Line::styled(text::cut(&all, cells), style::outcome(model.look, Outcome::Failed))
+        Check::Done(checked) => {
+            let (weight, words) = checked_words(texts, checked);
+            let (sign, outcome) = match weight {
+                Weight::Info => ("✓", Outcome::Passed),
+                Weight::Warning => ("?", Outcome::Aborted),
+                Weight::Error => ("✗", Outcome::Failed),
+            };
+            let line = text::cut(&format!("{sign} {}", text::shown(&words)), cells);
+            Line::styled(line, style::outcome(model.look, outcome))
         }
     }
 }

@@ -1,0 +1,120 @@
+//! The simulated bench: a module described by a file, or one that is built in.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use gnc_bench::fixture::Fixture;
+use gnc_bench::service::Equipment;
+use gnc_executive::bench::BenchFile;
+use gnc_executive::event::Bench;
+use gnc_executive::job::BenchAbilities;
+use gnc_link::Target;
+use gnc_link::can::CanTarget;
+use hw_mocks::{Options, Personality, RunningBench, Speed};
+
+use super::{CheckedBench, Kind, SIMULATED, Setup, records, station};
+use crate::args::{RunArgs, SimLink};
+use crate::files::ReadFile;
+use crate::refusal::Refusal;
+
+/// A simulated module that waits for its serial number.
+#[derive(Debug, Clone)]
+pub(super) struct Module {
+    options: Options,
+    link: SimLink,
+    /// Interfaces of the kernel for its CAN bus: the station's and the board's.
+    interfaces: Option<(String, String)>,
+}
+
+pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, Refusal> {
+    let name = personality.display().to_string();
+    let (personality, text) = read(personality, &name)?;
+    let speed = speed(&args.sim_speed)?;
+    let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
+        .map_err(|mistakes| Refusal::new(mistakes, ""))?;
+    let interfaces = args.sim_can.as_deref().map(|names| names.split_once(',').unwrap_or((names, names)));
+    if let Some((_, board)) = interfaces {
+        // What it says of an interface that is not there is better than what the simulated board could.
+        let open = gnc_link::can::check_interface(board);
+        open.map_err(|error| Refusal::new(&error, error.try_this()))?;
+    }
+    let bench = Bench {
+        site: file.site.as_ref().and_then(|site| site.name.clone()),
+        ..Bench::simulated(name, args.sim_speed.clone(), args.seed)
+    };
+    let interfaces = interfaces.map(|(host, board)| (host.to_owned(), board.to_owned()));
+    let options = Options { seed: args.seed, speed, personality, ..Options::default() };
+    Ok(CheckedBench {
+        station: station(args, &file),
+        records: records(args, &file, None),
+        bench,
+        abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
+        text,
+        site: file.site,
+        kind: Kind::Simulated(Box::new(Module { options, link: args.sim_link, interfaces })),
+    })
+}
+
+/// The module with its file, unless it is built in.
+fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), Refusal> {
+    let (personality, text) = match hw_mocks::boards().iter().find(|(built_in, _)| *built_in == name) {
+        Some((_, text)) if !path.exists() => (Personality::from_toml(name, text), None),
+        _ => {
+            let text = std::fs::read_to_string(path).map_err(|error| {
+                let what = format!("cannot read the board {name}: {error}");
+                Refusal::new(what, "hw-mocks/boards/ has boards to start from; `hw-mocks --boards` lists their names")
+            })?;
+            let personality = Personality::with_files(name, &text, &mut hw_mocks::beside(path));
+            (personality, Some(ReadFile { path: path.to_owned(), bytes: text.into_bytes() }))
+        }
+    };
+    let personality = personality.map_err(|error| {
+        Refusal::new(
+            error,
+            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality.rs",
+        )
+    })?;
+    Ok((personality, text))
+}
+
+fn speed(text: &str) -> Result<Speed, Refusal> {
+    if text == "max" {
+        return Ok(Speed::Max);
+    }
+    match text.parse::<f64>() {
+        Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(Speed::Times(factor)),
+        _ => {
+            let shown = gnc_text::quoted(text);
+            Err(Refusal::new(format!("{shown} is no speed of simulated time"), "use a factor such as 10, or max"))
+        }
+    }
+}
+
+impl Module {
+    pub(super) fn start(&self, checked: &CheckedBench, serial_number: &str) -> Result<Setup, Refusal> {
+        let options = Options { serial_number: Some(serial_number.to_owned()), ..self.options.clone() };
+        let board = self.interfaces.as_ref().map(|(_, board)| board.as_str());
+        let running = RunningBench::start_with(&options, board).map_err(|error| {
+            Refusal::new(format!("cannot start the simulated bench: {error}"), "is /dev/pts there?")
+        })?;
+        let can = CanTarget::parse(self.interfaces.as_ref().map_or(running.can_port(), |(host, _)| host));
+        let target = match self.link {
+            SimLink::Can => Target::Can(can.clone()),
+            SimLink::Rs422 => Target::Serial { port: running.port().to_owned(), rate_baud: options.rate_baud },
+        };
+        let (port, rate_bps) = (Some(target.port()), Some(target.rate_bps()));
+        let equipment = Equipment {
+            station: checked.station.clone(),
+            records: checked.records.clone(),
+            // Simulation is never evidence, and needs no signature.
+            key: None,
+            bench: Bench { port, rate_bps, ..checked.bench.clone() },
+            target,
+            can: Some(can),
+            abilities: checked.abilities,
+            fixture: Fixture::Driven(Arc::new(running.control())),
+            site: checked.site.clone(),
+        };
+        Ok(Setup { equipment, simulation: Some(running) })
+    }
+}

@@ -1,0 +1,74 @@
+//! What must be known before a run begins: whether the files are as they were checked, whether the module was tested today,
+//! and whether one of its runs broke off and can be taken up again.
+
+use std::path::PathBuf;
+
+use gnc_executive::outcome::Outcome;
+use gnc_records::resume::{Like, ResumeError, Resumed};
+use gnc_records::store::{captures, reader};
+use gnc_text::with_causes;
+
+use super::archive;
+use super::files::{Held, NOT_HELD};
+use crate::tui::pending::{Interrupted, Prepared, Resumable};
+
+/// Newest runs of a module that are read to find one that broke off.
+const MAX_LOOKED_AT: usize = 20;
+
+/// A run that is to begin.
+pub(super) struct Look {
+    pub held: Held,
+    /// The folder of all records.
+    pub records: PathBuf,
+    pub serial_number: String,
+    /// Names of the chosen items; `None` for the whole plan.
+    pub selection: Option<Vec<String>>,
+}
+
+impl Look {
+    /// Looks at files and records. `resume` is the run that the command line wants to take up.
+    pub(super) fn prepare(self, resume: Option<PathBuf>) -> Prepared {
+        let changed = self.held.changed();
+        let earlier = archive::earlier(&self.records, &self.serial_number);
+        let resume = match resume {
+            Some(folder) => Some(self.asked_for(folder)),
+            None => self.offered().map(Resumable::Yes),
+        };
+        Prepared { serial_number: self.serial_number, changed, earlier, resume }
+    }
+
+    /// The run that the command line asked for, or why it cannot be taken up.
+    fn asked_for(&self, folder: PathBuf) -> Resumable {
+        let Some(like) = self.like() else { return Resumable::No { why: NOT_HELD.to_owned() } };
+        let fits = Resumed::read(&folder, like);
+        let started = fits.and_then(|_| reader::read(&folder).map(|run| run.started).map_err(ResumeError::Unreadable));
+        match started {
+            Ok(at) => Resumable::Yes(Interrupted { folder, at }),
+            Err(error) => Resumable::No { why: with_causes(&error) },
+        }
+    }
+
+    /// The newest run of this module with these items of this plan, if it broke off and left captures that can be taken
+    /// over.
+    fn offered(&self) -> Option<Interrupted> {
+        let like = self.like()?;
+        let newest = reader::newest_of_module(&self.records, &self.serial_number).take(MAX_LOOKED_AT);
+        let mut runs = newest.filter_map(|folder| reader::read(&folder).ok().map(|run| (folder, run)));
+        let (folder, run) = runs.find(|(_, run)| {
+            run.serial_number == self.serial_number
+                && run.plan.sha256 == like.plan_sha256
+                && run.selection == self.selection
+                && run.recomputed.is_none()
+        })?;
+        let broke_off = run.interrupted || run.outcome == Outcome::Aborted;
+        let captured = || captures::files(&folder).is_ok_and(|files| !files.is_empty());
+        let fits = broke_off && captured() && Resumed::read(&folder, like).is_ok();
+        fits.then_some(Interrupted { folder, at: run.started })
+    }
+
+    fn like(&self) -> Option<Like<'_>> {
+        let (plan, bench) = (self.held.plan.as_ref()?, self.held.bench.as_ref()?);
+        let (plan_sha256, serial_number) = (plan.plan.sha256(), self.serial_number.as_str());
+        Some(Like { plan_sha256, serial_number, bench: &bench.bench })
+    }
+}

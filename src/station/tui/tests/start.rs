@@ -1,0 +1,186 @@
+//! What is asked between the key and the run.
+
+use std::path::PathBuf;
+
+use gnc_executive::outcome::Outcome;
+
+use super::scene;
+use crate::files::ChangedFile;
+use crate::tui::decode::Key;
+use crate::tui::lang::Lang;
+use crate::tui::model::{Earlier, Loaded, Rounds};
+use crate::tui::pending::{Interrupted, Prepared, Resumable};
+use crate::tui::records::{Checked, Mark, Runs, Unopened};
+use crate::tui::scene::Scene;
+use crate::tui::update::{Command, Msg, Start};
+
+const RUN: &str = "records/2026-11-21/DEMO-1/221500-calibration";
+
+fn at() -> chrono::DateTime<chrono::FixedOffset> {
+    chrono::DateTime::parse_from_rfc3339("2026-11-21T22:15:00+08:00").expect("a time")
+}
+
+fn changed() -> Vec<ChangedFile> {
+    let unreadable = Some("No such file or directory (os error 2)".to_owned());
+    vec![
+        ChangedFile { name: "test-plans/functional.toml".into(), unreadable: None },
+        ChangedFile { name: "test-plans/limits.toml".into(), unreadable },
+    ]
+}
+
+fn broke_off() -> Option<Resumable> {
+    Some(Resumable::Yes(Interrupted { folder: RUN.into(), at: at() }))
+}
+
+fn unlike() -> Option<Resumable> {
+    let why = "the run to take up again had the serial number DEMO-2, this one has DEMO-1";
+    Some(Resumable::No { why: why.into() })
+}
+
+/// Scans, presses F5, and lets this be found.
+fn start(scene: &mut Scene, changed: Vec<ChangedFile>, resume: Option<Resumable>) -> Option<Command> {
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    let asked = scene.key(Key::F(5));
+    assert!(matches!(asked, Some(Command::Prepare { .. })), "{asked:?}");
+    scene.tell(Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, earlier: None, resume })))
+}
+
+#[track_caller]
+fn started(command: Option<Command>) -> Start {
+    match command {
+        Some(Command::Start(start)) => start,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A question looks the same on a larger screen, so one size is looked at, in all languages.
+fn check(name: &str, play: impl Fn(&mut Scene)) {
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        play(&mut scene);
+        insta::assert_snapshot!(format!("{name}-{lang:?}-80"), scene.text());
+    }
+}
+
+#[test]
+fn questions() {
+    check("changed", |scene| drop(start(scene, changed(), None)));
+    check("interrupted", |scene| drop(start(scene, Vec::new(), broke_off())));
+    check("no-resume", |scene| drop(start(scene, Vec::new(), unlike())));
+}
+
+/// What is shown is what runs, and reading again runs nothing.
+#[test]
+fn changed_files_are_asked_about() {
+    let mut scene = scene(Lang::En);
+    assert_eq!(start(&mut scene, changed(), None), None);
+    // A key that is pressed twice answers nothing, and asks once.
+    assert_eq!(scene.key(Key::F(5)), None);
+    let (serial_number, earlier, resume) = ("DEMO-1".into(), None, None);
+    let again = Prepared { serial_number, changed: changed(), earlier, resume };
+    assert_eq!(scene.tell(Msg::Prepared(Box::new(again))), None);
+    assert_eq!(scene.model.over.len(), 1);
+    let start_checked = started(scene.key(Key::F(6)));
+    let shown = scene.model.plan.ready().map(|plan| plan.sha256.clone());
+    assert_eq!(Some(start_checked.plan_sha256), shown);
+
+    let mut scene = super::scene(Lang::En);
+    start(&mut scene, changed(), None);
+    let (plan, bench) = ("test-plans/functional.toml".into(), "sim:good".into());
+    assert_eq!(scene.key(Key::Enter), Some(Command::Choose { plan, bench }));
+    assert_eq!(scene.model.plan, Loaded::Loading);
+    assert_eq!(scene.model.pending, None, "it is looked at before it runs");
+    assert!(scene.text().contains("then press F5"), "{}", scene.text());
+    let path = "test-plans/functional.toml".into();
+    scene.tell(Msg::Plan { path, plan: Loaded::Refused("unknown item \"cpo\"".into()) });
+    assert!(!scene.text().contains("then press F5"), "{}", scene.text());
+
+    let mut scene = super::scene(Lang::En);
+    start(&mut scene, changed(), None);
+    assert_eq!((scene.key(Key::Esc), &scene.model.pending), (None, &None));
+    assert!(scene.model.over.is_empty());
+}
+
+/// One question after the other, each with its own answer.
+#[test]
+fn a_run_that_broke_off_is_taken_up_once() {
+    let mut scene = scene(Lang::En);
+    scene.model.rounds = Rounds::Count(5);
+    assert_eq!(start(&mut scene, changed(), broke_off()), None);
+    assert_eq!(scene.key(Key::F(6)), None, "the second question");
+    let taken_up = started(scene.key(Key::Enter));
+    assert_eq!((taken_up.resume, taken_up.rounds), (Some(PathBuf::from(RUN)), Rounds::Once));
+
+    let mut scene = super::scene(Lang::En);
+    scene.model.rounds = Rounds::Count(5);
+    start(&mut scene, Vec::new(), broke_off());
+    let from_start = started(scene.key(Key::F(6)));
+    assert_eq!((from_start.resume, from_start.rounds), (None, Rounds::Count(5)));
+}
+
+/// The run of the command line is looked at with each start, until the operator has decided about it.
+#[test]
+fn the_run_of_the_command_line_is_not_forgotten() {
+    let mut scene = scene(Lang::En);
+    scene.model.resume = Some(RUN.into());
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    let asked = Command::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: Some(RUN.into()) };
+    assert_eq!(scene.key(Key::F(5)), Some(asked.clone()));
+    let refused = || {
+        let (serial_number, resume) = ("DEMO-1".into(), unlike());
+        Msg::Prepared(Box::new(Prepared { serial_number, changed: Vec::new(), earlier: None, resume }))
+    };
+    assert_eq!(scene.tell(refused()), None);
+    assert!(scene.text().contains("had the serial number DEMO-2"), "{}", scene.text());
+    assert_eq!(scene.key(Key::Esc), None);
+    assert_eq!(scene.key(Key::F(5)), Some(asked), "the operator has not decided");
+    scene.tell(refused());
+    assert_eq!(started(scene.key(Key::Enter)).resume, None);
+    assert_eq!(scene.model.resume, None);
+}
+
+/// A scan is no answer: it takes the question away, with what it was about.
+#[test]
+fn a_scan_answers_no_question() {
+    for (changed, resume) in [(changed(), None), (Vec::new(), broke_off()), (Vec::new(), unlike())] {
+        let mut scene = scene(Lang::En);
+        start(&mut scene, changed, resume);
+        scene.types("DEMO-9");
+        assert_eq!(scene.key(Key::Enter), Some(Command::LookUp("DEMO-9".into())));
+        assert_eq!((scene.model.pending.as_ref(), scene.model.over.len()), (None, 0));
+    }
+}
+
+/// An answer that comes when another plan was chosen starts nothing.
+#[test]
+fn another_plan_ends_what_waits() {
+    let mut scene = scene(Lang::En);
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    scene.key(Key::F(5));
+    scene.key(Key::F(2));
+    scene.types("x");
+    assert!(matches!(scene.key(Key::Enter), Some(Command::Choose { .. })));
+    let earlier = Some(Earlier { at: at(), outcome: Some(Outcome::Passed) });
+    let (serial_number, changed, resume) = ("DEMO-1".into(), Vec::new(), broke_off());
+    let prepared = Prepared { serial_number, changed, earlier, resume };
+    assert_eq!(scene.tell(Msg::Prepared(Box::new(prepared))), None);
+    assert!(scene.model.over.is_empty() && scene.model.run.is_none());
+}
+
+/// A run of a later version is in the list, is not called damaged, and says why it is not shown.
+#[test]
+fn newer_runs() {
+    check("records-newer", |scene| {
+        super::records(scene);
+        let lines = vec![super::line("DEMO-1", 5, Mark::Newer), super::line("DEMO-2", 9, Mark::Unreadable)];
+        scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
+        scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));
+        let checked = Checked { problems: Vec::new(), newer: Some("event `weighed`".into()) };
+        let path = "records/2026-11-22/DEMO-1/140500-functional".into();
+        scene.tell(Msg::Verified { path, checked });
+        scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));
+    });
+}

@@ -1,0 +1,118 @@
+//! The way from a key to a run: what is looked at first, and what is asked before it begins.
+
+use super::{Command, Start, earlier_words, words};
+use crate::tui::keymap::Action;
+use crate::tui::live::History;
+use crate::tui::model::{Loaded, Model, Over, Rounds, RunView, Weight};
+use crate::tui::pending::{Interrupted, Pending, Prepared, Resumable};
+
+/// A run is asked for: the session looks at files and records first.
+pub(super) fn ask_to_start(model: &mut Model, pending: Pending) -> Option<Command> {
+    let Some(serial_number) = model.scan.current.clone() else {
+        model.say(Weight::Warning, model.texts.scan_first);
+        return None;
+    };
+    let (selection, resume) = (pending.selection.clone(), model.resume.clone());
+    model.pending = Some(pending);
+    Some(Command::Prepare { serial_number, selection, resume })
+}
+
+/// The look is done. The screen asks one question after the other.
+pub(super) fn prepared(model: &mut Model, prepared: Prepared) -> Option<Command> {
+    let Prepared { serial_number, changed, earlier, resume } = prepared;
+    // A key that was pressed twice asks once.
+    if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
+        return None;
+    }
+    model.scan.earlier = Some(earlier.clone());
+    let pending = model.pending.as_mut()?;
+    pending.questions.clear();
+    if !changed.is_empty() {
+        pending.questions.push_back(Over::Changed(changed));
+    }
+    match (resume, earlier) {
+        (Some(Resumable::Yes(run)), _) => pending.questions.push_back(Over::Interrupted(run)),
+        (Some(Resumable::No { why }), _) => pending.questions.push_back(Over::NoResume { why }),
+        // To repeat what failed, or one item, is no second test of the module.
+        (None, Some(run)) if pending.selection.is_none() => {
+            pending.questions.push_back(Over::Again { at: run.at, outcome: run.outcome });
+            let [time, outcome] = earlier_words(model, &run);
+            model.say(Weight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
+        }
+        (None, _) => {}
+    }
+    ask_next(model)
+}
+
+/// Asks the next question; after the last one the run begins.
+fn ask_next(model: &mut Model) -> Option<Command> {
+    match model.pending.as_mut()?.questions.pop_front() {
+        Some(question) => {
+            model.over.push(question);
+            None
+        }
+        None => start(model),
+    }
+}
+
+/// Whether it asks something about a start.
+fn is_question(over: &Over) -> bool {
+    matches!(over, Over::Again { .. } | Over::Changed(_) | Over::Interrupted(_) | Over::NoResume { .. })
+}
+
+/// The answer to a question about a start; `None` if the question on top is another one.
+pub(super) fn answer(model: &mut Model, action: Action) -> Option<Option<Command>> {
+    let question = model.over.pop_if(|over| is_question(over))?;
+    Some(match (question, action) {
+        (_, Action::No) => {
+            model.pending = None;
+            None
+        }
+        (Over::Changed(_), Action::LoadNew) => load_new(model),
+        (Over::Interrupted(run), Action::TakeUp) => take_up(model, run),
+        (Over::Interrupted(_) | Over::NoResume { .. }, _) => {
+            // The operator has decided about the run of the command line.
+            model.resume = None;
+            ask_next(model)
+        }
+        _ => ask_next(model),
+    })
+}
+
+/// Plan and bench are read and checked again. The operator looks at them before they run.
+fn load_new(model: &mut Model) -> Option<Command> {
+    model.pending = None;
+    model.plan = Loaded::Loading;
+    model.say(Weight::Info, model.texts.reading_new);
+    Some(Command::Choose { plan: model.plan_path.clone(), bench: model.bench_path.clone() })
+}
+
+fn take_up(model: &mut Model, run: Interrupted) -> Option<Command> {
+    model.resume = None;
+    let pending = model.pending.as_mut()?;
+    // What was captured is taken over once.
+    (pending.resume, pending.rounds) = (Some(run.folder), Rounds::Once);
+    ask_next(model)
+}
+
+/// Starts what waits.
+fn start(model: &mut Model) -> Option<Command> {
+    let Pending { selection, rounds, resume, .. } = model.pending.take()?;
+    let serial_number = model.scan.current.clone()?;
+    let plan = model.plan.ready()?;
+    let (plan_sha256, expected_s) = (plan.sha256.clone(), plan.expected_s);
+    // What was read from another module is not shown beside this one.
+    model.live = History::default();
+    model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
+    model.message = None;
+    model.cursor = 0;
+    Some(Command::Start(Start {
+        serial_number,
+        plan_sha256,
+        resume,
+        operator: Some(model.operator.trim().to_owned()).filter(|name| !name.is_empty()),
+        selection,
+        rounds,
+        after_failure: model.after_failure,
+    }))
+}

@@ -1,0 +1,125 @@
+//! Records of a later version of the station: they are not damage, and this version does not judge them.
+
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
+use std::fs;
+use std::path::Path;
+
+use gnc_records::store::{digest, reader};
+use gnc_tests::{Place, Run};
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+
+const PLAN: &str = "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"six-position\"\n\
+                    params = { dwell = \"10 s\", settle = \"0 s\" }\nlimits.residual_rms = \"<= 5 mg\"\n";
+
+const ARGS: [&str; 6] = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number"];
+
+/// A run of module N-1, which passed.
+fn recorded() -> Place {
+    let place = Place::new(STATION);
+    place.write("p.toml", PLAN);
+    let run = place.run(ARGS.into_iter().chain(["N-1"]));
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    place
+}
+
+/// Changes the journal as a later version would have written it, with the digest of what it wrote.
+fn rewrite(folder: &Path, change: impl Fn(&str) -> String) {
+    let (journal, sums) = (folder.join("events.jsonl"), folder.join("SHA256SUMS"));
+    let before = digest::of_file(&journal).expect("a digest");
+    let text = fs::read_to_string(&journal).expect("a journal");
+    fs::write(&journal, change(&text)).expect("writable");
+    let digests = fs::read_to_string(&sums).expect("digests");
+    let after = digest::of_file(&journal).expect("a digest");
+    fs::write(&sums, digests.replace(&before, &after)).expect("writable");
+}
+
+#[track_caller]
+fn refused(run: &Run, what: &str) {
+    assert_eq!(run.code, Some(2), "{}{}", run.stdout, run.stderr);
+    let told = format!("written by a newer version of the station ({what})");
+    assert!(run.stderr.contains(&told), "{}", run.stderr);
+    assert!(run.stderr.contains("try: read it with the version of the station that wrote it"), "{}", run.stderr);
+    assert!(!run.stderr.contains("damaged"), "{}", run.stderr);
+}
+
+/// First, middle and last line, each in a run of its own: all faces name what they do not know.
+#[test]
+fn an_unknown_event_is_of_a_newer_version() {
+    for (from, to, what) in [
+        ("run_started", "run_ordered", "event `run_ordered`"),
+        ("measured", "weighed", "event `weighed`"),
+        ("run_ended", "run_sealed", "event `run_sealed`"),
+    ] {
+        let place = recorded();
+        let folder = place.runs().remove(0);
+        rewrite(&folder, |text| text.replacen(&format!("\"kind\":\"{from}\""), &format!("\"kind\":\"{to}\""), 1));
+        let run = folder.to_str().expect("UTF-8");
+        let told = format!("written by a newer version of the station ({what})");
+        let list = place.run(["records", "list"]);
+        assert_eq!(list.code, Some(0), "{}", list.stderr);
+        assert!(list.stdout.starts_with(&format!("newer       {told}")), "{}", list.stdout);
+        refused(&place.run(["records", "show", run]), what);
+        refused(&place.run(["records", "show", "N-1"]), what);
+        refused(&place.run(["recompute", run]), what);
+        refused(&place.run(ARGS.into_iter().chain(["N-1", "--resume", run])), what);
+        assert_eq!(place.runs().len(), 1, "nothing was run");
+        let export = place.run(["export", run, "--out", "tables"]);
+        assert_eq!(export.code, Some(0), "{}", export.stderr);
+        assert!(export.stderr.contains(&told), "{}", export.stderr);
+    }
+}
+
+/// Digests are compared also where the journal is not understood, and what was changed is said.
+#[test]
+fn digests_vouch_for_a_newer_run() {
+    let place = recorded();
+    let folder = place.runs().remove(0);
+    rewrite(&folder, |text| text.replace("gnc-events/1", "gnc-events/2"));
+    let run = folder.to_str().expect("UTF-8");
+    let told = "written by a newer version of the station (schema `gnc-events/2`)";
+    let verified = place.run(["records", "verify", run]);
+    assert_eq!(verified.code, Some(2), "{}{}", verified.stdout, verified.stderr);
+    assert!(verified.stdout.contains(&format!("{told}: its digests agree")), "{}", verified.stdout);
+    assert!(verified.stdout.contains("0 of 1 runs are as written"), "{}", verified.stdout);
+    assert!(verified.stderr.contains("nothing is known to be wrong"), "{}", verified.stderr);
+    // This test rewrote its digests, and the chain tells.
+    let chain = place.run(["records", "verify"]);
+    assert_eq!(chain.code, Some(1), "{}{}", chain.stdout, chain.stderr);
+    fs::write(folder.join("log.txt"), "PASSED").expect("writable");
+    let changed = place.run(["records", "verify", run]);
+    assert_eq!(changed.code, Some(1), "{}{}", changed.stdout, changed.stderr);
+    assert!(changed.stdout.contains(told) && changed.stdout.contains("log.txt was changed"), "{}", changed.stdout);
+}
+
+/// A run of a later version that has no end yet is left to that version to seal.
+#[test]
+fn an_open_run_of_a_newer_version_is_not_sealed() {
+    let place = recorded();
+    let folder = place.runs().remove(0);
+    fs::remove_file(folder.join("SHA256SUMS")).expect("digests");
+    let journal = folder.join("events.jsonl");
+    let text = fs::read_to_string(&journal).expect("a journal").replace("run_ended", "run_paused");
+    fs::write(&journal, &text).expect("writable");
+    let next = place.run(ARGS.into_iter().chain(["N-2"]));
+    assert_eq!(next.code, Some(0), "{}{}", next.stdout, next.stderr);
+    assert!(!reader::is_sealed(&folder), "{}", next.stdout);
+    assert_eq!(fs::read_to_string(&journal).ok(), Some(text));
+}
+
+/// A line that no version would write is damage, and is called so.
+#[test]
+fn damage_stays_damage() {
+    let place = recorded();
+    let folder = place.runs().remove(0);
+    let run = folder.to_str().expect("UTF-8").to_owned();
+    rewrite(&folder, |text| text.replacen("\"kind\":\"measured\"", "\"kind\":measured", 1));
+    let shown = place.run(["records", "show", &run]);
+    assert_eq!(shown.code, Some(2), "{}", shown.stdout);
+    assert!(shown.stderr.contains("the journal is damaged: line "), "{}", shown.stderr);
+    let verified = place.run(["records", "verify", &run]);
+    assert_eq!(verified.code, Some(1), "{}{}", verified.stdout, verified.stderr);
+    let list = place.run(["records", "list"]);
+    assert!(list.stdout.starts_with("unreadable  the journal is damaged: line "), "{}", list.stdout);
+}

@@ -1,0 +1,223 @@
+//! Between the check of a plan and its run: files that change, and runs that broke off.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader};
+use std::path::PathBuf;
+use std::process::Stdio;
+
+use gnc_tests::{Place, read_json};
+
+use crate::terminal::Terminal;
+use crate::{ESC, F5, F10, STATION, mock, open, outcomes};
+
+const F6: &[u8] = b"\x1b[17~";
+
+const PLAN: &str = "name = \"short\"\nversion = \"1\"\ninclude = [\"limits.toml\"]\n";
+const LIMITS: &str =
+    "name = \"limits\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+
+/// A screen with the plan checked and a module scanned.
+fn scanned(more: &[&str]) -> (Place, Terminal) {
+    let place = Place::new(STATION);
+    place.write("p.toml", PLAN);
+    place.write("limits.toml", LIMITS);
+    let args = ["--sim", "--sim-speed", "max", "--plan", "p.toml"];
+    let mut terminal = open(&place, &[&args, more].concat(), 80, 24);
+    terminal.wait_for("short 1");
+    terminal.types(b"T-1\r");
+    (place, terminal)
+}
+
+/// Waits for the end of a run with this outcome; what failed can be repeated only then.
+fn ends(terminal: &mut Terminal, outcome: &str) {
+    terminal.wait_until("the verdict", |screen| {
+        let text = screen.contents();
+        text.contains(outcome) && text.contains("F4")
+    });
+}
+
+fn leaves(mut terminal: Terminal) {
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+}
+
+/// The text of a file in the record's plan.
+fn filed(place: &Place, name: &str) -> Option<String> {
+    fs::read_to_string(place.runs()[0].join("plan").join(name)).ok()
+}
+
+/// An included file is edited between check and start: the operator is told which, and what was checked runs.
+#[test]
+fn the_checked_plan_runs_though_a_file_was_edited() {
+    for (lang, told, verdict) in [
+        ("en", "limits.toml was changed since it was checked.", "passed"),
+        ("zh", "limits.toml 在检查后被更改。", "合格"),
+        ("ru", "limits.toml изменён после проверки.", "годен"),
+    ] {
+        let (place, mut terminal) = scanned(&["--lang", lang]);
+        terminal.wait_for("T-1");
+        place.write("limits.toml", &LIMITS.replace("<= 0", "<= 1000000"));
+        terminal.types(F5);
+        terminal.wait_for(told);
+        assert!(place.runs().is_empty(), "it was run without a word");
+        terminal.types(F6);
+        ends(&mut terminal, verdict);
+        leaves(terminal);
+        assert_eq!(outcomes(&place), ["passed"]);
+        assert_eq!(filed(&place, "02-limits.toml").as_deref(), Some(LIMITS));
+        let run = place.runs()[0].display().to_string();
+        assert_eq!(place.run(["recompute", &run]).code, Some(0));
+    }
+}
+
+/// The plan itself is edited: read again it is checked and shown, and runs with the next F5.
+#[test]
+fn the_new_plan_is_shown_before_it_runs() {
+    let (place, mut terminal) = scanned(&[]);
+    let new = PLAN.replace("version = \"1\"", "version = \"2\"");
+    place.write("p.toml", &new);
+    terminal.types(F5);
+    terminal.wait_for("p.toml was changed");
+    terminal.types(b"\r");
+    terminal.wait_for("short 2");
+    assert!(place.runs().is_empty(), "it was not shown before");
+    terminal.types(F5);
+    ends(&mut terminal, "passed");
+    leaves(terminal);
+    assert_eq!(filed(&place, "01-p.toml"), Some(new));
+    // One with a mistake is refused as with F2.
+    let (place, mut terminal) = scanned(&[]);
+    place.write("limits.toml", &LIMITS.replace("cpu", "cpo"));
+    terminal.types(F5);
+    terminal.wait_for("limits.toml was changed");
+    terminal.types(b"\r");
+    terminal.wait_for("unknown item \"cpo\"");
+    leaves(terminal);
+    assert!(place.runs().is_empty());
+}
+
+/// A bench file is held as a plan is: the one that was shown is the one that counts.
+#[test]
+fn the_checked_bench_is_used_though_its_file_was_edited() {
+    let place = Place::new(STATION);
+    let board = mock("good");
+    let bench = board.bench_file("line-2");
+    place.write("bench.toml", &bench);
+    place.write("p.toml", LIMITS);
+    let mut terminal = open(&place, &["--plan", "p.toml"], 80, 24);
+    terminal.wait_for("limits 1");
+    terminal.types(b"T-1\r");
+    place.write("bench.toml", &bench.replace("line-2", "line-3"));
+    terminal.types(F5);
+    terminal.wait_for("bench.toml was changed");
+    terminal.types(F6);
+    ends(&mut terminal, "passed");
+    leaves(terminal);
+    assert_eq!(read_json(&place.runs()[0].join("run.json"))["station"], "line-2");
+}
+
+/// Files that are gone are files that changed. The answer may be neither.
+#[test]
+fn a_plan_that_is_gone_is_told() {
+    let (place, mut terminal) = scanned(&[]);
+    fs::remove_file(place.path().join("p.toml")).expect("a plan");
+    terminal.types(F5);
+    terminal.wait_for("p.toml cannot be read any more: No such file");
+    terminal.types(ESC);
+    terminal.wait_until("the question is gone", |screen| !screen.contents().contains("cannot be read any more"));
+    leaves(terminal);
+    assert!(place.runs().is_empty());
+}
+
+const CAPTURES: &str = "name = \"long\"\nversion = \"1\"\n\
+                        [[item]]\nid = \"six-position\"\nparams = { dwell = \"10 s\", settle = \"0 s\" }\n\
+                        limits.residual_rms = \"<= 5 mg\"\n\
+                        [[item]]\nid = \"imu\"\nparams = { samples = 10000, rate = \"50 Hz\" }\ntimeout = \"400 s\"\n\
+                        limits.gyro_x = \"0 +- 1 deg/s\"\n";
+
+/// A run of module C-1 that was killed behind its first item.
+fn broken(place: &Place) -> PathBuf {
+    place.write("long.toml", CAPTURES);
+    let args = ["--auto", "long.toml", "--sim", "--sim-speed", "40", "--serial-number", "C-1", "--events"];
+    let mut station = place.station(args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the station");
+    let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
+    let ended = "\"kind\":\"item_ended\",\"item\":\"six-position\",\"outcome\":\"passed\"";
+    assert!(lines.map_while(Result::ok).any(|line| line.contains(ended)), "it did not pass");
+    station.kill().expect("alive");
+    station.wait().expect("dead");
+    place.runs().remove(0)
+}
+
+fn open_long(place: &Place, more: &[&str]) -> Terminal {
+    let args = ["--sim", "--sim-speed", "max", "--plan", "long.toml"];
+    let mut terminal = open(place, &[&args, more].concat(), 80, 24);
+    terminal.wait_for("long 1");
+    terminal
+}
+
+/// A module is scanned whose run broke off: the screen offers to go on, and takes over what was captured.
+#[test]
+fn a_run_that_broke_off_is_offered() {
+    let place = Place::new(STATION);
+    let broken = broken(&place);
+    let name = broken.file_name().expect("a name").to_str().expect("UTF-8").to_owned();
+
+    // What `--auto` would refuse is not offered: another plan under the same name.
+    place.write("long.toml", &CAPTURES.replace("<= 5 mg", "<= 6 mg"));
+    let mut terminal = open_long(&place, &[]);
+    terminal.types(b"C-1\r");
+    terminal.types(F5);
+    terminal.wait_for("Test it again?");
+    terminal.types(ESC);
+    leaves(terminal);
+    // Asked for, it is refused with the reason, and nothing runs.
+    let mut terminal = open_long(&place, &["--resume", broken.to_str().expect("UTF-8")]);
+    terminal.wait_for("C-1: F5 takes up");
+    terminal.types(F5);
+    terminal.wait_for("had the plan with the digest");
+    terminal.types(ESC);
+    leaves(terminal);
+    assert_eq!(place.runs().len(), 1);
+
+    place.write("long.toml", CAPTURES);
+    let mut terminal = open_long(&place, &[]);
+    terminal.types(b"C-1\r");
+    terminal.types(F5);
+    terminal.wait_for("captured whole");
+    terminal.types(b"\r");
+    ends(&mut terminal, "passed");
+    leaves(terminal);
+    let runs = place.runs();
+    let new = runs.iter().find(|run| **run != broken).expect("a run of its own");
+    let record = read_json(&new.join("run.json"));
+    assert_eq!((record["outcome"].as_str(), record["resumed"]["run"].as_str()), (Some("passed"), Some(&*name)));
+    let captured = |run: &PathBuf| gnc_records::store::captures::read(&run.join("01-six-position/attempt-1.mcap"));
+    assert_eq!(captured(new).expect("captures").captures, captured(&broken).expect("captures").captures);
+    let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+
+    // The module has a whole run now: nothing is offered, and what was sealed meanwhile can still be asked for.
+    let mut terminal = open_long(&place, &["--resume", broken.to_str().expect("UTF-8")]);
+    terminal.types(F5);
+    terminal.wait_for("captured whole");
+    terminal.types(ESC);
+    leaves(terminal);
+    let mut terminal = open_long(&place, &[]);
+    terminal.types(b"C-1\r");
+    terminal.types(F5);
+    terminal.wait_for("Test it again?");
+    terminal.types(ESC);
+    leaves(terminal);
+}
+
+/// A run that is not there is refused before the screen opens, as by `--auto`.
+#[test]
+fn a_run_to_take_up_must_be_there() {
+    let place = Place::new(STATION);
+    fs::create_dir(place.path().join("records")).expect("a folder");
+    let mut terminal = open(&place, &["--sim", "--resume", "2026-11-22/T-1/143015-x"], 80, 24);
+    terminal.wait_for("there is no run");
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(2), "{status}");
+}
