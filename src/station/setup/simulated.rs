@@ -69,10 +69,7 @@ fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), Refu
         }
     };
     let personality = personality.map_err(|error| {
-        Refusal::new(
-            error,
-            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality.rs",
-        )
+        Refusal::new(error, "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality.rs")
     })?;
     Ok((personality, text))
 }
