@@ -139,8 +139,8 @@ fn a_newer_journal_is_not_damage() {
         newer(1, "schema `gnc-events/12`")
     );
     assert_eq!(
-        told(0, "\"id\":\"sdram\"", "\"id\":\"power-cycle\""),
-        newer(1, "value `power-cycle` in event `run_started`")
+        told(0, "\"id\":\"sdram\"", "\"id\":\"thermal-vacuum\""),
+        newer(1, "value `thermal-vacuum` in event `run_started`")
     );
     assert_eq!(
         told(last, "\"outcome\":\"", "\"outcome\":\"nearly_"),

@@ -3,7 +3,7 @@
 
 #![allow(clippy::print_stdout, missing_docs, dead_code, reason = "a benchmark prints its figures")]
 
-#[path = "../tests/contamination/mod.rs"]
+#[path = "../tests/contamination/contamination.rs"]
 mod contamination;
 
 use contamination::{KINDS, Kind, METHODS, Spoil, Tally};

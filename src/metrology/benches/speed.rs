@@ -4,7 +4,7 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-#[path = "../tests/truth/mod.rs"]
+#[path = "../tests/truth/truth.rs"]
 mod truth;
 
 use std::hint::black_box;

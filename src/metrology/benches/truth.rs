@@ -3,7 +3,7 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, dead_code)]
 
-#[path = "../tests/truth/mod.rs"]
+#[path = "../tests/truth/truth.rs"]
 mod truth;
 
 use std::time::Instant;

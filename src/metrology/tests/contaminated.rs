@@ -2,6 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "a test says what it saw")]
 
+#[path = "contamination/contamination.rs"]
 mod contamination;
 
 use contamination::{KINDS, Kind, METHODS, Spoil, Tally};

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
 
+#[path = "truth/truth.rs"]
 mod truth;
 
 use gnc_metrology::scale_factor::{RateRows, ScaleFactor, ScaleFactorOptions, fit};

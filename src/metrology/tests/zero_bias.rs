@@ -8,6 +8,7 @@
     reason = "a test may end with a panic and says what it saw"
 )]
 
+#[path = "truth/truth.rs"]
 mod truth;
 
 use gnc_metrology::zero_bias::{BiasModel, Copies, Eliminator, Kalman, Stored, ZeroBiasSettings};

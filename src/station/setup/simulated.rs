@@ -74,7 +74,7 @@ fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), Comm
     let personality = personality.map_err(|error| {
         CommandRefusal::new(
             error,
-            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality/mod.rs",
+            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality.rs",
         )
     })?;
     Ok((personality, text))

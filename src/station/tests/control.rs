@@ -4,6 +4,7 @@
 #![cfg(feature = "sim")]
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
 
+#[path = "played/played.rs"]
 mod played;
 
 use std::path::Path;

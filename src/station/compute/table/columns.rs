@@ -1,11 +1,11 @@
 //! Columns as they were read, whatever the file: which are wanted, what their units are, and what their clock says.
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use gnc_metrology::Refusal;
 use gnc_metrology::clock::{self, ClockRate, Stated};
 
+use super::gathered::Gathered;
 use super::names::Header;
 use super::number::Form;
 use super::rows::Role;
@@ -320,48 +320,5 @@ impl<'a> ColumnPlan<'a> {
             Some(rate) => RecordClock::Checked { rate, column: column.name, tolerance: stated.map(|s| s.tolerance) },
             None => RecordClock::NotChecked(format!("too few stamps in column `{}`", column.name)),
         })
-    }
-}
-
-/// What has been read so far.
-#[derive(Default)]
-pub(super) struct Gathered {
-    pub(super) numbers: Vec<Vec<f64>>,
-    pub(super) labels: Vec<u8>,
-    pub(super) times: Vec<f64>,
-    /// Cells without a value: column and line.
-    pub(super) missing: Vec<(usize, usize)>,
-    /// First rows of captures and their names, and the names of those passed over.
-    pub(super) captures: Vec<(usize, String)>,
-    pub(super) others: Vec<String>,
-    pub(super) rows: usize,
-}
-
-impl Gathered {
-    /// Rows of one label and one capture, and of one value of the column in which time begins anew.
-    fn blocks(&self, anew: Option<usize>) -> Vec<Range<usize>> {
-        let changes = (1..self.labels.len()).filter(|&i| self.labels[i] != self.labels[i - 1]);
-        let column = anew.and_then(|k| self.numbers.get(k)).map_or(&[][..], Vec::as_slice);
-        let begins = (1..column.len().min(self.rows)).filter(|&i| column[i] != column[i - 1]);
-        let mut starts: Vec<usize> =
-            changes.chain(begins).chain(self.captures.iter().map(|(row, _)| *row)).chain([0]).collect();
-        starts.sort_unstable();
-        starts.dedup();
-        let ends = starts.iter().skip(1).copied().chain([self.rows]);
-        starts.iter().zip(ends).map(|(start, end)| *start..end).filter(|block| !block.is_empty()).collect()
-    }
-
-    /// Notes where a capture begins.
-    pub(super) fn begin(&mut self, row: usize, name: &str) {
-        if self.captures.last().is_none_or(|(_, before)| before != name) {
-            self.captures.push((row, name.to_owned()));
-        }
-    }
-
-    /// Notes a capture that was passed over.
-    pub(super) fn pass_over(&mut self, name: &str) {
-        if !self.others.iter().any(|known| known == name) {
-            self.others.push(name.to_owned());
-        }
     }
 }

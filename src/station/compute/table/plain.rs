@@ -5,6 +5,7 @@
 use wide::u8x16;
 
 use super::LONGEST_LINE;
+use super::gathered::Gathered;
 use super::number::Form;
 use super::rows::{Delimiter, Parsed, ParsedRows, Role};
 
@@ -22,16 +23,16 @@ pub(super) fn parse(rows: &ParsedRows, piece: &[u8]) -> Option<Parsed> {
     }
     let grid = Grid::of(piece, delimiter, rows.expected)?;
     let lines = grid.starts.len();
-    let mut parsed = Parsed { numbers: vec![Vec::new(); rows.numbers], rows: lines, lines, ..Parsed::default() };
+    let mut found = Gathered { numbers: vec![Vec::new(); rows.numbers], rows: lines, ..Gathered::default() };
     for (column, role) in rows.roles {
         let values = match role {
-            Role::Number(k) => parsed.numbers.get_mut(*k)?,
-            Role::Time { dates: false } => &mut parsed.times,
+            Role::Number(k) => found.numbers.get_mut(*k)?,
+            Role::Time { dates: false } => &mut found.times,
             _ => return None,
         };
         *values = grid.numbers(piece, delimiter, *column)?;
     }
-    Some(parsed)
+    Some(Parsed { found, lines, fault: None })
 }
 
 /// Where the rows and fields of a piece lie.
@@ -200,6 +201,7 @@ mod tests {
             let found = parse(&rows(&ROLES), text.as_bytes()).unwrap();
             let expected = rows(&ROLES).one_by_one(text.as_bytes());
             assert_eq!(format!("{found:?}"), format!("{expected:?}"));
+            let found = found.found;
             assert_eq!((found.rows, found.times[499], found.numbers[0][7]), (500, 499.0, -7.7e-3));
         }
         let dense = "1,,2,3\n".repeat(100);
@@ -220,7 +222,7 @@ mod tests {
         let rows = ParsedRows { numbers: 4, ..rows(&roles) };
         let found = parse(&rows, text.as_bytes()).unwrap();
         assert_eq!(format!("{found:?}"), format!("{:?}", rows.one_by_one(text.as_bytes())));
-        assert_eq!([3, 2, 1, 0].map(|column| found.numbers[column].len()), [400; 4]);
+        assert_eq!([3, 2, 1, 0].map(|column| found.found.numbers[column].len()), [400; 4]);
     }
 
     /// Plain or not, a field is what the row-by-row reading makes of it.

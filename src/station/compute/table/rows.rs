@@ -4,6 +4,7 @@ use std::path::Path;
 
 use wide::u8x16;
 
+use super::gathered::Gathered;
 use super::number::{self, Form, NoNumber, unquoted};
 use super::{LONGEST_LINE, TableError, plain, time};
 
@@ -115,16 +116,7 @@ pub(super) struct ParsedRows<'a> {
 /// Rows of one piece, up to the first mistake in it.
 #[derive(Debug, Default)]
 pub(super) struct Parsed {
-    pub(super) numbers: Vec<Vec<f64>>,
-    pub(super) labels: Vec<u8>,
-    pub(super) times: Vec<f64>,
-    /// Cells without a value: the column of numbers, and the line within the piece.
-    pub(super) missing: Vec<(usize, usize)>,
-    /// The row at which the rows of a capture begin, and its name.
-    pub(super) captures: Vec<(usize, String)>,
-    /// Names of captures that were passed over.
-    pub(super) others: Vec<String>,
-    pub(super) rows: usize,
+    pub(super) found: Gathered,
     pub(super) lines: usize,
     pub(super) fault: Option<Fault>,
 }
@@ -183,7 +175,10 @@ impl ParsedRows<'_> {
 
     /// The same of any piece.
     pub(super) fn one_by_one(&self, piece: &[u8]) -> Parsed {
-        let mut parsed = Parsed { numbers: vec![Vec::new(); self.numbers], ..Parsed::default() };
+        let mut parsed = Parsed {
+            found: Gathered { numbers: vec![Vec::new(); self.numbers], ..Gathered::default() },
+            ..Parsed::default()
+        };
         let Delimiter::Byte(delimiter) = self.delimiter else {
             for line in piece.split_inclusive(|b| *b == b'\n') {
                 let line = line.strip_suffix(b"\n").unwrap_or(line).trim_ascii_end();
@@ -236,14 +231,14 @@ impl ParsedRows<'_> {
         }
         match self.row(line, fields, parsed) {
             Ok(taken) => {
-                parsed.rows += usize::from(taken);
+                parsed.found.rows += usize::from(taken);
                 true
             }
             Err((column, what)) => {
                 // Columns read before the mistake are one value longer than the rest.
                 parsed.fault = Some(Fault { line: parsed.lines, column, what });
-                parsed.times.truncate(parsed.rows);
-                parsed.labels.truncate(parsed.rows);
+                parsed.found.times.truncate(parsed.found.rows);
+                parsed.found.labels.truncate(parsed.found.rows);
                 false
             }
         }
@@ -277,30 +272,28 @@ impl ParsedRows<'_> {
             };
             match role {
                 Role::Number(k) => match number::read(field, self.form) {
-                    Ok(value) => parsed.numbers[k].push(value),
+                    Ok(value) => parsed.found.numbers[k].push(value),
                     Err(NoNumber::Missing) => {
-                        parsed.missing.push((k, parsed.lines));
-                        parsed.numbers[k].push(f64::NAN);
+                        parsed.found.missing.push((k, parsed.lines));
+                        parsed.found.numbers[k].push(f64::NAN);
                     }
                     Err(why) => return Err(mistake(why == NoNumber::Ambiguous)),
                 },
                 Role::Time { dates: false } => match number::read(field, self.form) {
-                    Ok(value) => parsed.times.push(value),
+                    Ok(value) => parsed.found.times.push(value),
                     Err(why) => return Err(mistake(why == NoNumber::Ambiguous)),
                 },
                 Role::Time { dates: true } => {
                     let stamp = time::date(&number::decoded(unquoted(field)));
-                    parsed.times.push(stamp.ok_or_else(|| mistake(false))?);
+                    parsed.found.times.push(stamp.ok_or_else(|| mistake(false))?);
                 }
                 Role::Capture => {
                     let name = unquoted(field);
                     if self.capture.is_some_and(|wanted| wanted.as_bytes() != name) {
-                        parsed.pass_over(name);
+                        parsed.found.pass_over(name);
                         return Ok(false);
                     }
-                    if parsed.captures.last().is_none_or(|(_, before)| before.as_bytes() != name) {
-                        parsed.captures.push((parsed.rows, String::from_utf8_lossy(name).into_owned()));
-                    }
+                    parsed.found.begin(parsed.found.rows, name);
                 }
                 Role::Label => {
                     let text = unquoted(field);
@@ -311,19 +304,11 @@ impl ParsedRows<'_> {
                         let text = number::decoded(text).into_owned();
                         return Err((at + 1, Mistake::Label { field: column, text }));
                     };
-                    parsed.labels.push(code as u8);
+                    parsed.found.labels.push(code as u8);
                 }
             }
         }
         Ok(true)
-    }
-}
-
-impl Parsed {
-    fn pass_over(&mut self, name: &[u8]) {
-        if self.others.last().is_none_or(|before| before.as_bytes() != name) {
-            self.others.push(String::from_utf8_lossy(name).into_owned());
-        }
     }
 }
 

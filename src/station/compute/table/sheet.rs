@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::columns::{ColumnPlan, Gathered};
+use super::columns::ColumnPlan;
+use super::gathered::Gathered;
 use super::rows::Role;
 use super::{TableError, time};
 
@@ -45,7 +46,7 @@ pub(super) fn gather(path: &Path, plan: &ColumnPlan, cells: &[Cells]) -> Result<
         if let Some((name, wanted)) = capture.zip(plan.capture.as_deref())
             && name != wanted
         {
-            gathered.pass_over(name);
+            gathered.pass_over(name.as_bytes());
             continue;
         }
         if let Some(label) = labels.map(|cells| cells.text(row)) {
@@ -59,7 +60,7 @@ pub(super) fn gather(path: &Path, plan: &ColumnPlan, cells: &[Cells]) -> Result<
             gathered.labels.push(code as u8);
         }
         if let Some(name) = capture {
-            gathered.begin(taken.len(), name);
+            gathered.begin(taken.len(), name.as_bytes());
         }
         taken.push(row);
     }

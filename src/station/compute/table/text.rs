@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use std::thread;
 
-use super::columns::{ColumnPlan, Columns, Gathered, Wanted};
+use super::columns::{ColumnPlan, Columns, Wanted};
+use super::gathered::Gathered;
 use super::pieces::Pieces;
 use super::preamble::{self, Preamble};
 use super::rows::{Fault, Parsed, ParsedRows};
@@ -79,7 +80,7 @@ impl Text {
         let mut lines = preamble.lines;
         let mut fault = None;
         let mut take = |parsed: &Parsed| {
-            add(&mut gathered, parsed, lines);
+            gathered.add(&parsed.found, lines);
             fault = parsed.fault.as_ref().map(|fault| fault.after(lines));
             lines += parsed.lines;
             let full = gathered.rows.saturating_mul(roles.len()) > MOST_VALUES;
@@ -107,20 +108,6 @@ impl Text {
 
 fn place(fault: Fault, path: &Path, header: &[String], allowed: &[&str]) -> TableError {
     fault.placed(path, header, allowed)
-}
-
-/// Adds the rows of a piece before which there are so many lines.
-fn add(gathered: &mut Gathered, parsed: &Parsed, lines: usize) {
-    for (column, part) in gathered.numbers.iter_mut().zip(&parsed.numbers) {
-        column.extend_from_slice(part);
-    }
-    gathered.labels.extend_from_slice(&parsed.labels);
-    gathered.times.extend_from_slice(&parsed.times);
-    gathered.missing.extend(parsed.missing.iter().map(|(column, line)| (*column, lines + line)));
-    let before = gathered.rows;
-    parsed.captures.iter().for_each(|(row, name)| gathered.begin(before + row, name));
-    parsed.others.iter().for_each(|name| gathered.pass_over(name));
-    gathered.rows += parsed.rows;
 }
 
 /// Reads pieces, has them parsed by threads in turn and takes the results in the order of the file, until the taker has

@@ -5,6 +5,7 @@
 
 mod columns;
 mod error;
+mod gathered;
 mod names;
 mod npy;
 mod number;

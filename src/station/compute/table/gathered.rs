@@ -1,0 +1,61 @@
+//! Rows as they are read: values by columns, and where captures begin.
+
+use std::ops::Range;
+
+/// What has been read so far, of a file or of a piece of it.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    pub(super) numbers: Vec<Vec<f64>>,
+    pub(super) labels: Vec<u8>,
+    pub(super) times: Vec<f64>,
+    /// Cells without a value: the column of numbers, and the line.
+    pub(super) missing: Vec<(usize, usize)>,
+    /// First rows of captures and their names.
+    pub(super) captures: Vec<(usize, String)>,
+    /// Names of captures that were passed over.
+    pub(super) others: Vec<String>,
+    pub(super) rows: usize,
+}
+
+impl Gathered {
+    /// Rows of one label and one capture, and of one value of the column in which time begins anew.
+    pub(super) fn blocks(&self, anew: Option<usize>) -> Vec<Range<usize>> {
+        let changes = (1..self.labels.len()).filter(|&i| self.labels[i] != self.labels[i - 1]);
+        let column = anew.and_then(|k| self.numbers.get(k)).map_or(&[][..], Vec::as_slice);
+        let begins = (1..column.len().min(self.rows)).filter(|&i| column[i] != column[i - 1]);
+        let mut starts: Vec<usize> =
+            changes.chain(begins).chain(self.captures.iter().map(|(row, _)| *row)).chain([0]).collect();
+        starts.sort_unstable();
+        starts.dedup();
+        let ends = starts.iter().skip(1).copied().chain([self.rows]);
+        starts.iter().zip(ends).map(|(start, end)| *start..end).filter(|block| !block.is_empty()).collect()
+    }
+
+    /// Notes where a capture begins. Its name comes with every row.
+    pub(super) fn begin(&mut self, row: usize, name: &[u8]) {
+        if self.captures.last().is_none_or(|(_, before)| before.as_bytes() != name) {
+            self.captures.push((row, String::from_utf8_lossy(name).into_owned()));
+        }
+    }
+
+    /// Notes a capture that was passed over.
+    pub(super) fn pass_over(&mut self, name: &[u8]) {
+        if !self.others.iter().rev().any(|known| known.as_bytes() == name) {
+            self.others.push(String::from_utf8_lossy(name).into_owned());
+        }
+    }
+
+    /// Adds what was read of the next piece, before which there are so many lines.
+    pub(super) fn add(&mut self, piece: &Self, lines: usize) {
+        for (column, part) in self.numbers.iter_mut().zip(&piece.numbers) {
+            column.extend_from_slice(part);
+        }
+        self.labels.extend_from_slice(&piece.labels);
+        self.times.extend_from_slice(&piece.times);
+        self.missing.extend(piece.missing.iter().map(|(column, line)| (*column, lines + line)));
+        let before = self.rows;
+        piece.captures.iter().for_each(|(row, name)| self.begin(before + row, name.as_bytes()));
+        piece.others.iter().for_each(|name| self.pass_over(name.as_bytes()));
+        self.rows += piece.rows;
+    }
+}
