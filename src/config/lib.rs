@@ -5,9 +5,9 @@
 //! any file, and never opens one.
 //!
 //! ```
-//! use gnc_config::{Source, read};
+//! use gnc_config::{SourceText, read};
 //!
-//! let source = Source { name: "oven.toml".to_owned(), text: "celsius = 400\ncolour = \"red\"\n".to_owned() };
+//! let source = SourceText { name: "oven.toml".to_owned(), text: "celsius = 400\ncolour = \"red\"\n".to_owned() };
 //! let refused = read(&source, |table| table.number("celsius", (0.0, 300.0))).unwrap_err();
 //! let places: Vec<usize> = refused.iter().filter_map(|mistake| Some(mistake.place.as_ref()?.line)).collect();
 //! assert_eq!(places, [1, 2]);
