@@ -327,3 +327,33 @@ fn a_run_that_broke_off_goes_on() {
     let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
 }
+
+/// A run that ended with a verdict on the module did not break off: its samples make no new verdict, nor do those of a run of
+/// some items a verdict of the whole plan. Without its digests nothing shows what an ended run was.
+#[test]
+fn only_a_run_that_broke_off_is_taken_up() {
+    let place = Place::new(STATION);
+    place.write("p.toml", SHORT);
+    let sim = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "C-1"];
+    let chosen = || sim.into_iter().chain(["--only", "six-position"]);
+    let ended = place.run(chosen());
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let run = place.runs().remove(0);
+    let resume = ["--resume", run.to_str().expect("UTF-8")];
+    let refused = |told: Run, why: &str| {
+        assert!(told.code == Some(2) && told.stderr.contains(why), "{:?}{}", told.code, told.stderr);
+        assert_eq!(place.runs().len(), 1, "nothing is run");
+    };
+    refused(place.run(chosen().chain(resume)), "the run to take up again ended: passed");
+    let whole = "had the items six-position, this one has of the whole plan";
+    refused(place.run(sim.into_iter().chain(resume)), whole);
+
+    // The same as if it had been stopped, and then without what vouches for it.
+    let journal = run.join("events.jsonl");
+    let text = fs::read_to_string(&journal).expect("a journal");
+    let last = text.lines().last().expect("an end");
+    fs::write(&journal, text.replace(last, &last.replace("passed", "aborted"))).expect("writable");
+    refused(place.run(chosen().chain(resume)), "events.jsonl was changed");
+    fs::remove_file(run.join("SHA256SUMS")).expect("digests");
+    refused(place.run(chosen().chain(resume)), "ended, and its SHA256SUMS is missing");
+}

@@ -71,6 +71,22 @@ fn an_unknown_event_is_of_a_newer_version() {
     }
 }
 
+/// The newest run of a module is the newest also if a later version wrote it: an older pass does not stand in its place.
+#[test]
+fn an_older_pass_does_not_stand_for_a_newer_run() {
+    let place = recorded();
+    let second = place.run(ARGS.into_iter().chain(["N-1"]));
+    assert_eq!(second.code, Some(0), "{}{}", second.stdout, second.stderr);
+    let list = place.run(["records", "list"]).stdout;
+    let newest = list.lines().last().and_then(|line| line.split_whitespace().last()).expect("a run").to_owned();
+    let folder = place.path().join("records").join(&newest);
+    rewrite(&folder, |text| text.replace("\"kind\":\"run_ended\"", "\"kind\":\"run_sealed\""));
+    refused(&place.run(["records", "show", "N-1"]), "event `run_sealed`");
+    let list = place.run(["records", "list"]).stdout;
+    let lines: Vec<&str> = list.lines().collect();
+    assert!(lines[0].starts_with("passed") && lines[1].starts_with("newer") && lines[1].ends_with(&newest), "{list}");
+}
+
 /// Digests are compared also where the journal is not understood, and what was changed is said.
 #[test]
 fn digests_vouch_for_a_newer_run() {

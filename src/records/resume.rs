@@ -1,13 +1,15 @@
 //! `--resume RUN`: a run that broke off is taken up again; what it captured whole is taken over.
 //!
-//! Only captures are: what needs no more than seconds is run again. Everything must be as it was: plan, serial number,
-//! bench, and at the board its firmware and the calibration that the module keeps.
+//! Only captures are: what needs no more than seconds is run again. Everything must be as it was: plan, chosen items, serial
+//! number, bench, and at the board its firmware and the calibration that the module keeps. A run that ended with a verdict on
+//! the module did not break off: its captures are of the module as it was then, and the next run makes its own.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use gnc_analysis::capture::Capture;
 use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, RunHeader};
+use gnc_executive::outcome::Outcome;
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
@@ -30,6 +32,12 @@ pub enum ResumeError {
         /// Here.
         is: String,
     },
+    /// It did not break off.
+    #[error("the run to take up again ended: {}", .0.as_str())]
+    Ended(Outcome),
+    /// It ended, and nothing shows that it is as it was written.
+    #[error("the run to take up again ended, and its {DIGESTS} is missing")]
+    Unsealed,
     /// Another station carries it out at this moment.
     #[error("the run to take up again goes on")]
     GoesOn,
@@ -50,7 +58,9 @@ impl ResumeError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::Unlike { .. } => "run the plan from its beginning, without --resume",
+            Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed => {
+                "run the plan from its beginning, without --resume"
+            }
             Self::GoesOn => "let it end, or stop it where it runs",
             Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
             Self::Captures(error) => error.source.try_this(),
@@ -68,13 +78,20 @@ pub struct Like<'a> {
     pub serial_number: &'a str,
     /// The bench.
     pub bench: &'a BenchInfo,
+    /// Names of the chosen items; `None` for the whole plan.
+    pub selection: Option<&'a [String]>,
 }
 
 impl<'a> Like<'a> {
     /// That of a run with this header.
     #[must_use]
     pub fn header(header: &'a RunHeader) -> Self {
-        Self { plan_sha256: &header.plan.sha256, serial_number: &header.serial_number, bench: &header.bench }
+        Self {
+            plan_sha256: &header.plan.sha256,
+            serial_number: &header.serial_number,
+            bench: &header.bench,
+            selection: header.selection.as_deref(),
+        }
     }
 }
 
@@ -105,6 +122,14 @@ impl Resumed {
         same("the bench", &bench(&was.bench), &bench(like.bench))?;
         if store::goes_on(folder) {
             return Err(ResumeError::GoesOn);
+        }
+        same("the items", &items(was.selection.as_deref()), &items(like.selection))?;
+        match state.outcome().filter(|_| !state.is_interrupted()) {
+            Some(outcome @ (Outcome::Passed | Outcome::Marginal | Outcome::Failed)) => {
+                return Err(ResumeError::Ended(outcome));
+            }
+            Some(_) if !reader::is_sealed(folder) => return Err(ResumeError::Unsealed),
+            _ => {}
         }
         // A run that was stopped in order is closed, and its digests vouch for it.
         if folder.join(DIGESTS).exists()
@@ -175,6 +200,10 @@ fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {
         return Ok(());
     }
     Err(ResumeError::Unlike { what, was: was.to_owned(), is: is.to_owned() })
+}
+
+fn items(selection: Option<&[String]>) -> String {
+    selection.map_or_else(|| "of the whole plan".to_owned(), |names| names.join(", "))
 }
 
 /// Which module in which world; how fast its time goes is no part of it.

@@ -128,10 +128,8 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
             runs.extend(folders(&serial).unwrap_or_default().into_iter().map(found));
         }
     }
-    runs.sort_by(|a, b| {
-        let started = |found: &FoundRun| found.run.as_ref().ok().map(|run| run.started);
-        started(a).cmp(&started(b)).then_with(|| a.path.cmp(&b.path))
-    });
+    // By day and name, which begins with the time of day: the time in a journal is known only of runs that can be read.
+    runs.sort_by(|a, b| when(&a.path).cmp(&when(&b.path)).then_with(|| a.path.cmp(&b.path)));
     Ok(runs)
 }
 
@@ -158,12 +156,12 @@ pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>,
     Ok((paths.into_iter().map(found).collect(), cut))
 }
 
-/// The runs of one module on a day; none where nothing can be read.
+/// The runs of one module on a day, oldest first, those of a newer version too; none where nothing can be read.
 #[must_use]
 pub fn of_module(records: &Path, day: &str, serial_number: &str) -> Vec<FoundRun> {
     let folder = records.join(day).join(folder_name(serial_number));
     let runs = folders(&folder).unwrap_or_default().into_iter().map(found);
-    runs.filter(|found| found.run.as_ref().is_ok_and(|run| run.serial_number == serial_number)).collect()
+    runs.filter(|found| found.is_of(serial_number)).collect()
 }
 
 /// Folders of the newest runs, newest first.
@@ -200,6 +198,12 @@ pub fn is_run(folder: &Path) -> bool {
 #[must_use]
 pub fn is_sealed(folder: &Path) -> bool {
     folder.join(DIGESTS).is_file()
+}
+
+/// Day and name of a run's folder.
+fn when(run: &Path) -> (String, String) {
+    let day = run.ancestors().nth(2).map(name_of).unwrap_or_default();
+    (day, name_of(run))
 }
 
 fn name_of(folder: &Path) -> String {

@@ -18,7 +18,7 @@ use super::field::InputField;
 use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
 use super::pending::{Interrupted, PendingStart};
-use super::records::Records;
+use super::records::{Records, RunMark};
 use crate::files::ChangedFile;
 
 /// The time, passed in so that every screen can be drawn again.
@@ -74,7 +74,7 @@ pub(crate) enum Over {
     /// The log of the run shown.
     Log { scroll: usize },
     /// The module was tested today; test it again?
-    Again { at: DateTime<FixedOffset>, outcome: Option<Outcome> },
+    Again(Earlier),
     /// Files are not as they were checked; run what was checked, or read them again?
     Changed(Vec<ChangedFile>),
     /// A run of the module broke off; take it up again?
@@ -291,8 +291,8 @@ pub(crate) struct Scan {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Earlier {
     pub at: DateTime<FixedOffset>,
-    /// `None`: it has no end.
-    pub outcome: Option<Outcome>,
+    /// How it came out.
+    pub mark: RunMark,
 }
 
 /// How much a message matters.
@@ -387,7 +387,7 @@ impl ScreenModel {
     /// Where the next key is pressed.
     pub(crate) fn place(&self) -> KeyContext {
         match self.over.last() {
-            Some(Over::Again { .. } | Over::NoResume { .. } | Over::Leave) => return KeyContext::Confirm,
+            Some(Over::Again(_) | Over::NoResume { .. } | Over::Leave) => return KeyContext::Confirm,
             Some(Over::Changed(_)) => return KeyContext::Changed,
             Some(Over::Interrupted(_)) => return KeyContext::Interrupted,
             Some(Over::Help { .. }) => return KeyContext::Help,

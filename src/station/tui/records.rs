@@ -7,6 +7,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 
 use super::field::InputField;
+use super::lang::Texts;
 
 /// Runs of one day that are shown: more than one socket tests in a day of seconds.
 pub(crate) const MAX_RUNS: usize = 5000;
@@ -33,6 +34,19 @@ pub(crate) enum RunMark {
     Unreadable,
     /// A later version of the station wrote it.
     Newer,
+}
+
+impl RunMark {
+    /// It in a word.
+    pub(crate) fn word(self, texts: &Texts) -> &'static str {
+        match self {
+            Self::Outcome(outcome) => (texts.outcome_word)(outcome),
+            Self::Interrupted => texts.interrupted,
+            Self::Unsealed => texts.unsealed,
+            Self::Unreadable => texts.unreadable,
+            Self::Newer => texts.newer,
+        }
+    }
 }
 
 /// A run in a list.

@@ -205,7 +205,7 @@ impl ScreenSession {
             }
             Effect::OpenRun(path) => self.aside(move || Msg::Opened(archive::open(path))),
             Effect::Verify(path) => self.aside(move || archive::verify(path)),
-            Effect::Refold(path) => self.aside(move || archive::refold(&path)),
+            Effect::Refold(path) => self.aside(move || archive::refold(path)),
             // Belongs to a run, and none is on.
             _ => {}
         }

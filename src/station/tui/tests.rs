@@ -134,7 +134,7 @@ fn idle() {
         scene.types("DEMO-1");
         scene.key(Key::Enter);
         let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T09:12:00+08:00").expect("a time");
-        let run = Some(Earlier { at, outcome: Some(Outcome::Failed) });
+        let run = Some(Earlier { at, mark: RunMark::Outcome(Outcome::Failed) });
         scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run });
     });
 }
@@ -388,7 +388,7 @@ fn a_second_test_is_asked_for() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T14:30:00+08:00").expect("a time");
-    let earlier = || found(Some(Earlier { at, outcome: Some(Outcome::Failed) }));
+    let earlier = || found(Some(Earlier { at, mark: RunMark::Outcome(Outcome::Failed) }));
     assert_eq!(scene.key(Key::F(5)), Some(look()));
     assert_eq!(scene.tell(earlier()), None);
     assert!(scene.text().contains("Test it again?"), "{}", scene.text());
@@ -479,11 +479,14 @@ fn missed_events_are_read_from_the_record() {
     scene.miss_an_event();
     scene.passes(&["identity"]);
     let command = scene.tell(Msg::RunOver { store_error: None, refusal: None });
-    assert!(matches!(command, Some(Effect::Refold(_))), "{command:?}");
+    let Some(Effect::Refold(folder)) = command else { panic!("{command:?}") };
     let mut played = Scene::new(Lang::En, 80, 24).expect("memory");
     fail(&mut played);
     let state = played.model.run.take().expect("a run").state;
-    scene.tell(Msg::Refolded(Ok(Box::new(state))));
+    let of_another = Msg::Refolded { folder: "records/another".into(), state: Ok(Box::new(state.clone())) };
+    scene.tell(of_another);
+    assert_ne!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Failed));
+    scene.tell(Msg::Refolded { folder, state: Ok(Box::new(state)) });
     assert_eq!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Failed));
 }
 

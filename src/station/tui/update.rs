@@ -52,7 +52,7 @@ pub(crate) enum Msg {
     /// No round follows: why a record could not be written, why a round was not begun.
     RunOver { store_error: Option<String>, refusal: Option<String> },
     /// The record of a run whose events did not all come.
-    Refolded(Result<Box<RunState>, String>),
+    Refolded { folder: PathBuf, state: Result<Box<RunState>, String> },
     /// Seconds that the last whole run of this plan took.
     Expected(Option<f64>),
     /// Days with records.
@@ -137,6 +137,10 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             }
         }
         Msg::Bench { path, bench } => {
+            if matches!(bench, Loaded::Refused(_)) {
+                // The message may say that F5 starts a run.
+                model.message = None;
+            }
             model.bench_path = path;
             model.bench = bench;
         }
@@ -150,8 +154,8 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             }
         }
         Msg::RunOver { store_error, refusal } => return run::over(model, store_error, refusal),
-        Msg::Refolded(Ok(state)) => run::refolded(model, *state),
-        Msg::Refolded(Err(why)) => model.say(MessageWeight::Error, why),
+        Msg::Refolded { folder, state: Ok(state) } => run::refolded(model, &folder, *state),
+        Msg::Refolded { state: Err(why), .. } => model.say(MessageWeight::Error, why),
         Msg::Expected(expected_s) => {
             if let Loaded::Ready(plan) = &mut model.plan {
                 plan.expected_s = expected_s;
@@ -178,10 +182,6 @@ fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
     let chosen = |name: &String| model.only.as_ref().is_none_or(|only| only.contains(name));
     let items = plan.ready().map_or(&[][..], |plan| &plan.items);
     model.ticks = items.iter().map(|item| chosen(&item.name)).collect();
-    if model.plan_path != path && !model.is_running() {
-        // The verdict on the screen was by another plan.
-        model.run = None;
-    }
     if matches!(plan, Loaded::Refused(_)) {
         // The message may say that F5 starts a run.
         model.message = None;
@@ -244,11 +244,7 @@ pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (MessageWeight,
 
 /// "14:30, passed" for the sentence on an earlier run.
 pub(crate) fn earlier_words(model: &ScreenModel, earlier: &Earlier) -> [String; 2] {
-    let outcome = match earlier.outcome {
-        Some(outcome) => (model.texts.outcome_word)(outcome),
-        None => model.texts.interrupted,
-    };
-    [earlier.at.format("%H:%M").to_string(), outcome.to_owned()]
+    [earlier.at.format("%H:%M").to_string(), earlier.mark.word(model.texts).to_owned()]
 }
 
 /// Changes the language at once.

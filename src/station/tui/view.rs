@@ -77,7 +77,7 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         (_, ScreenPage::Records) => records::draw(model, frame, body),
     }
     match model.over.last() {
-        Some(Over::Again { at, outcome }) => dialog::again(model, frame, body, *at, *outcome),
+        Some(Over::Again(run)) => dialog::again(model, frame, body, run),
         Some(Over::Changed(files)) => dialog::changed(model, frame, body, files),
         Some(Over::Interrupted(run)) => dialog::interrupted(model, frame, body, run),
         Some(Over::NoResume { why }) => dialog::no_resume(model, frame, body, why),

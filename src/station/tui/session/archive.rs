@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use chrono::Local;
+use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
@@ -26,8 +26,8 @@ pub(super) fn look_up(records: &Path, serial_number: String) -> Msg {
 pub(super) fn earlier(records: &Path, serial_number: &str) -> Option<Earlier> {
     let today = Local::now().format("%Y-%m-%d").to_string();
     let runs = reader::of_module(records, &today, serial_number);
-    let newest = runs.iter().filter_map(|found| found.run.as_ref().ok()).max_by_key(|run| run.started);
-    newest.map(|run| Earlier { at: run.started, outcome: (!run.interrupted).then_some(run.outcome) })
+    let newest = line(runs.into_iter().next_back()?);
+    Some(Earlier { at: newest.at?, mark: newest.mark })
 }
 
 /// Days with records, newest first.
@@ -70,14 +70,22 @@ fn line(found: reader::FoundRun) -> RunLine {
         Err(_) => RunLine {
             serial_number: folder(found.path.parent()),
             plan: folder(Some(&found.path)),
+            at: named_time(&found.path),
             path: found.path,
-            at: None,
             mark,
             simulated: false,
             selection: false,
             elapsed_s: 0.0,
         },
     }
+}
+
+/// When a run began, by the names of its day and its folder.
+fn named_time(run: &Path) -> Option<DateTime<FixedOffset>> {
+    let name = |path: &Path| Some(path.file_name()?.to_str()?.to_owned());
+    let (day, run) = (name(run.ancestors().nth(2)?)?, name(run)?);
+    let time = NaiveDateTime::parse_from_str(&format!("{day} {}", run.get(..6)?), "%Y-%m-%d %H%M%S").ok()?;
+    Some(time.and_local_timezone(Local).earliest()?.fixed_offset())
 }
 
 fn mark(run: &RunRecord, sealed: bool) -> RunMark {
@@ -110,8 +118,9 @@ pub(super) fn verify(path: PathBuf) -> Msg {
 }
 
 /// The fold of a run whose events did not all reach the screen.
-pub(super) fn refold(path: &Path) -> Msg {
-    Msg::Refolded(reader::fold(path).map(Box::new).map_err(|error| with_causes(&error)))
+pub(super) fn refold(folder: PathBuf) -> Msg {
+    let state = reader::fold(&folder).map(Box::new).map_err(|error| with_causes(&error));
+    Msg::Refolded { folder, state }
 }
 
 /// Seconds that the newest good and whole run of this plan took on this kind of bench.

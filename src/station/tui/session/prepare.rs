@@ -69,6 +69,6 @@ impl Look {
     fn like(&self) -> Option<Like<'_>> {
         let (plan, bench) = (self.held.plan.as_ref()?, self.held.bench.as_ref()?);
         let (plan_sha256, serial_number) = (plan.plan.sha256(), self.serial_number.as_str());
-        Some(Like { plan_sha256, serial_number, bench: &bench.bench })
+        Some(Like { plan_sha256, serial_number, bench: &bench.bench, selection: self.selection.as_deref() })
     }
 }

@@ -163,7 +163,7 @@ fn another_plan_ends_what_waits() {
     scene.key(Key::F(2));
     scene.types("x");
     assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })));
-    let earlier = Some(Earlier { at: at(), outcome: Some(Outcome::Passed) });
+    let earlier = Some(Earlier { at: at(), mark: RunMark::Outcome(Outcome::Passed) });
     let (serial_number, changed, resume) = ("DEMO-1".into(), Vec::new(), broke_off());
     let prepared = Prepared { serial_number, changed, earlier, resume };
     assert_eq!(scene.tell(Msg::Prepared(Box::new(prepared))), None);
@@ -183,4 +183,24 @@ fn newer_runs() {
         scene.tell(Msg::Verified { path, checked });
         scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));
     });
+}
+
+/// What was read anew is shown without the verdict on what was there before, and a file that was mended is read by F5.
+#[test]
+fn a_verdict_goes_with_its_plan() {
+    let choose = || Effect::Choose { plan: "test-plans/functional.toml".into(), bench: "sim:good".into() };
+    let mut scene = super::scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.passes(&["identity"]);
+    scene.run_ends(Outcome::Passed);
+    assert!(scene.model.run.is_some());
+    let prepared = Prepared { serial_number: "DEMO-1".into(), changed: changed(), earlier: None, resume: None };
+    scene.key(Key::F(5));
+    scene.tell(Msg::Prepared(Box::new(prepared)));
+    assert_eq!(scene.key(Key::Enter), Some(choose()));
+    assert!(scene.model.run.is_none(), "the verdict was by another plan");
+    let path = "test-plans/functional.toml".into();
+    scene.tell(Msg::Plan { path, plan: Loaded::Refused("unknown item \"cpo\"".into()) });
+    assert!(scene.text().contains("unknown item"), "{}", scene.text());
+    assert_eq!(scene.key(Key::F(5)), Some(choose()), "it may have been mended");
 }

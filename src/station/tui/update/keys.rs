@@ -185,8 +185,9 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
     let lacking = match (&model.bench, &model.plan) {
         (Loaded::Loading, _) | (_, Loaded::Loading) => Some(model.texts.still_loading),
         (Loaded::Ready(_), Loaded::Ready(_)) => None,
-        (Loaded::Ready(_), _) => Some(model.texts.no_plan),
-        _ => Some(model.texts.no_bench),
+        (Loaded::Ready(_), _) if model.plan_path.is_empty() => Some(model.texts.no_plan),
+        // Somebody may have mended the file that was refused.
+        _ => return start::load_new(model),
     };
     if let Some(lacking) = lacking {
         model.say(MessageWeight::Error, lacking);
@@ -363,9 +364,7 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     set_language(model, form.lang);
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
     if plan != model.plan_path || bench != model.bench_path || !matches!(model.plan, Loaded::Ready(_)) {
-        model.plan = Loaded::Loading;
-        model.pending = None;
-        return Some(Effect::Choose { plan, bench });
+        return Some(start::choose(model, plan, bench));
     }
     None
 }

@@ -1,5 +1,7 @@
 //! What a run tells the screen.
 
+use std::path::Path;
+
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
@@ -82,9 +84,9 @@ pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal
     if leaving { Some(Effect::Leave) } else { missed.map(Effect::Refold) }
 }
 
-/// The record of a run whose events did not all come.
-pub(super) fn refolded(model: &mut ScreenModel, state: RunState) {
-    if let Some(run) = &mut model.run {
+/// The record of a run whose events did not all come. The next module may be on the screen by then.
+pub(super) fn refolded(model: &mut ScreenModel, folder: &Path, state: RunState) {
+    if let Some(run) = model.run.as_mut().filter(|run| run.folder.as_deref() == Some(folder)) {
         if let Some(outcome) = state.outcome() {
             run.ends.push(outcome);
         }

@@ -35,7 +35,7 @@ pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Ef
         (Some(Resumable::No { why }), _) => pending.questions.push_back(Over::NoResume { why }),
         // To repeat what failed, or one item, is no second test of the module.
         (None, Some(run)) if pending.selection.is_none() => {
-            pending.questions.push_back(Over::Again { at: run.at, outcome: run.outcome });
+            pending.questions.push_back(Over::Again(run.clone()));
             let [time, outcome] = earlier_words(model, &run);
             model.say(MessageWeight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
         }
@@ -57,7 +57,7 @@ fn ask_next(model: &mut ScreenModel) -> Option<Effect> {
 
 /// Whether it asks something about a start.
 fn is_question(over: &Over) -> bool {
-    matches!(over, Over::Again { .. } | Over::Changed(_) | Over::Interrupted(_) | Over::NoResume { .. })
+    matches!(over, Over::Again(_) | Over::Changed(_) | Over::Interrupted(_) | Over::NoResume { .. })
 }
 
 /// The answer to a question about a start; `None` if the question on top is another one.
@@ -80,11 +80,20 @@ pub(super) fn answer(model: &mut ScreenModel, action: KeyAction) -> Option<Optio
 }
 
 /// Plan and bench are read and checked again. The operator looks at them before they run.
-fn load_new(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn load_new(model: &mut ScreenModel) -> Option<Effect> {
+    model.say(MessageWeight::Info, model.texts.reading_new);
+    let (plan, bench) = (model.plan_path.clone(), model.bench_path.clone());
+    Some(choose(model, plan, bench))
+}
+
+/// Has a plan and a bench read. The verdict on the screen is by what was read before.
+pub(super) fn choose(model: &mut ScreenModel, plan: String, bench: String) -> Effect {
     model.pending = None;
     model.plan = Loaded::Loading;
-    model.say(MessageWeight::Info, model.texts.reading_new);
-    Some(Effect::Choose { plan: model.plan_path.clone(), bench: model.bench_path.clone() })
+    if !model.is_running() {
+        model.run = None;
+    }
+    Effect::Choose { plan, bench }
 }
 
 fn take_up(model: &mut ScreenModel, run: Interrupted) -> Option<Effect> {

@@ -1,7 +1,5 @@
 //! What lies over a page: questions and the list of keys.
 
-use chrono::{DateTime, FixedOffset};
-use gnc_executive::outcome::Outcome;
 use gnc_executive::text::duration;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -58,14 +56,8 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
 }
 
 /// The module was tested today.
-pub(super) fn again(
-    model: &ScreenModel,
-    frame: &mut Frame<'_>,
-    area: Rect,
-    at: DateTime<FixedOffset>,
-    outcome: Option<Outcome>,
-) {
-    let [time, outcome] = earlier_words(model, &Earlier { at, outcome });
+pub(super) fn again(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, run: &Earlier) {
+    let [time, outcome] = earlier_words(model, run);
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
     let words = fill(model.texts.again_question, &[&number, &time, &outcome]);
     question(model, frame, area, model.texts.again_title, &[words]);

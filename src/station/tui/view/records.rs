@@ -132,17 +132,11 @@ fn run_spans(model: &ScreenModel, run: &RunLine, same: bool) -> Vec<Span<'static
 }
 
 fn mark(model: &ScreenModel, mark: RunMark) -> (&'static str, &'static str, Style) {
-    let texts = model.texts;
-    let bad = style::outcome(model.look, Outcome::Aborted);
-    match mark {
-        RunMark::Outcome(outcome) => {
-            (style::mark(outcome), (texts.outcome_word)(outcome), style::outcome(model.look, outcome))
-        }
-        RunMark::Interrupted => ("?", texts.interrupted, bad),
-        RunMark::Unsealed => ("?", texts.unsealed, bad),
-        RunMark::Unreadable => ("?", texts.unreadable, bad),
-        RunMark::Newer => ("?", texts.newer, bad),
-    }
+    let (sign, outcome) = match mark {
+        RunMark::Outcome(outcome) => (style::mark(outcome), outcome),
+        _ => ("?", Outcome::Aborted),
+    };
+    (sign, mark.word(model.texts), style::outcome(model.look, outcome))
 }
 
 fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
