@@ -46,6 +46,9 @@ pub(super) fn read(
         let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
         mistakes.add(|| Mistake::nowhere(what, "use repeats, or a loop over a shorter plan"));
     }
+    if items.is_empty() && !unreadable && mistakes.iter().next().is_none() {
+        mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
+    }
     let items = link(items, &sources, unreadable, &mut mistakes);
     let Head { name, version, description, on_fail } = head;
     mistakes.or(Plan { name, version, description, on_fail, items, sources })

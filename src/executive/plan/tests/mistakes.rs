@@ -389,3 +389,12 @@ fn what_is_no_plan_at_all() {
        = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
     "#);
 }
+
+/// A list that is there and empty is no plan either: its run would have nothing to judge.
+#[test]
+fn a_plan_without_an_item_is_refused() {
+    for text in ["item = []\n", "include = []\n"] {
+        let plan = format!("name = \"a\"\nversion = \"1\"\n{text}");
+        assert_eq!(mistakes(&plan), "the plan has no items\n  try: begin each item with a line [[item]]");
+    }
+}
