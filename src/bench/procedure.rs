@@ -17,6 +17,7 @@ mod power_cycle;
 mod sampling;
 mod sci;
 mod spi;
+mod start;
 mod timers;
 
 use gnc_analysis::figures::Findings;
@@ -33,6 +34,7 @@ use crate::guidance::Guide;
 use crate::recorder::Recorder;
 
 pub(crate) use error::ProcedureError;
+pub(crate) use start::ModuleSeen;
 
 /// What a procedure works with.
 #[derive(Debug)]
@@ -45,6 +47,8 @@ pub(crate) struct ProcedureContext<'a> {
     pub site: Option<&'a BenchSite>,
     /// The bench's CAN bus, where the conversation does not go over it anyway.
     pub can: Option<&'a CanTarget>,
+    /// The module of the run.
+    pub module: &'a ModuleSeen,
     /// What the items that ended before this attempt found, in the order of the plan, each with its name.
     pub earlier: Vec<(String, Findings)>,
     /// The run whose captures are taken over; a second attempt captures anew.

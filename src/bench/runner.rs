@@ -38,7 +38,7 @@ use crate::control::{Asked, RunControl};
 use crate::fixture::Fixture;
 use crate::guidance::Guidance;
 use crate::journal::RunJournal;
-use crate::procedure::ProcedureError;
+use crate::procedure::{ModuleSeen, ProcedureError};
 use crate::turntable;
 use connection::connect;
 use recovery::{session_lives, spoilt};
@@ -125,6 +125,7 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         busy: RefCell::new(HashMap::new()),
         findings: RefCell::new(BTreeMap::new()),
         paused_since: Cell::new(None),
+        module: ModuleSeen::default(),
     };
     let ended = run.whole().await;
     live.doing.send_replace(Vec::new());
@@ -159,6 +160,7 @@ struct Run<'a> {
     findings: RefCell<BTreeMap<usize, Findings>>,
     /// Since when nothing runs because of a pause.
     paused_since: Cell<Option<Instant>>,
+    module: ModuleSeen,
 }
 
 /// How an attempt came to its end.

@@ -12,13 +12,14 @@ use gnc_analysis::motion::{Count, MotionProgram, MotionStep, REST_BEFORE_S, Resu
 use gnc_board::stream::{Closed, Stream};
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
-use gnc_protocol::message::{ModulePower, StreamStart};
+use gnc_protocol::message::{Identity, ModulePower, StreamStart};
 use gnc_protocol::stream::{ImuSample, Losses, StreamFrame, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire};
 use gnc_records::raw::{Piece, pieces};
 use gnc_records::store::RawFile;
 
 use super::sampling::{ClockWatch, samples_per_frame};
+use super::start::{Start, first_identity};
 use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
@@ -321,20 +322,30 @@ fn clock_fault(about: &CaptureHead, fault: ClockFault) -> ProcedureError {
     ProcedureError::Clock { what: format!("capture `{}`", about.label), fault }
 }
 
-/// Takes the module's power away for so long.
+/// How long a module may take to say who it is after a power-on, s.
+const STARTS_WITHIN_S: f64 = 10.0;
+
+/// Takes the module's power away for so long, and makes sure that the same module comes back.
 pub(super) async fn power_cycle(
     bench: &ProcedureContext<'_>,
     recorder: &Recorder<'_>,
     table: &dyn Turntable,
     off_s: f64,
 ) -> Result<(), ProcedureError> {
+    if !bench.module.is_known() {
+        bench.module.compare(&bench.board.call(&Identity {}).await?, "before the power cycle")?;
+    }
     bench.board.call(&ModulePower { on: 0 }).await?;
     recorder.powered(false, None).await?;
     let waited = table.pause(Duration::from_secs_f64(off_s)).await;
     // On again whatever comes: other items expect it.
-    let supply = bench.board.call(&ModulePower { on: 1 }).await?;
+    let (supply, answer) = bench.board.ask(&ModulePower { on: 1 }).await?;
     recorder.powered(true, Some((supply.supply_uv, supply.supply_ua))).await?;
-    Ok(waited?)
+    waited?;
+    match first_identity(bench, table, answer.elapsed, STARTS_WITHIN_S).await? {
+        Start::Answered { identity, .. } => bench.module.compare(&identity, "after the power cycle"),
+        Start::Silent { silence, .. } => Err(silence.into()),
+    }
 }
 
 /// When a capture has enough.

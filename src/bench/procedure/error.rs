@@ -168,11 +168,11 @@ pub(crate) enum ProcedureError {
         /// Current into the module.
         current_a: f64,
     },
-    /// After a power cycle another module answers than before.
-    #[error("cycle {cycle}: the module says that it is {is}, and was {was} before")]
+    /// Another module answers than before in this run.
+    #[error("{when}: the module says that it is {is}, and was {was} before")]
     ModuleChanged {
-        /// Number of the power cycle, from 1.
-        cycle: usize,
+        /// When it said so.
+        when: String,
         /// Who it was.
         was: String,
         /// Who it is.
@@ -251,7 +251,7 @@ impl ProcedureError {
                 "check the board's switch, and that no other supply and no line feeds the module; if its capacitors empty slowly, raise `off_time` in the plan"
             }
             Self::ModuleChanged { .. } => {
-                "leave the module in its socket while the item runs; if it was left there, suspect the memory of its identity"
+                "leave the module in its socket while the run goes on; if it was left there, suspect the memory of its identity"
             }
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
             Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",

@@ -10,6 +10,7 @@ use super::{ProcedureContext, ProcedureError, Recorder};
 
 pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let identity = bench.board.call(&Identity {}).await?;
+    bench.module.compare(&identity, "at the item")?;
     recorder.text(&SERIAL_NUMBER, &identity.serial_number).await?;
     recorder.text(&PART, &identity.part).await?;
     recorder.text(&HARDWARE, &identity.hardware).await?;

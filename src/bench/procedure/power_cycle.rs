@@ -18,15 +18,14 @@ use gnc_executive::catalogue::power::{
 };
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
-use gnc_protocol::message::{Identity, IdentityReply, ModulePower, PowerReply};
-use gnc_protocol::{FaultCode, NakCode};
+use gnc_protocol::NakCode;
+use gnc_protocol::message::{Identity, ModulePower, PowerReply};
 use serde_json::json;
 
+use super::start::{Start, first_identity};
 use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::turntable::{self, Turntable};
 
-/// Between two requests to a module that does not answer yet: one that is refused at once is not asked without a pause.
-const ASK_EVERY: Duration = Duration::from_millis(20);
 /// A tenth of the published 5 V and 0.49 A. A module that has more without supply is not off.
 const FED_V: f64 = 0.5;
 const FED_A: f64 = 0.05;
@@ -69,8 +68,8 @@ pub(super) async fn run(
     let (off_s, settling_s, timeout_s) =
         (seconds("off_time")?, seconds("settling_time")?, seconds("identity_timeout")?);
     let table = turntable::of(bench.fixture, recorder);
-    let before = bench.board.call(&Identity {}).await?;
-    let switch = Switch { bench, recorder, table: table.as_ref(), off_s, settling_s, timeout_s, before };
+    bench.module.compare(&bench.board.call(&Identity {}).await?, "before the first cycle")?;
+    let switch = Switch { bench, recorder, table: table.as_ref(), off_s, settling_s, timeout_s };
     let mut cycles = Vec::new();
     let mut ended = Ok(());
     while cycles.len() < wanted && ended.is_ok() {
@@ -98,8 +97,6 @@ struct Switch<'a> {
     off_s: f64,
     settling_s: f64,
     timeout_s: f64,
-    /// Who was in the socket before the first cycle.
-    before: IdentityReply,
 }
 
 impl Switch<'_> {
@@ -139,41 +136,18 @@ impl Switch<'_> {
 
     /// Asks who the module is until it says so, and tells when that was; the inner error if it does not in time.
     async fn start(&self, number: usize, switching: Duration) -> Result<Result<f64, BoardError>, ProcedureError> {
-        let mut since_on = switching;
-        loop {
-            let silent = match self.bench.board.ask(&Identity {}).await {
-                Ok((identity, answer)) => {
-                    since_on += answer.elapsed;
-                    self.must_be_same(number, &identity)?;
-                    return Ok(Ok(since_on.as_secs_f64()));
-                }
-                Err(silent @ BoardError::Fault { code: FaultCode::DeviceTimeout, elapsed, .. }) => {
-                    since_on += elapsed;
-                    silent
-                }
-                Err(error) => return Err(error.into()),
-            };
-            if since_on.as_secs_f64() >= self.timeout_s {
-                let text = format!("cycle {number}: no identity {:.2} s after power-on", since_on.as_secs_f64());
-                self.recorder.note(&text).await?;
-                return Ok(Err(silent));
+        match first_identity(self.bench, self.table, switching, self.timeout_s).await? {
+            Start::Answered { identity, after_s } => {
+                self.bench.module.compare(&identity, format!("cycle {number}"))?;
+                Ok(Ok(after_s))
             }
-            self.table.pause(ASK_EVERY).await?;
-            since_on += ASK_EVERY;
+            Start::Silent { silence, asked_s } => {
+                let text = format!("cycle {number}: no identity {asked_s:.2} s after power-on");
+                self.recorder.note(&text).await?;
+                Ok(Err(silence))
+            }
         }
     }
-
-    fn must_be_same(&self, number: usize, identity: &IdentityReply) -> Result<(), ProcedureError> {
-        if *identity == self.before {
-            return Ok(());
-        }
-        Err(ProcedureError::ModuleChanged { cycle: number, was: name(&self.before), is: name(identity) })
-    }
-}
-
-fn name(identity: &IdentityReply) -> String {
-    let IdentityReply { serial_number, part, hardware, firmware, .. } = identity;
-    format!("{serial_number} ({part}, hardware {hardware}, firmware {firmware})")
 }
 
 /// Readings of a meter that measures scatter; only one that stands gives the same one to the last bit in each cycle.

@@ -84,6 +84,7 @@ impl Run<'_> {
             fixture: &self.order.fixture,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
+            module: &self.module,
             earlier,
             resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
             guide,

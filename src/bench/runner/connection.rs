@@ -8,7 +8,7 @@ use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power}
 use gnc_link::{Link, LinkError, Target};
 use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
-use gnc_protocol::message::{MakeSafe, ModulePower, capability};
+use gnc_protocol::message::{Identity, MakeSafe, ModulePower, capability};
 use gnc_records::resume::ResumeError;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
@@ -16,6 +16,7 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 use super::Run;
+use crate::procedure::ProcedureError;
 
 /// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
 pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
@@ -51,6 +52,11 @@ pub(super) async fn connect(
 pub(super) fn by_chance() -> u32 {
     let now = Utc::now();
     now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
+}
+
+/// An error with what people can try.
+fn told(error: &(dyn std::error::Error + 'static), try_this: &str) -> String {
+    format!("{}; {try_this}", with_causes(error))
 }
 
 /// The calibration that the module keeps. A board that knows of none, or cannot say, is no worse for it.
@@ -111,10 +117,14 @@ impl Run<'_> {
                     current_a: Some(f64::from(supply.supply_ua) * 1e-6),
                     calibration: calibration(&lease).await,
                 };
-                let fits = self.takes_up(&power);
+                let fits = self.takes_up(&power).map_err(|unlike| told(&unlike, unlike.try_this()));
                 self.journal.emit(EventKind::Power(power)).await?;
-                let Err(unlike) = fits else { return Ok(true) };
-                self.note(NoteLevel::Error, format!("{}; {}", with_causes(&unlike), unlike.try_this()), item).await?;
+                let same = match fits {
+                    Ok(()) => self.is_same(&lease).await.map_err(|changed| told(&changed, changed.try_this())),
+                    unlike => unlike,
+                };
+                let Err(text) = same else { return Ok(true) };
+                self.note(NoteLevel::Error, text, item).await?;
                 Ok(false)
             }
             Ok(Err(error)) => {
@@ -122,6 +132,18 @@ impl Run<'_> {
                 self.note(NoteLevel::Error, text, item).await?;
                 Ok(false)
             }
+        }
+    }
+
+    /// Whether the module that said who it is in an earlier session of the run still lies in the socket. A module that does not
+    /// answer is left to the items.
+    async fn is_same(&self, lease: &BoardLease<'_>) -> Result<(), ProcedureError> {
+        if !self.module.is_known() {
+            return Ok(());
+        }
+        match lease.call(&Identity {}).await {
+            Ok(identity) => self.module.compare(&identity, "in the new session"),
+            Err(_) => Ok(()),
         }
     }
 

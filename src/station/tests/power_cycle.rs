@@ -146,6 +146,28 @@ fn another_module_is_no_evidence() {
     check_no_evidence("[module]\nswapped_after = 3\n", "cycle 3: the module says that it is SIM-OTHER");
 }
 
+/// The other module does not become the module of the run because the item is tried again.
+#[test]
+fn another_module_is_no_evidence_in_any_attempt() {
+    let patient = plan().replace("id = \"power-cycle\"", "id = \"power-cycle\"\nattempts = 3");
+    let state = run_plan(&patient, &options("[module]\nswapped_after = 3\n"), |_, _| {});
+    assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::Errored]);
+    let errors: Vec<&str> =
+        state.rows()[1].attempts.iter().map(|attempt| attempt.error.as_ref().map_or("", |error| &error.text)).collect();
+    assert!(errors.len() == 3 && errors.iter().all(|text| text.contains("says that it is SIM-OTHER")), "{errors:?}");
+}
+
+/// Samples from before and after a power cycle are of one module, also where no item has asked who it is.
+#[test]
+fn captures_over_power_cycles_are_of_one_module() {
+    let plan = "name = \"repeated\"\nversion = \"1\"\n[[item]]\nid = \"bias-repeatability\"\n\
+                params = { runs = 3, dwell = \"10 s\", gap = \"10 s\" }\n";
+    let state = run_plan(plan, &options("[module]\nswapped_after = 2\n"), |_, _| {});
+    assert_eq!(outcomes(&state), [Outcome::Errored]);
+    let error = state.rows()[0].attempts[0].error.as_ref().expect("an error");
+    assert!(error.text.contains("after the power cycle: the module says that it is SIM-OTHER"), "{error:?}");
+}
+
 /// Request for power 4: the run's own, and in cycle 1 off, the second look, on. The restart is the item's, since nothing
 /// runs beside it.
 #[test]
