@@ -1,4 +1,4 @@
-//! Captures: uninterrupted stretches of raw samples, each with how the module lay or moved meanwhile.
+//! Captures: uninterrupted stretches of raw samples. Each capture says how the module lay or moved meanwhile.
 
 use gnc_metrology::AXES;
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
@@ -10,42 +10,43 @@ use serde::{Deserialize, Serialize};
 /// Samples of the IMU without a gap, on the board's clock.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
-    /// What was captured.
+    /// Description of the capture.
     pub about: CaptureHead,
     /// Board time of the first sample, microseconds.
     pub first_us: u64,
     /// The raw samples, `1/about.rate_hz` apart.
     pub samples: Vec<ImuSample>,
-    /// In their place, what the board itself makes of them with the calibration that the module holds.
+    /// Samples that the board itself compensates with the calibration that the module holds, in place of the raw
+    /// samples.
     pub compensated: Vec<CompensatedSample>,
-    /// What is missing, by place. A capture with losses is evidence of the loss, and no figure comes from it.
+    /// Missing samples, by place. A capture with losses is evidence of the loss, and no figure comes from it.
     pub losses: Losses,
-    /// What the satellite receiver said meanwhile, where that was captured.
+    /// Output of the satellite receiver during the capture, where the capture includes it.
     pub receiver: ReceiverCapture,
-    /// What is known of the clock by which the samples were taken.
+    /// What is known of the clock of the samples.
     pub timing: Timing,
 }
 
 /// The clock of a capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timing {
-    /// The samples' times, by the board's clock.
+    /// The times of the samples, by the board's clock.
     pub board: SampleClock,
-    /// The board's clock against that of the host.
+    /// The board's clock compared with that of the host.
     pub host: HostView,
 }
 
-/// What the host's clock says of the board's.
+/// The comparison of the board's clock with the host's clock.
 #[derive(Debug, Clone, PartialEq)]
 pub enum HostView {
-    /// Both ran beside each other for long enough.
+    /// Both clocks ran beside each other for long enough.
     Compared {
         /// How much faster the board's clock ran than the host's, parts per million.
         error_ppm: f64,
-        /// Standard uncertainty of that: latency of the link, and the host's own clock.
+        /// Standard uncertainty of `error_ppm`, from the latency of the link and the host's own clock.
         u_ppm: f64,
     },
-    /// It says nothing, for this reason.
+    /// There is no comparison, for this reason.
     Nothing(String),
 }
 
@@ -56,13 +57,13 @@ impl Default for HostView {
 }
 
 impl Timing {
-    /// No sample yet of a capture of this rate.
+    /// The timing of a capture of this rate, without a sample.
     #[must_use]
     pub fn new(rate_hz: u16) -> Self {
         Self { board: SampleClock::new(rate_hz), host: HostView::default() }
     }
 
-    /// So many samples on the grid of their rate, without a comparison with the host's clock.
+    /// The timing of `samples` samples on the grid of their rate, without a comparison with the host's clock.
     #[must_use]
     pub fn even(rate_hz: u16, first_us: u64, samples: usize) -> Self {
         Self { board: SampleClock::even(rate_hz, first_us, samples), ..Self::new(rate_hz) }
@@ -70,7 +71,7 @@ impl Timing {
 }
 
 impl Capture {
-    /// Whether the samples came at the rate that was asked for, by the board's own time.
+    /// Checks that the samples came at the rate that was asked for, by the board's own time.
     ///
     /// # Errors
     /// [`ClockFault`].
@@ -83,10 +84,10 @@ impl Capture {
     }
 }
 
-/// What the satellite receiver said, and its pulses.
+/// Output of the satellite receiver, and its pulses.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReceiverCapture {
-    /// Its bytes as they came.
+    /// Bytes of the receiver, as they came.
     pub said: Vec<Said>,
     /// Board time of each 1PPS edge, nanoseconds, by a timer of 10 ns resolution.
     pub pulses_ns: Vec<u64>,
@@ -95,29 +96,29 @@ pub struct ReceiverCapture {
 /// Some bytes of the receiver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Said {
-    /// Board time of the first one, microseconds.
+    /// Board time of the first byte, microseconds.
     pub board_time_us: u64,
-    /// The bytes; a sentence may end in the next ones.
+    /// The bytes. A sentence may end in the next bytes.
     pub bytes: Vec<u8>,
 }
 
-/// What a capture is of. Written into the raw record before the first sample.
+/// What a capture is of. It is written into the raw record before the first sample.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureHead {
-    /// Unique within the attempt, in words of the procedure: `x+`, `run 3`, `calibration 2 z- rotation`.
+    /// Label in words of the procedure, unique within the attempt: `x+`, `run 3`, `calibration 2 z- rotation`.
     pub label: String,
-    /// Which of several like series it belongs to, from 1: the power cycle, the calibration of a repeatability.
+    /// Number of the series among several like series, from 1: the power cycle, or the calibration of a repeatability.
     pub series: u32,
-    /// What the module did.
+    /// The motion or position of the module.
     pub pose: Pose,
     /// Samples a second.
     pub rate_hz: u16,
 }
 
 impl CaptureHead {
-    /// What `compute` calls `position` (the axis that is up, as `x+`) and `run` (axis and sense of a turn). Each is empty
-    /// where the capture is none of that.
+    /// Returns what `compute` calls `position` (the axis that is up, as `x+`) and `run` (axis and direction of a turn).
+    /// Each is empty where it does not apply to the capture.
     #[must_use]
     pub fn position_and_run(&self) -> (String, String) {
         let name = |axis: usize, positive: bool| format!("{}{}", AXES[axis % 3], if positive { '+' } else { '-' });
@@ -147,11 +148,11 @@ pub enum Pose {
     Rotating {
         /// 0 for X, 1 for Y, 2 for Z.
         axis: u8,
-        /// The angle, right-handed about that axis.
+        /// Angle of the turn, right-handed about that axis.
         angle_deg: f64,
         /// Time of the turn, seconds.
         span_s: f64,
-        /// Where the axis points.
+        /// Direction of the axis.
         along: Along,
     },
     /// Turning steadily about one axis of the module, all the time.
@@ -160,7 +161,7 @@ pub enum Pose {
         axis: u8,
         /// Rate, right-handed about that axis.
         rate_dps: f64,
-        /// Where the axis points.
+        /// Direction of the axis.
         along: Along,
     },
 }

@@ -1,8 +1,8 @@
-//! Parts of an item's details that others read: reports draw them, and the passport takes figures from them.
+//! Parts of an item's details that other code reads: reports draw them, and the passport takes figures from them.
 //!
-//! Details travel as JSON. Each part that is read again stands here once, with its key and its form, so that a figure
-//! cannot write what a reader does not know. Numbers that only people read may be none: JSON has no infinity and writes
-//! null for it.
+//! Details are stored as JSON. Each part that code reads again is defined here once, with its key and its form, so that
+//! a figure cannot write a form that a reader does not know. Numbers that only people read may be missing: JSON has no
+//! infinity and writes null for it.
 
 pub mod calibrating;
 pub mod performance;
@@ -25,7 +25,7 @@ impl<T> DetailsPart<T> {
         Self { key, form: PhantomData }
     }
 
-    /// Under which it stands.
+    /// Returns the key of the part.
     #[must_use]
     pub const fn key(&self) -> &'static str {
         self.key
@@ -33,7 +33,8 @@ impl<T> DetailsPart<T> {
 }
 
 impl<T: DeserializeOwned> DetailsPart<T> {
-    /// The part of these details; `None` where it is missing or has another form, as those of another version may.
+    /// Returns the part of these details; `None` where it is missing or has another form, as in details of another
+    /// version.
     #[must_use]
     pub fn of(&self, details: &Value) -> Option<T> {
         T::deserialize(details.get(self.key)?).ok()
@@ -43,7 +44,7 @@ impl<T: DeserializeOwned> DetailsPart<T> {
 /// Budgets of the figures, by the names of the measurements.
 pub const BUDGET: DetailsPart<BTreeMap<String, BudgetDetails>> = DetailsPart::new("budget");
 
-/// How the axes of a calibration lie.
+/// The axes of a calibration in the table, in the seat and relative to each other.
 pub const FRAMES: DetailsPart<AxesDetails> = DetailsPart::new("frames");
 
 /// Uncertainty budget of one figure.
@@ -51,7 +52,7 @@ pub const FRAMES: DetailsPart<AxesDetails> = DetailsPart::new("frames");
 pub struct BudgetDetails {
     /// Unit of `u` and `U`.
     pub unit: String,
-    /// What it is combined from.
+    /// Contributions that are combined.
     pub contributions: Vec<ContributionDetails>,
     /// Combined standard uncertainty.
     pub u: f64,
@@ -64,7 +65,7 @@ pub struct BudgetDetails {
     pub expanded: Option<f64>,
     /// Probability of the interval.
     pub probability: f64,
-    /// What the figure is, where it is no plain value.
+    /// Kind of figure, where it is not a plain value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figure: Option<String>,
 }
@@ -73,20 +74,20 @@ pub struct BudgetDetails {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContributionDetails {
-    /// Where it comes from.
+    /// Source of the contribution.
     pub name: String,
-    /// A: from the record itself; B: from elsewhere.
+    /// A: from the record itself; B: from another source.
     #[serde(rename = "type")]
     pub kind: String,
     /// Standard uncertainty of the input.
     pub value: f64,
-    /// Its unit.
+    /// Unit of `value`.
     pub unit: String,
     /// Distribution of the input.
     pub distribution: String,
     /// Degrees of freedom; null stands for infinite.
     pub dof: Option<f64>,
-    /// Figure per input.
+    /// Change of the figure per input.
     pub sensitivity: f64,
     /// Contribution in the unit of the figure.
     pub u: f64,
@@ -99,12 +100,12 @@ pub struct AxesDetails {
     pub coupling_to_table: [[f64; 3]; 3],
     /// Rows are sensors, columns axes of the seat.
     pub coupling_to_seat: [[f64; 3]; 3],
-    /// Angles between the sensors' own axes less a right one: xy, xz, yz.
+    /// Angles between the sensors' own axes less a right angle: xy, xz, yz.
     pub nonorthogonality_rad: [f64; 3],
     /// How the seat is mounted on the table; null where that was not measured.
     pub mounting_deg: Option<[f64; 3]>,
-    /// Standard uncertainty of that.
+    /// Standard uncertainty of the mounting.
     pub mounting_u_deg: f64,
-    /// What the coefficients are relative to.
+    /// Frame of the coefficients, in words.
     pub label: String,
 }

@@ -1,7 +1,7 @@
 //! Figures from captures: pure functions, the same on the bench and years later.
 //!
-//! A procedure captures; what the samples say is worked out here alone, so that `recompute` cannot differ from the run.
-//! Formulas, budgets and what is refused: `docs/figures.md`.
+//! A procedure captures. Only this module computes figures from the samples, so that `recompute` cannot differ from the
+//! run. Formulas, budgets and refusals: `docs/figures.md`.
 
 mod accel_bias;
 mod allan;
@@ -50,20 +50,20 @@ pub use calibration::ModuleCalibration;
 pub use error::FigureError;
 pub use integrity::{KEY as GATE, NAMES as INTEGRITY, integrity, sound_at_rest};
 
-/// What an analysis works with.
+/// The input of an analysis.
 #[derive(Debug)]
 pub struct AnalysisInput<'a> {
     /// The item's parameters.
     pub params: &'a Params,
-    /// Where the bench stands.
+    /// Place of the bench.
     pub site: Option<&'a BenchSite>,
     /// The captures of this attempt, or of the item that its parameters name.
     pub captures: &'a [Capture],
-    /// What the items before it found, oldest first, each with its name in the plan.
+    /// The findings of the items before, oldest first, each with its name in the plan.
     pub earlier: &'a [(String, Findings)],
 }
 
-/// What an analysis found.
+/// The findings of an analysis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Findings {
     /// Measurements in the order of the catalogue: name, value.
@@ -72,14 +72,14 @@ pub struct Findings {
     pub details: serde_json::Value,
 }
 
-/// Works out the figures of an item.
+/// Computes the figures of an item.
 ///
 /// # Errors
 /// [`FigureError`]: samples are missing or spoilt, a calibration or the place of the bench is missing, or the method
 /// refuses the record.
 pub fn analyse(item: ItemId, question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     clock::check(question.captures)?;
-    // Losses come before all else: what is not there cannot be screened.
+    // Losses come first, since missing samples cannot be screened.
     let integrity = integrity::Integrity::of(item, question);
     if let Some(refused) = integrity.refused.clone().filter(|_| !lossy(question.captures)) {
         return Err(refused);
@@ -87,7 +87,7 @@ pub fn analyse(item: ItemId, question: &AnalysisInput<'_>) -> Result<Findings, F
     let question = AnalysisInput { captures: &integrity.captures, ..*question };
     let mut findings = of_sound_samples(item, &question)?;
     if item.spec().measurement(SAMPLE_RATE.name).is_some() {
-        // Items without a probability of their own state a standard one.
+        // Items without their own probability state a standard one.
         let probability = question.probability().unwrap_or(0.95);
         let views = question.captures.iter().map(|capture| &capture.timing.host);
         findings.put(SAMPLE_RATE.name, clock::sample_rate_error(question.earlier, views, probability));
@@ -124,7 +124,7 @@ fn of_sound_samples(item: ItemId, question: &AnalysisInput<'_>) -> Result<Findin
 }
 
 impl AnalysisInput<'_> {
-    /// Probability of the expanded uncertainties.
+    /// Returns the probability of the expanded uncertainties.
     fn probability(&self) -> Result<f64, FigureError> {
         Ok(self.params.quantity("coverage", Unit::Percent)? / 100.0)
     }
@@ -143,7 +143,7 @@ impl Findings {
         self.put(name, Value::number(number, unit));
     }
 
-    /// A figure with the uncertainty of its budget, which is kept in the details.
+    /// Adds a figure with the uncertainty of its budget. The details keep the budget.
     fn figure(&mut self, name: impl Into<String>, number: f64, budget: &Budget, probability: f64) {
         let name = name.into();
         if let Some(details) = self.details.as_object_mut() {
@@ -155,19 +155,19 @@ impl Findings {
         self.put(name, Value::estimate(number, budget.unit(), budget.uncertainty(number, probability)));
     }
 
-    /// A part of the details that others read.
+    /// Adds a part of the details that other code reads.
     fn part<T: serde::Serialize>(&mut self, part: &DetailsPart<T>, value: T) {
         self.detail(part.key(), serde_json::json!(value));
     }
 
-    /// A detail that only people read.
+    /// Adds a detail that only people read.
     fn detail(&mut self, key: &str, value: impl Into<serde_json::Value>) {
         if let Some(details) = self.details.as_object_mut() {
             details.insert(key.to_owned(), value.into());
         }
     }
 
-    /// The value of a measurement by its name.
+    /// Returns the value of a measurement by its name.
     #[must_use]
     pub fn value(&self, name: &str) -> Option<&Value> {
         self.measured.iter().find(|(measured, _)| measured == name).map(|(_, value)| value)

@@ -1,7 +1,7 @@
-//! Motion programs: what an item does with the module, step by step, worked out before anything moves.
+//! Motion programs: the motions of an item with the module, step by step, computed before anything moves.
 //!
-//! Pure data from an item's parameters, so that the plan check and the log can say beforehand how long it takes and how
-//! fast it turns.
+//! A program is pure data from an item's parameters, so that the plan check and the log can say beforehand how long it
+//! takes and how fast it turns.
 
 mod check;
 mod programs;
@@ -24,53 +24,53 @@ pub use resume::ResumeAction;
 pub enum MotionStep {
     /// The module is laid down.
     Lay(Orientation),
-    /// Nothing moves for so long: mounting, temperature and filters settle.
+    /// A pause without motion: mounting, temperature and filters settle.
     Settle {
-        /// Bench time.
+        /// Bench time of the pause.
         span_s: f64,
     },
-    /// Samples while the module lies still or spins as it did before.
+    /// Capture of samples while the module lies still or keeps its spin.
     Capture {
-        /// What they are of.
+        /// What the samples are of.
         about: CaptureHead,
-        /// Board time.
+        /// Board time of the capture.
         span_s: f64,
         /// The sensors that count.
         uses: Uses,
     },
-    /// Samples while it lies still, is turned and lies still again.
+    /// Capture of samples while the module lies still, is turned and lies still again.
     Turn {
-        /// What they are of; its pose says how it is turned.
+        /// What the samples are of. The pose says how the module is turned.
         about: CaptureHead,
-        /// Stillness after the turn.
+        /// Time at rest after the turn.
         rest_s: f64,
         /// The sensors that count.
         uses: Uses,
     },
     /// The table spins from here on.
     Spin {
-        /// Right-handed about the axis along the table's.
+        /// Rate, right-handed about the axis along the table's.
         rate_dps: f64,
     },
     /// The table comes to rest.
     Stop,
-    /// The module is switched off, and on again after so long.
+    /// The module is switched off, and on again after `off_s`.
     PowerCycle {
         /// Bench time without power.
         off_s: f64,
     },
-    /// The satellite receiver is listened to.
+    /// A capture of the satellite receiver.
     Receiver {
-        /// What it is of.
+        /// What the capture is of.
         about: CaptureHead,
         /// Longest wait for a fix.
         timeout_s: f64,
-        /// Time after it.
+        /// Time of the capture after the fix.
         span_s: f64,
     },
 }
 
-/// The sensors that a capture is made for, whose saturation spoils it.
+/// The sensors that a capture is made for. Saturation of one of them spoils the capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Uses {
     /// Gyroscopes and accelerometers.
@@ -79,34 +79,34 @@ pub enum Uses {
     Gyro,
     /// The magnetometer alone: the gyroscopes may be out of range.
     Magnetometer,
-    /// Gyroscopes and accelerometers, as the board compensates them.
+    /// Gyroscopes and accelerometers, compensated by the board.
     Compensated,
 }
 
-/// Stillness before a turn: the analysis wants half a second at least.
+/// Time at rest before a turn. The analysis needs at least half a second.
 pub const REST_BEFORE_S: f64 = 1.0;
 
-/// What an item does.
+/// The motions of an item.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MotionProgram {
-    /// In this order.
+    /// The steps, in order.
     pub steps: Vec<MotionStep>,
 }
 
 impl MotionProgram {
-    /// Bench time of all captures and pauses; laying the module down comes on top of it.
+    /// Returns the bench time of all captures and pauses. It does not include the time to lay the module down.
     #[must_use]
     pub fn span_s(&self) -> f64 {
         self.steps.iter().map(MotionStep::span_s).sum()
     }
 
-    /// Times that somebody lays the module down.
+    /// Returns how often the module is laid down.
     #[must_use]
     pub fn lays(&self) -> usize {
         self.steps.iter().filter(|step| matches!(step, MotionStep::Lay(_))).count()
     }
 
-    /// Samples of the IMU that it captures at least.
+    /// Returns the least number of IMU samples that the program captures.
     #[must_use]
     pub(crate) fn samples(&self) -> u64 {
         let of = |about: &CaptureHead, span_s: f64| (span_s * f64::from(about.rate_hz)).round() as u64;
@@ -120,7 +120,7 @@ impl MotionProgram {
 }
 
 impl MotionStep {
-    /// What it captures, if it does.
+    /// Returns what the step captures, if it captures.
     #[must_use]
     pub fn about(&self) -> Option<&CaptureHead> {
         match self {
@@ -129,7 +129,7 @@ impl MotionStep {
         }
     }
 
-    /// Bench time that it takes for certain.
+    /// Returns the least bench time of the step.
     #[must_use]
     pub fn span_s(&self) -> f64 {
         match self {

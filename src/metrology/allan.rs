@@ -1,8 +1,9 @@
 //! Allan deviation and its family, with intervals and noise coefficients.
 //!
 //! Definitions after Riley, *Handbook of Frequency Stability Analysis* (NIST SP 1065), section 5; the inertial
-//! coefficients after IEEE Std 952, annex C. A record of rates is summed to a phase (angle) first; its mean is removed
-//! before, so that an offset costs no digits, and no deviation of the family sees it.
+//! coefficients after IEEE Std 952, annex C. The code removes the mean of a record of rates and then sums the record to
+//! a phase (angle). The removal keeps digits that an offset would cost, and does not change any deviation of the
+//! family.
 
 mod coefficients;
 mod deviation;
@@ -28,7 +29,7 @@ use resolution::Unresolved;
 use crate::psd::{Plateau, RobustSpectrum};
 use crate::{Refusal, series, stats};
 
-/// Which deviation.
+/// The deviation to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeviationKind {
     /// Allan, disjoint.
@@ -61,11 +62,11 @@ pub enum Taus {
     Decade,
     /// Every number of samples.
     All,
-    /// These times in s, each rounded to whole samples.
+    /// The given times in s, each rounded to whole samples.
     Seconds(Vec<f64>),
 }
 
-/// What the samples are.
+/// The kind of the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
     /// Rates (frequencies).
@@ -85,38 +86,38 @@ pub struct DeviationPoint {
     pub n: usize,
     /// Equivalent degrees of freedom.
     pub edf: f64,
-    /// Noise type on which they rest; `None` where the record is too short to tell.
+    /// Noise type on which the degrees of freedom rest; `None` where the record is too short to tell.
     pub noise: Option<PowerLawNoise>,
     /// Lower end of the 68.3 % interval of the true deviation.
     pub low: f64,
-    /// Upper end of the same.
+    /// Upper end of the same interval.
     pub high: f64,
 }
 
-/// What was found.
+/// The result of `analyse`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Analysis {
     /// One point for each averaging time, rising.
     pub points: Vec<DeviationPoint>,
     /// Noise coefficients; all [`MissingCoefficient::OtherDeviation`] unless the deviation is [`DeviationKind::Adev`] or [`DeviationKind::Oadev`].
     pub coefficients: NoiseCoefficients,
-    /// How well they follow the deviations; `None` with another deviation, or a record too short for a fit.
+    /// How well the coefficients follow the deviations; `None` with another deviation, or a record too short for a fit.
     pub fit: Option<FitQuality>,
-    /// Level part of the spectrum, which gives N once more; `None` with another deviation, or where no part is level or the
-    /// record does not resolve its noise.
+    /// Level part of the spectrum, which gives a second value of N; `None` with another deviation, or where no part is
+    /// level or the record does not resolve its noise.
     pub plateau: Option<Plateau>,
 }
 
-/// Work above which a list of averaging times is refused: about a minute.
+/// Bound on the work of a list of averaging times: about a minute. A list with more work is refused.
 const WORK_LIMIT: f64 = 1e11;
 /// A fit takes averaging times up to this part of the record: beyond it a deviation has hardly two degrees of freedom.
 const LONGEST_FITTED: usize = 4;
 
 /// Computes a deviation of the Allan family at the averaging times, with 68.3 % intervals (chi-square, degrees of
 /// freedom after Greenhall and Riley, *Uncertainty of Stability Variances Based on Finite Differences*, 2003) and noise
-/// coefficients. The noises at an averaging time are those of the fit; with other deviations, or where no fit holds, they
-/// come from the lag-1 autocorrelation (Riley and Greenhall 2004). The fit takes the overlapping deviations at 1, 2, 4, ...
-/// samples, whatever averaging times are asked for. `threads` is how many may be used.
+/// coefficients. The noises at an averaging time are those of the fit; with other deviations, or where no fit holds,
+/// they come from the lag-1 autocorrelation (Riley and Greenhall 2004). The fit takes the overlapping deviations at 1,
+/// 2, 4, ... samples, whatever averaging times are asked for. `threads` is the largest number of threads to use.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::Parameter`], [`Refusal::TooFew`], [`Refusal::Constant`].
@@ -133,7 +134,7 @@ pub fn analyse(
     if values.len() < needed {
         return Err(Refusal::TooFew { what: "a deviation".to_owned(), got: values.len(), needed });
     }
-    // One pass for both: a value that is not finite leaves no finite mean.
+    // This pass also finds values that are not finite: with one of them the mean is not finite.
     let mean = deviation::mean(values, threads);
     if !mean.is_finite() {
         series::finite("record", values)?;
@@ -188,7 +189,8 @@ pub fn analyse(
     };
     let b_upper_bound = fitted.b_upper_bound(&points, rate_hz);
     let coefficients = coefficients::of(&fitted.search, &fitted.tau_s, fitted.plateau.as_ref(), b_upper_bound);
-    // A counter of angle carries what it rounds off to the next sample: seen as quantisation, it hides nothing.
+    // A counter of angle carries its rounding remainder to the next sample. Where it shows as quantisation, it hides
+    // nothing.
     let unresolved = fitted.unresolved.filter(|u| u.sd == 0.0 || coefficients.q.is_err());
     let (coefficients, plateau) = match unresolved {
         Some(u) => (NoiseCoefficients::absent(MissingCoefficient::Unresolved { step: u.step, sd: u.sd }, None), None),
@@ -198,24 +200,24 @@ pub fn analyse(
     Ok(Analysis { points, coefficients, fit, plateau })
 }
 
-/// Within the sensor's memory the deviation falls below any flat part; averaging times of fewer samples than this say
-/// nothing about how small that is, as long as there are others.
+/// Averaging times of fewer samples than this give no bound of B, as long as there are longer ones: within the sensor's
+/// memory the deviation falls below any flat part.
 const MEMORY_SAMPLES: f64 = 32.0;
 
-/// The fit of a record, and what it rests on.
+/// The fit of a record, and the data on which it rests.
 struct Fitted {
-    /// Codes too far apart for the noise.
+    /// Set where the codes of the record are too far apart for the noise.
     unresolved: Option<Unresolved>,
     tau_s: Vec<f64>,
     search: Search,
     lines: Vec<Sinusoid>,
-    /// Without the lines.
+    /// Spectrum of the record without the lines.
     spectrum: Option<RobustSpectrum>,
     plateau: Option<Plateau>,
 }
 
 impl Fitted {
-    /// `known` are averaging factors whose sums are known already.
+    /// `known` holds averaging factors whose sums are known already.
     fn of(
         mut rates: Cow<'_, [f64]>,
         phase: &[f64],
@@ -251,7 +253,7 @@ impl Fitted {
         let curve = fit::DeviationCurve { scatter: scatter::Scatter::new(&grid, phase.len()), tau_s, square, memory };
         let plateau = spectrum.as_ref().and_then(|spectrum| spectrum.without_lines().plateau());
         let mut search = fit::search(&curve);
-        // Without a term for a bounded wander, a fit of its long end takes that for the noise of the sensor.
+        // Without a term for a bounded wander, the fit takes the wander's long end for the noise of the sensor.
         if !coefficients::reaches_white(&search, &curve.tau_s, plateau.as_ref(), MEMORY_SAMPLES / rate_hz)
             && let Some(fit) = fit::search_with_markov(&curve)
         {

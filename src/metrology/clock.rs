@@ -1,19 +1,20 @@
 //! The clock of a record: its rate, jitter and gaps, from a stamp for each sample.
 //!
-//! Stamps are compared with a grid of equal steps, not each with the one before:
+//! All stamps are compared with a grid of equal steps, not each stamp with the one before:
 //! - *Jitter* takes a stamp off the grid and the next ones are back on it. A *gap* moves all later stamps: the level of
 //!   the residuals is higher after it than before it. A *change of rate* bends them.
 //! - Samples that share a stamp (packets, stamps in whole milliseconds) count as one point: the last sample of them.
 //! - The rate follows from the levels at the first and at the last stamps of a block. Its uncertainty follows from the
 //!   scatter of the stamps, the resolution in which they are written included.
 //!
-//! Time runs on only within a block; between blocks it may stand anywhere.
+//! Time runs on only within a block; it may jump by any amount between blocks.
 
 use std::ops::Range;
 
 use crate::{Refusal, stats};
 
-/// A step longer than the grid's by this part of a step may be a gap: jitter of half a step is normal, a lost sample is not.
+/// A step may be a gap if it exceeds the grid's step by more than this part of a step: jitter of half a step is normal,
+/// a lost sample is not.
 const GAP_STEPS: f64 = 0.6;
 /// Stamps closer than this part of a step belong to one packet.
 const PACKET_STEP: f64 = 0.125;
@@ -21,18 +22,19 @@ const PACKET_STEP: f64 = 0.125;
 const LEVEL: usize = 8;
 /// Standard deviations of a level that a gap must exceed.
 const GAP_SIGMA: f64 = 5.0;
-/// Standard uncertainties by which two rates differ before the rate counts as changed; the place was searched for.
+/// Standard uncertainties by which two rates must differ to count as a change of the rate. (So many because the place
+/// was searched for.)
 const CHANGE_SIGMA: f64 = 6.0;
 /// Standard uncertainties that are added to the tolerance of a stated rate.
 const RATE_SIGMA: f64 = 3.0;
-/// Change of the rate within a record that is never refused where no rate is stated (relative).
+/// Change of the rate within a record up to which a record without a stated rate is not refused (relative).
 const CHANGE_TOLERANCE: f64 = 1e-3;
-/// Jitter from which stamps may stand in the wrong order, part of a step.
+/// Jitter, as a part of a step, from which on stamps may stand in the wrong order.
 const ROUGH: f64 = 0.1;
-/// A median scatters more than a mean, by this.
+/// Scatter of a median over that of a mean.
 const MEDIAN: f64 = 1.2533;
 
-/// A rate that was stated, and how far the stamps may be off it (relative).
+/// A rate that was stated, and its tolerance (relative).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated {
     /// Rate, Hz.
@@ -41,7 +43,7 @@ pub struct Stated {
     pub tolerance: f64,
 }
 
-/// What the stamps say.
+/// The result of the check of the stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClockRate {
     /// Rate from first to last stamp of each block, Hz.
@@ -88,15 +90,16 @@ pub fn check(stamps_s: &[f64], blocks: &[Range<usize>], stated: Option<Stated>) 
     }
 }
 
-/// The usual time from sample to sample, whatever the unit of the stamps; `None` below three stamps or where time stands.
+/// The usual time from sample to sample, in the unit of the stamps; `None` below three stamps or where time stands
+/// still.
 #[must_use]
 pub fn usual_step(stamps: &[f64]) -> Option<f64> {
     let steps = lagged(stamps.len(), 4096, |a, b| (stamps[b] - stamps[a]) / (b - a) as f64);
     (stamps.len() > 2 && steps > 0.0).then_some(steps)
 }
 
-/// Median of a difference quotient over an eighth of a record, at most `longest`: few gaps do not move it, and jitter is
-/// divided by the length.
+/// Median of a difference quotient over an eighth of a record, at most over `longest` samples. Few gaps do not move it,
+/// and jitter is divided by the length.
 fn lagged(n: usize, longest: usize, quotient: impl Fn(usize, usize) -> f64) -> f64 {
     let lag = (n / 8).clamp(1, longest);
     let stride = (n.saturating_sub(lag) / 4096).max(1);
@@ -113,7 +116,7 @@ struct Pace {
     /// Standard uncertainty of that time, s.
     span_u_s: f64,
     jitter_s: f64,
-    /// All samples and all points.
+    /// Number of all samples and of all points.
     counts: (usize, usize),
 }
 
@@ -160,20 +163,20 @@ impl Pace {
     }
 }
 
-/// Points of a block beside a grid of equal steps.
+/// Points of a block against a grid of equal steps.
 struct Grid<'a> {
     first: usize,
     stamps: &'a [f64],
     /// Samples before the point, within the block.
     samples: Vec<f64>,
-    /// Stamp less that of the grid, s.
+    /// Stamp less the grid's time, s.
     residuals: Vec<f64>,
     step_s: f64,
-    /// Standard deviation of a stamp from the grid, as the stamps show it, s.
+    /// Standard deviation of a stamp from the grid, from the stamps themselves, s.
     jitter_s: f64,
     /// Step in which stamps are written, s.
     resolution_s: f64,
-    /// The same where the grid does not fall on it, so that rounding moves stamps to and fro; else 0.
+    /// The same step where the grid's step is not a multiple of it, so that rounding moves stamps to and fro; else 0.
     rounding_s: f64,
     /// Points of a level.
     level: usize,
@@ -194,18 +197,18 @@ impl<'a> Grid<'a> {
         let mut bends: Vec<f64> =
             residuals.windows(3).step_by(stride).map(|r| (r[2] - 2.0 * r[1] + r[0]).abs()).collect();
         let jitter_s = if bends.len() < LEVEL { 0.0 } else { 1.4826 * stats::median(&mut bends) / 6.0_f64.sqrt() };
-        // Rounded stamps run off the grid and jump back in a cycle of so many samples.
+        // Rounded stamps drift off the grid and jump back in a cycle of this many samples.
         let off = (step_s / resolution_s - (step_s / resolution_s).round()).abs();
         let lag = (stamps.len() / 8).max(1) as f64;
         let cycle = (resolution_s > 0.05 * step_s && off * lag > 0.5).then(|| 1.0 / off);
-        // So many points that the difference of two levels scatters by a tenth of a step.
+        // With this many points the difference of two levels scatters by a tenth of a step.
         let wanted = (20.0 * jitter_s / step_s).powi(2).ceil().max(4.0 * cycle.unwrap_or(0.0));
         let level = (wanted.min(1e9) as usize).max(LEVEL);
         let rounding_s = cycle.map_or(0.0, |_| resolution_s);
         Self { first, stamps, samples, residuals, step_s, jitter_s, resolution_s, rounding_s, level }
     }
 
-    /// Time may stand or go back only where the jitter explains it.
+    /// Checks that time stands or goes back only where the jitter explains it.
     fn order(&self) -> Result<(), usize> {
         let stamps = self.stamps;
         let packets = stamps.len() >= 2 * LEVEL && stamps.len() as f64 > 1.1 * self.samples.len() as f64;
@@ -223,13 +226,13 @@ impl<'a> Grid<'a> {
         (count > 0).then(|| (stats::median(&mut self.residuals[points].to_vec()), place, count))
     }
 
-    /// Step of the level between a point and the one before, and what jitter makes of it (one standard deviation).
+    /// Step of the level between a point and the one before, and its standard deviation from the jitter.
     fn jump(&self, point: usize) -> Option<(f64, f64)> {
         let (n, w) = (self.samples.len(), self.level.min(self.samples.len()));
         let range = |from: usize, to: usize| from.min(n)..to.min(n);
         let after = self.at(range(point, point + w))?;
         let before = self.at(range(point.saturating_sub(w), point))?;
-        // Where the rate changes the levels differ by the slopes on both sides, and nothing is missing.
+        // Where the rate changes, the levels differ by the slopes on both sides, and no sample is missing.
         let slope = |beyond: Option<(f64, f64, usize)>, level: (f64, f64, usize)| {
             let beyond = beyond.filter(|b| b.2 == w && level.2 == w)?;
             let slope = (beyond.0 - level.0) / (beyond.1 - level.1);
@@ -246,10 +249,10 @@ impl<'a> Grid<'a> {
         Some((jump, sd))
     }
 
-    /// No level rises by most of a step.
+    /// Checks that no level rises by most of a step.
     fn gaps(&self) -> Result<(), Refusal> {
         let n = self.samples.len();
-        // Rounding may move a level by half of itself, and levels shorter than its cycle by all of it.
+        // Rounding may move a level by half its step, and levels shorter than its cycle by a whole step.
         let moved_s = if self.level > n / 4 { self.rounding_s } else { 0.5 * self.rounding_s };
         let least_s = GAP_STEPS * self.step_s + moved_s;
         let fine = self.jitter_s < 0.05 * self.step_s && self.rounding_s < 0.05 * self.step_s;
@@ -259,14 +262,15 @@ impl<'a> Grid<'a> {
         }
         let step = |j: usize| self.residuals[j] - self.residuals[j - 1];
         let regular = self.regular_loss();
-        // Steps that are long all about are another rate.
+        // Long steps all around a place mean another rate, not a gap.
         let stands_out = |j: usize, near: Range<usize>| {
             let mut about: Vec<f64> = near.map(step).collect();
             step(j) - stats::median(&mut about) > 0.5 * least_s
         };
         for j in 1..n {
             let visible = step(j) > seen_s;
-            // Jitter may hide a lost sample in two steps of which none is long: there all places are looked at.
+            // Jitter may hide a lost sample in two steps that are both not long. So a record with jitter is searched at
+            // all places.
             if !(visible || (!fine && j % (self.level / 2) == 0)) {
                 continue;
             }
@@ -289,7 +293,8 @@ impl<'a> Grid<'a> {
         Ok(())
     }
 
-    /// Whether fine stamps, one for each sample, mostly have a step that is not the mean one: samples are missing all along.
+    /// Whether fine stamps, one for each sample, mostly have a step other than the mean one: samples are missing all
+    /// along.
     fn regular_loss(&self) -> bool {
         let n = self.samples.len();
         let each = n > 2 && self.samples[n - 1] - self.samples[0] == (n - 1) as f64;
@@ -308,12 +313,12 @@ impl<'a> Grid<'a> {
         let w = if n >= 4 * self.level { self.level } else { (n / 4).max(1) };
         let levels: Vec<(f64, f64)> =
             (0..n / w).filter_map(|b| self.at(b * w..(b + 1) * w)).map(|(level, place, _)| (place, level)).collect();
-        // The tail has its own level, or short records would lose their end.
+        // The tail has its own level, since short records would lose their end otherwise.
         let last = self.at(n - w..n).map(|(level, place, _)| (place, level));
         let (Some(&start), Some(end)) = (levels.first(), last) else {
             return Err(Refusal::TooFew { what: "clock".to_owned(), got: n, needed: 2 });
         };
-        // Levels average the scatter, but not what rounding to a multiple of the step hides.
+        // Levels average the scatter, but not the error that rounding to a multiple of the step hides.
         let scatter = if w < 3 { 1.0 } else { MEDIAN / (w as f64).sqrt() } * self.jitter_s;
         let u = scatter.hypot(self.resolution_s / 12.0_f64.sqrt()) * std::f64::consts::SQRT_2;
         let slope = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
@@ -368,8 +373,8 @@ fn points(stamps: &[f64], step_s: f64) -> (Vec<f64>, Vec<f64>) {
     (samples, times)
 }
 
-/// The step in which stamps are written: the largest power of ten down to 1 ns of which all are multiples, else that of
-/// the numbers themselves.
+/// The step in which stamps are written: the largest power of ten down to 1 ns such that all stamps are multiples of
+/// it, else the step of the numbers themselves.
 fn resolution(stamps: &[f64]) -> f64 {
     let largest = stamps.first().zip(stamps.last()).map_or(0.0, |(a, b)| a.abs().max(b.abs()));
     let float = largest * f64::EPSILON;

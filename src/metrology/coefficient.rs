@@ -1,4 +1,4 @@
-//! Noise coefficients, wherever they come from.
+//! Noise coefficients from any source.
 
 /// A coefficient with its 68.3 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]

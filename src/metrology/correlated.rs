@@ -1,4 +1,5 @@
-//! Mean of epochs that follow each other so closely that they do not err independently (GNSS fixes, slow sensors).
+//! Mean of epochs whose errors are not independent, since the epochs follow each other closely (GNSS fixes, slow
+//! sensors).
 
 use realfft::RealFftPlanner;
 
@@ -9,8 +10,8 @@ use crate::{Refusal, series, stats};
 pub struct Mean {
     /// Weighted mean.
     pub mean: f64,
-    /// Standard deviation of an epoch of mean weight about the true mean: the scatter in the record and what its own mean
-    /// takes out of it.
+    /// Standard deviation of an epoch of mean weight about the true mean: the scatter in the record, and the part of it
+    /// that the record's own mean takes out.
     pub sd: f64,
     /// Standard uncertainty of the mean.
     pub mean_sd: f64,
@@ -28,17 +29,17 @@ impl Mean {
     }
 }
 
-/// Fewer epochs than this show nothing of their correlation.
+/// A record of fewer epochs than this does not show their correlation.
 const LEAST: usize = 16;
-/// Fewer independent epochs than this are no basis of an uncertainty.
+/// An uncertainty needs at least this many independent epochs.
 const LEAST_EFFECTIVE: f64 = 3.0;
 
 /// Number of independent samples that have the same variance of the mean: `n / (1 + 2 sum rho_k)`, at most n.
 ///
-/// The sum of autocorrelations ends where those of two neighbouring lags together are no longer positive, and they are
+/// The sum of autocorrelations ends where the sum of two neighbouring lags is no longer positive, and the sums are
 /// taken not to rise again (initial monotone sequence, C. J. Geyer, *Practical Markov Chain Monte Carlo*, Statistical
-/// Science 7(4), 1992, section 3.3): noise of the later ones does not enter. A record must hold many correlation times:
-/// in one of a few the mean hides part of the correlation, and the number is too large.
+/// Science 7(4), 1992, section 3.3): noise of the later lags does not enter. A record must hold many correlation times:
+/// in a record of a few, the mean hides part of the correlation, and the number is too large.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::TooFew`] below 16 samples, [`Refusal::Constant`].
@@ -74,7 +75,7 @@ fn autocovariance(values: &[f64]) -> Vec<f64> {
     let (forward, backward) = (planner.plan_fft_forward(2 * n), planner.plan_fft_inverse(2 * n));
     let (mut time, mut spectrum) = (forward.make_input_vec(), forward.make_output_vec());
     time.iter_mut().zip(values).for_each(|(t, v)| *t = v - mean);
-    // The buffers come from the plans themselves, so their lengths fit; the ends of a power spectrum are real.
+    // The buffers come from the plans themselves, so their lengths fit. The ends of a power spectrum are real.
     let transformed = forward.process(&mut time, &mut spectrum).is_ok();
     for c in &mut spectrum {
         *c = (c.norm_sqr() / (2.0 * (n * n) as f64)).into();
@@ -86,11 +87,12 @@ fn autocovariance(values: &[f64]) -> Vec<f64> {
     time
 }
 
-/// Mean of correlated epochs with weights (`1 / sigma^2` of each, or any numbers in that proportion; `None`: all alike).
+/// Mean of correlated epochs with weights (`1 / sigma^2` of each, or any numbers in that proportion; `None`: equal
+/// weights).
 ///
-/// The effective number E comes from the residuals times the root of their weights, which scatter alike. They hold
-/// `1 - 1 / E` of the variance, so the uncertainty of the mean is the root of their mean square over `E - 1`; it rests on
-/// the scatter in the record, not on the weights' own claim.
+/// The effective number E comes from the residuals times the root of their weights, which all have the same scatter.
+/// The residuals hold `1 - 1 / E` of the variance, so the uncertainty of the mean is the root of their mean square over
+/// `E - 1`. The uncertainty rests on the scatter in the record, not on the size that the weights claim.
 ///
 /// # Errors
 /// [`Refusal::Lengths`], [`Refusal::NotFinite`]; [`Refusal::Parameter`] for a weight that is not above 0;
@@ -155,7 +157,7 @@ mod tests {
         assert_eq!(effective_samples(&relaxation(1000, -0.8, dice)).unwrap(), 1000.0);
     }
 
-    /// The definition, lag by lag.
+    /// Checks the autocovariance against its definition, lag by lag.
     #[test]
     fn autocovariance_of_the_definition() {
         let values = relaxation(37, 0.7, &mut ChaCha8Rng::seed_from_u64(2));
@@ -166,7 +168,8 @@ mod tests {
         }
     }
 
-    /// 95 % intervals cover the truth, where dev / sqrt(n) covers hardly a third; epochs of unlike noise too.
+    /// 95 % intervals cover the truth, also for epochs of unlike noise. Intervals of dev / sqrt(n) cover hardly a
+    /// third.
     #[test]
     fn intervals_cover_the_truth() {
         const SEED: u64 = 3;

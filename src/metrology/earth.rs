@@ -9,8 +9,8 @@ pub const EARTH_RATE_RPS: f64 = 7.292_115e-5;
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
 
 /// WGS-84 normal gravity in m/s^2 at a geodetic latitude in degrees and an ellipsoidal height in metres: Somigliana's
-/// formula and the second-order height term (NIMA TR8350.2, equations 4-1 and 4-3). Anomalies of tens of ppm are not
-/// in it and belong to the uncertainty budget; 100 m of height are 31 ppm.
+/// formula and the second-order height term (NIMA TR8350.2, equations 4-1 and 4-3). The formula leaves out anomalies of
+/// tens of ppm, which belong to the uncertainty budget; 100 m of height are 31 ppm.
 ///
 /// # Errors
 /// [`Refusal::Parameter`] for a latitude outside +-90 deg or a height outside -500 .. 20,000 m.
@@ -61,7 +61,7 @@ fn check_latitude(latitude_deg: f64) -> Result<(), Refusal> {
 mod tests {
     use super::*;
 
-    /// Values of NIMA TR8350.2: equator and pole; and the span to standard gravity.
+    /// Values of NIMA TR8350.2: equator and pole; and the difference from standard gravity.
     #[test]
     fn gravity_of_the_report() {
         let at = |latitude, height| normal_gravity_mps2(latitude, height).unwrap();

@@ -5,20 +5,20 @@
 //!
 //! Departures from the print (Cheng et al., *Computer Measurement & Control* 30(7), 2022, equations 5 to 9): it takes
 //! centre and sensitivity from the extremes, the noisiest points of a record; it leaves out the division by
-//! `cos(alpha)`, which keeps a second harmonic of alpha^2 / 4 in the roll angle, and multiplies `sin(alpha)` with the y
-//! that is not yet scaled. Its figures are given beside the fit.
+//! `cos(alpha)`, which keeps a second harmonic of alpha^2 / 4 in the roll angle; it multiplies `sin(alpha)` with the y
+//! that is not yet scaled. The fit gives the print's figures beside its own.
 
 use nalgebra::SMatrix;
 
 use crate::{Refusal, quadric, series, stats};
 
-/// What the correction means.
+/// The equation of the correction.
 pub const EQUATION: &str = "y' = ky (y - dy), x' = [(x - dx) - y' sin_alpha] / sqrt(1 - sin_alpha^2)";
 /// Whole turns that a record must hold.
 pub const TURNS: f64 = 3.0;
 /// Largest sector without a point, degrees.
 pub const GAP_LIMIT_DEG: f64 = 60.0;
-/// Part of the points that may fall into one sector of 10 degrees: more is a table that stood.
+/// Largest part of the points in one sector of 10 degrees. More points there mean that the table stood still.
 pub const CROWD_LIMIT: f64 = 0.5;
 /// Part of the points that may be rejected as spikes.
 pub const REJECT_LIMIT: f64 = 0.05;
@@ -28,7 +28,7 @@ pub const REJECT_LIMIT: f64 = 0.05;
 pub struct Correction {
     /// Zero of x, in the unit of the record.
     pub dx: f64,
-    /// Zero of y.
+    /// Zero of y, in the unit of the record.
     pub dy: f64,
     /// Factor on y that makes its sensitivity that of x.
     pub ky: f64,
@@ -37,22 +37,23 @@ pub struct Correction {
 }
 
 impl Correction {
-    /// The complete correction: points of the ellipse come to lie on a circle of radius `sqrt(Qxx)` about 0.
+    /// Applies the complete correction: points of the ellipse come to lie on a circle of radius `sqrt(Qxx)` about 0.
     #[must_use]
     pub fn apply(&self, x: f64, y: f64) -> (f64, f64) {
         let y = self.ky * (y - self.dy);
         (((x - self.dx) - y * self.sin_alpha) / (1.0 - self.sin_alpha * self.sin_alpha).sqrt(), y)
     }
 
-    /// The correction as printed: without the division, and with y before its scaling.
+    /// Applies the correction as printed: without the division, and with y before its scaling.
     #[must_use]
     pub fn apply_as_printed(&self, x: f64, y: f64) -> (f64, f64) {
         let (x, y) = (x - self.dx, y - self.dy);
         (x - y * self.sin_alpha, self.ky * y)
     }
 
-    /// The correction of an ellipse by its centre, semi-axes (major, minor) and the direction of the major axis from x
-    /// towards y in degrees, and the radius of the circle that comes of it: with `Q = R diag(a^2, b^2) R'`, as above.
+    /// Returns the correction of an ellipse and the radius of the corrected circle. The ellipse is given by its centre,
+    /// its semi-axes (major, minor) and the direction of the major axis from x towards y in degrees:
+    /// `Q = R diag(a^2, b^2) R'`.
     #[must_use]
     pub fn of_axes(centre: [f64; 2], [major, minor]: [f64; 2], rotation_deg: f64) -> (Self, f64) {
         let (sin, cos) = rotation_deg.to_radians().sin_cos();
@@ -72,7 +73,7 @@ impl Correction {
     }
 }
 
-/// What the print would compute from the extremes of the record.
+/// What the print computes from the extremes of the record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PrintExtremes {
     /// `(Xmax + Xmin) / 2`.
@@ -86,13 +87,13 @@ pub struct PrintExtremes {
 /// Standard uncertainties, in the order of the figures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EllipseUncertainty {
-    /// Of the centre.
+    /// Standard uncertainty of the centre.
     pub centre: [f64; 2],
-    /// Of the semi-axes.
+    /// Standard uncertainty of the semi-axes.
     pub semi_axes: [f64; 2],
-    /// Of the rotation, degrees. Large where the ellipse is nearly a circle.
+    /// Standard uncertainty of the rotation, degrees. It is large where the ellipse is nearly a circle.
     pub rotation_deg: f64,
-    /// Of the correction.
+    /// Standard uncertainty of the correction.
     pub correction: Correction,
 }
 
@@ -111,19 +112,21 @@ pub struct Ellipse {
     pub radius: f64,
     /// Root mean square of the normal distances of the points kept.
     pub residual_rms: f64,
-    /// Largest radius error after the complete correction, over the radius, points kept by the limit of rejection.
+    /// Largest radius error after the complete correction, over the radius, among the points that the limit of
+    /// rejection keeps.
     pub residual_peak: f64,
     /// Root mean square radius error after the correction as printed with the extremes, in the unit of the record.
     pub residual_rms_as_printed: f64,
     /// Standard deviation of the noise of a channel.
     pub sigma: f64,
-    /// The print's figures.
+    /// The print's figures from the extremes.
     pub extremes: PrintExtremes,
     /// Points rejected as spikes.
     pub rejected: usize,
     /// Points used.
     pub used: usize,
-    /// Turns, or `None` where the points do not follow each other round the ellipse (their order is then not used).
+    /// Turns; `None` where the points do not follow each other round the ellipse (then the fit does not use their
+    /// order).
     pub turns: Option<f64>,
     /// Largest sector without a point, degrees.
     pub gap_deg: f64,
@@ -154,18 +157,18 @@ fn figures(surface: &quadric::Surface<2>) -> [f64; 9] {
     [surface.centre[0], surface.centre[1], major, minor, rotation, c.dx, c.dy, c.ky, c.sin_alpha]
 }
 
-/// Fits an ellipse to the points and derives the correction. Points are taken in the order of the record, which must
+/// Fits an ellipse to the points and derives the correction. The points must be in the order of the record, which must
 /// hold at least three turns. `saturation` is the output at which a channel is cut, if known.
 ///
 /// # Errors
 /// Values that are not finite or are cut off; a hyperbola or parabola; fewer than three turns, poor coverage, a table
-/// that stood, too much noise, too many outliers; points that lie more than 5 % of the radius off the ellipse, or a centre
-/// that moves by as much.
+/// that stood still, too much noise, too many outliers; points that lie more than 5 % of the radius off the ellipse, or
+/// a centre that moves by as much.
 pub fn fit(x: &[f64], y: &[f64], saturation: Option<f64>) -> Result<Ellipse, Refusal> {
     fit_within(x, y, saturation, quadric::RESIDUAL_LIMIT)
 }
 
-/// The same with another limit of the residual and of the centre's movement, over the radius.
+/// Like [`fit`], with another limit on the residual and on the movement of the centre, over the radius.
 ///
 /// # Errors
 /// As [`fit`].
@@ -228,8 +231,8 @@ pub fn fit_within(x: &[f64], y: &[f64], saturation: Option<f64>, limit: f64) -> 
     })
 }
 
-/// The algebraic fit alone: centre, semi-axes and rotation (degrees). Biased by noise and open to spikes; the start of
-/// [`fit`], and a yardstick of its speed.
+/// The algebraic fit alone: centre, semi-axes and rotation (degrees). Noise biases it and spikes distort it. It is the
+/// start of [`fit`] and the reference for the speed of [`fit`].
 ///
 /// # Errors
 /// As [`fit`] for values that are not finite and open curves.
@@ -252,8 +255,8 @@ fn extremes(x: &[f64], y: &[f64]) -> PrintExtremes {
     PrintExtremes { dx: f64::midpoint(x0, x1), dy: f64::midpoint(y0, y1), ky: (x1 - x0) / (y1 - y0) }
 }
 
-/// Peak of the relative radius error after the complete correction (spikes left out), and rms of the radius error after
-/// the print's.
+/// Peak of the relative radius error after the complete correction (without spikes), and rms of the radius error after
+/// the print's correction.
 fn residuals(x: &[f64], y: &[f64], complete: &Correction, printed: &Correction, radius: f64, limit: f64) -> (f64, f64) {
     // Whole pieces without a branch, so that the compiler can use vectors.
     const PIECE: usize = 64;
@@ -279,7 +282,7 @@ fn residuals(x: &[f64], y: &[f64], complete: &Correction, printed: &Correction, 
     (peak, (squares / count.max(1) as f64).sqrt())
 }
 
-/// How the points go round.
+/// How the points cover the turn.
 struct Coverage {
     turns: Option<f64>,
     gap_deg: f64,
@@ -289,19 +292,20 @@ struct Coverage {
 impl Coverage {
     fn of(x: &[f64], y: &[f64], correction: &Correction) -> Self {
         const SECTORS: usize = 36;
-        // Turns by quadrants: noise at a border steps forth and back and cancels; a step of two quadrants has no sense.
+        // Turns are counted by quadrants: noise at a border steps forth and back and cancels; a step of two quadrants
+        // has no direction.
         let (mut quarter, mut lowest, mut highest, mut lost) = (0_i64, 0_i64, 0_i64, 0_usize);
         let mut before = None;
         let mut sectors = [0_usize; SECTORS];
-        // Sectors need the angle, which is dear: a sample is enough to find gaps of 10 degrees. The jitter keeps it from
-        // running in step with the turns.
+        // Sectors need the angle, which is expensive: a subset of the samples is enough to find gaps of 10 degrees. The
+        // jitter keeps the subset from running in step with the turns.
         let stride = (x.len() / 20_000).max(1);
         for (k, (x, y)) in x.chunks(stride).zip(y.chunks(stride)).enumerate() {
             let sampled = k % stride;
             for (j, (x, y)) in x.iter().zip(y).enumerate() {
                 let (u, v) = correction.apply(*x, *y);
                 let (left, below) = (u < 0.0, v < 0.0);
-                // Quadrants 0 to 3, against the clock.
+                // Quadrants 0 to 3, counter-clockwise.
                 let quadrant = 2 * usize::from(below) + usize::from(left != below);
                 let step = (quadrant + 4 - before.unwrap_or(quadrant)) % 4;
                 before = Some(quadrant);

@@ -2,17 +2,17 @@
 //!
 //! `corrected = matrix (raw - centre)`, `|corrected| = field`. The field alone cannot fix the frame, so the matrix is
 //! taken symmetric; it differs by a rotation from a correction that keeps an axis. Without a given field its
-//! determinant is 1. The fit is that of the normal distances in the record's own unit (noise alike in all channels): a
-//! fit of magnitudes alone loses up to 10 % at strong distortion.
+//! determinant is 1. The fit minimises the normal distances in the record's own unit (with the same noise in all
+//! channels). A fit of magnitudes alone loses up to 10 % at strong distortion.
 //!
-//! The residual is no acceptance test: a wrong fit to nearly planar data can have the smaller one. Coverage and
-//! condition decide.
+//! The residual does not serve as an acceptance test: a wrong fit to nearly planar data can have the smaller one.
+//! Coverage and condition decide.
 
 use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 
 use crate::{Refusal, quadric, series};
 
-/// What the correction means.
+/// The equation of the correction.
 pub const EQUATION: &str = "corrected = matrix (raw - centre), |corrected| = field";
 
 /// Least [`Ellipsoid::coverage`].
@@ -61,17 +61,20 @@ pub struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// How far a raw point lies outside: the length of its corrected vector less the field, in the unit of the field.
+    /// Returns how far a raw point lies outside: the length of its corrected vector less the field, in the unit of the
+    /// field.
     #[must_use]
     pub fn distance(&self, point: &Vector3<f64>) -> f64 {
         (self.matrix * (point - self.centre)).norm() - self.field
     }
 
-    /// What the figures change by, in the order of `covariance`, for one unit of [`Self::distance`] of a point of the fit.
+    /// Returns the change of the figures, in the order of `covariance`, for one unit of [`Self::distance`] of a point
+    /// of the fit.
     ///
-    /// To first order a fit of normal distances `d` takes up errors `e` of them as `(J' J)^-1 J' e`; with the covariance
-    /// `sigma^2 F (J' J)^-1 F'` of the figures and the derivative `h = -dd/dfigures`, `J = -h F`, that is
-    /// `covariance h / sigma^2`. The normal distance is the distance over `|matrix u|`, u the corrected direction.
+    /// To first order a fit of normal distances `d` changes by `(J' J)^-1 J' e` for errors `e` of the distances. With
+    /// the covariance `sigma^2 F (J' J)^-1 F'` of the figures and the derivative `h = -dd/dfigures`, `J = -h F`, this
+    /// becomes `covariance h / sigma^2`. The normal distance is the distance over `|matrix u|`, where u is the
+    /// corrected direction.
     #[must_use]
     pub fn sensitivity(&self, point: &Vector3<f64>) -> SVector<f64, 10> {
         let raw = point - self.centre;
@@ -116,7 +119,7 @@ pub fn fit(x: &[f64], y: &[f64], z: &[f64], field: Option<f64>, saturation: Opti
     fit_within([x, y, z], field, saturation, quadric::RESIDUAL_LIMIT)
 }
 
-/// The same with another limit of the residual and of the centre's movement, over the radius.
+/// Like [`fit`], with another limit on the residual and on the movement of the centre, over the radius.
 ///
 /// # Errors
 /// As [`fit`].
@@ -129,12 +132,12 @@ pub fn fit_within(
     fit_points(points, field, saturation, limit, quadric::Far::Rejected)
 }
 
-/// The plain least-squares fit, in which every point counts and none is taken for a spike: for points that share errors in
-/// groups, as those of one attitude share that of the ambient field. `covariance` is that of independent errors;
-/// [`Ellipsoid::sensitivity`] tells what shared ones do.
+/// The plain least-squares fit, which uses every point and takes none for a spike. It is for points that share errors
+/// in groups, as the points of one attitude share the error of the ambient field. `covariance` is that of independent
+/// errors; [`Ellipsoid::sensitivity`] gives the effect of shared errors.
 ///
 /// # Errors
-/// As [`fit`], but for outliers.
+/// As [`fit`], except for outliers.
 pub fn fit_every(x: &[f64], y: &[f64], z: &[f64], saturation: Option<f64>) -> Result<Ellipsoid, Refusal> {
     fit_points([x, y, z], None, saturation, quadric::RESIDUAL_LIMIT, quadric::Far::Kept)
 }
@@ -155,7 +158,7 @@ fn fit_points(
         series::unsaturated(name, values, saturation)?;
     }
     let fit = quadric::fit::<3, 9>(&[x, y, z], ("ellipsoid", "hyperboloid"), far).map_err(|refusal| match refusal {
-        // What a nearly planar record makes of a fit is chance; what it lacks is the third dimension.
+        // The failure of a fit to a nearly planar record is chance. The record lacks the third dimension.
         Refusal::Diverged { .. } | Refusal::NotClosed { .. } | Refusal::Noisy { .. } => {
             flat([x, y, z]).unwrap_or(refusal)
         }
@@ -222,8 +225,8 @@ fn fit_points(
     })
 }
 
-/// The algebraic fit alone: centre and symmetric matrix of determinant 1. Biased by noise and open to spikes; the start
-/// of [`fit`], and a yardstick of its speed.
+/// The algebraic fit alone: centre and symmetric matrix of determinant 1. Noise biases it and spikes distort it. It is
+/// the start of [`fit`] and the reference for the speed of [`fit`].
 ///
 /// # Errors
 /// As [`fit`] for values that are not finite and open surfaces.
@@ -240,8 +243,8 @@ pub fn fit_algebraic(x: &[f64], y: &[f64], z: &[f64]) -> Result<(Vector3<f64>, M
     Ok((surface.centre, correction(&surface, None).0))
 }
 
-/// Thickness of the cloud of points over its width (roots of the extreme eigenvalues of its covariance): below this a fit
-/// that fails has failed for want of coverage.
+/// Least thickness of the cloud of points over its width (roots of the extreme eigenvalues of its covariance). Where a
+/// fit fails below this, it lacks coverage.
 const FLAT_LIMIT: f64 = 0.3;
 
 fn flat(points: [&[f64]; 3]) -> Option<Refusal> {
@@ -273,11 +276,11 @@ fn coverage(points: [&[f64]; 3], centre: &Vector3<f64>, matrix: &Matrix3<f64>) -
     let mut mean = Vector3::zeros();
     let mut count = 0.0;
     for k in 0..points[0].len() / stride {
-        // The jitter keeps the sample from running in step with the turns.
+        // The jitter keeps the subset from running in step with the turns.
         let i = k * stride + k % stride;
         let u = matrix * (Vector3::new(points[0][i], points[1][i], points[2][i]) - centre);
         let length = u.norm();
-        // Spikes have no direction worth counting.
+        // The direction of a spike does not count.
         if (0.5..2.0).contains(&length) {
             let u = u / length;
             tensor += u * u.transpose();

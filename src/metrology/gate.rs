@@ -1,15 +1,15 @@
-//! The gate before every method: which rows of a record are no measurements.
+//! The gate before every method: it finds the rows of a record that are no measurements.
 //!
 //! A read that the chip did not answer gives 0, -1 or the end of the range; a disturbance gives one sample far from its
-//! neighbours; a sensor that is read more often than it updates gives the row before once more; a converter at the end of
-//! its range gives one value in place of a tail. Means and integrals take all of that as it comes, so it is found here, on
-//! the channels of one chip at a time, before anything is computed.
+//! neighbours; a sensor that is read more often than it updates repeats the row before; a converter at the end of its
+//! range gives one value in place of a tail. Means and integrals would use all of these, so the gate finds them on the
+//! channels of one chip at a time, before anything is computed.
 //!
-//! What counts as rare follows from the record itself: the scale of its noise beside a sample, the step between its codes,
-//! and the chance that noise of that scale gives the same code twice. Noise below one code says nothing about repeats, and
-//! a smooth record without noise says nothing at all; both pass.
+//! What counts as rare follows from the record itself: the scale of its noise beside a sample, the step between its
+//! codes, and the chance that noise of that scale gives the same code twice. Noise below one code does not show which
+//! repeats are faults, and a smooth record without noise shows no faults; both pass.
 //!
-//! A few passes over the values, O(n); only what stands out is looked at closely.
+//! The gate takes a few passes over the values, O(n); it looks closely only at what stands out.
 
 mod character;
 mod clipped;
@@ -30,13 +30,13 @@ use std::ops::Range;
 use crate::{Refusal, quantisation};
 use character::Character;
 
-/// Largest share of failed reads and spikes that is left out of means and of fits to points, percent. Five in a hundred
-/// rows can be told from the rest; a record with more is no record of that sensor.
+/// Largest share of failed reads and spikes that is left out of means and of fits to points, percent. Up to five rows
+/// in a hundred can be separated from the rest. A record with more is refused.
 pub const MOST_OF_MEANS_PERCENT: f64 = 5.0;
-/// The same where rows are steps of time, percent: each row left out is replaced there, and two in a hundred do not show in
-/// the interval of an integral or a deviation.
+/// The same share where rows are steps of time, percent. Each row left out is replaced there, and two in a hundred do
+/// not show in the interval of an integral or a deviation.
 pub const MOST_OF_SERIES_PERCENT: f64 = 2.0;
-/// A sensor that is read more than so many times for each update is taken for one that stops.
+/// A sensor that is read more often than this for each update counts as one that stops.
 const MOST_POLLED: f64 = 10.0;
 
 /// Rows from which the step of an output is learned.
@@ -49,13 +49,13 @@ pub enum RowFault {
     FailedRead,
     /// Far from its neighbours on both sides.
     Spike,
-    /// The row before once more, on all channels, or for long on one.
+    /// A repetition of the row before, on all channels, or for long on one.
     Stale,
-    /// Cut at one value.
+    /// Cut off at one value.
     Clipped,
 }
 
-/// Rows by what is wrong with them.
+/// The number of rows left out, by the kind of fault.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// Failed reads.
@@ -69,7 +69,7 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
-    /// All of them.
+    /// Returns the number of all rows left out.
     #[must_use]
     pub fn total(&self) -> usize {
         self.failed_reads + self.spikes + self.stale + self.clipped
@@ -85,30 +85,30 @@ impl LeftOut {
     }
 }
 
-/// What rows mean to a method.
+/// What the rows mean to a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowMeaning {
     /// Samples of a mean or points of a curve: their number and order do not matter.
     Samples,
-    /// Steps of time, counted. A row too many is time that did not pass.
+    /// Steps of time, counted. An additional row adds time that did not pass.
     Steps,
     /// Steps of time whose times were checked against a clock.
     ClockedSteps,
 }
 
-/// How a record lies before the gate.
+/// The layout of a record before the gate.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordLayout<'a> {
-    /// Uninterrupted stretches: positions, runs, captures. Neighbours are sought within one.
+    /// Uninterrupted stretches: positions, runs, captures. Neighbours lie within one stretch.
     pub blocks: &'a [Range<usize>],
-    /// Whether each stretch is meant to have one level, so that a value cut at one side shows.
+    /// Whether each stretch is meant to have one level, so that a value cut off at one side shows.
     pub still: bool,
     /// Output at the end of the range, if known.
     pub range_end: Option<f64>,
 }
 
 impl RecordLayout<'_> {
-    /// Whether a value is an end of the range: the one that is known, or that of a word of 8, 12, 16, 20, 24 or 32 bits.
+    /// Whether a value is an end of the range: the known end, or that of a word of 8, 12, 16, 20, 24 or 32 bits.
     fn is_end(&self, value: f64) -> bool {
         let of_word = |bits: i32| value == f64::from(bits).exp2() - 1.0 || value == -f64::from(bits).exp2();
         self.range_end.is_some_and(|end| value.abs() >= end) || [7, 11, 15, 19, 23, 31].into_iter().any(of_word)
@@ -121,7 +121,7 @@ pub fn one_stretch(rows: usize) -> [Range<usize>; 1] {
     std::array::from_fn(|_| 0..rows)
 }
 
-/// What the gate found.
+/// The result of the gate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screening {
     faults: Vec<Option<RowFault>>,
@@ -131,9 +131,9 @@ pub struct Screening {
 }
 
 impl Screening {
-    /// Looks at the channels of one chip. Names are those of the channels.
+    /// Screens the channels of one chip. `names` are the names of the channels.
     ///
-    /// Channels are equally long; values that are not finite are left to the checks of the method.
+    /// Channels have equal length. The gate ignores values that are not finite; the checks of the method find them.
     #[must_use]
     pub fn of(names: &[&str], channels: &[&[f64]], layout: &RecordLayout<'_>) -> Self {
         let rows = channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
@@ -156,7 +156,7 @@ impl Screening {
         found
     }
 
-    /// Adds what was found on another chip of the same record.
+    /// Adds the faults that were found on another chip of the same record.
     #[must_use]
     pub fn and(mut self, other: Self) -> Self {
         for (row, fault) in other.faults.iter().enumerate() {
@@ -169,25 +169,25 @@ impl Screening {
         self
     }
 
-    /// Rows of the record.
+    /// Returns the number of rows of the record.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.faults.len()
     }
 
-    /// Rows that are left.
+    /// Returns the number of rows that are left.
     #[must_use]
     pub fn used(&self) -> usize {
         self.rows() - self.left_out.total()
     }
 
-    /// Rows that are not used.
+    /// Returns the numbers of rows that are not used.
     #[must_use]
     pub fn left_out(&self) -> &LeftOut {
         &self.left_out
     }
 
-    /// The first row that is not used, from 1.
+    /// Returns the first row that is not used, from 1.
     #[must_use]
     pub fn first_row(&self) -> Option<usize> {
         if self.left_out.total() == 0 {
@@ -196,7 +196,7 @@ impl Screening {
         self.faults.iter().position(Option::is_some).map(|row| row + 1)
     }
 
-    /// What is wrong with a row, from 0.
+    /// Returns what is wrong with a row, from 0.
     #[must_use]
     pub fn fault(&self, row: usize) -> Option<RowFault> {
         self.faults.get(row).copied().flatten()
@@ -208,13 +208,13 @@ impl Screening {
         self.fault(row).is_none()
     }
 
-    /// The values of the rows that are used.
+    /// Returns the values of the rows that are used.
     #[must_use]
     pub fn kept<T: Copy>(&self, values: &[T]) -> Vec<T> {
         values.iter().zip(&self.faults).filter(|(_, fault)| fault.is_none()).map(|(value, _)| *value).collect()
     }
 
-    /// A motion, with the line between the neighbours in place of what is left out.
+    /// Returns a motion in which the line between the neighbours replaces each row left out.
     ///
     /// # Errors
     /// [`Refusal::Unbridged`]: the motion bends where a row is left out, so that the integral is not known to its noise.
@@ -223,11 +223,11 @@ impl Screening {
         Ok(mend::bridge(values, &self.faults, blocks))
     }
 
-    /// Noise, with values of the same distribution in place of what is left out.
+    /// Returns noise in which values of the same distribution replace the rows left out.
     #[must_use]
     pub fn refilled(&self, values: &[f64], blocks: &[Range<usize>]) -> Vec<f64> {
         let mut mended = mend::refill(values, &self.faults, blocks);
-        // Where codes show, values between them would hide their step.
+        // In a record that shows codes, values between the codes would hide the step.
         let kept = self.kept(&values[..values.len().min(LEARN_STEP)]);
         if let (Some(step), Some(first)) = (quantisation::coarse_step(&[&kept]), kept.first()) {
             for row in (0..mended.len()).filter(|row| !self.keeps(*row)) {
@@ -237,7 +237,7 @@ impl Screening {
         mended
     }
 
-    /// Whether a method may go on with what is left.
+    /// Checks whether a method may go on with the rows that are left.
     ///
     /// # Errors
     /// [`Refusal::Clipped`], [`Refusal::BadRows`], [`Refusal::Stale`], each with the first row and the share.
@@ -247,8 +247,8 @@ impl Screening {
         let limit_percent = if rows == RowMeaning::Samples { MOST_OF_MEANS_PERCENT } else { MOST_OF_SERIES_PERCENT };
         let above = |count: usize, limit_percent: f64| count as f64 * 100.0 > limit_percent * total as f64;
         let LeftOut { failed_reads, spikes, stale, clipped } = self.left_out;
-        // Where one row in four is bad, the scale is spoilt and the end of the noise looks clipped. The refusal names the
-        // larger number.
+        // Where one row in four is bad, the scale is wrong and the end of the noise looks clipped. The refusal names
+        // the larger number.
         let mostly_bad = above(failed_reads + spikes, limit_percent) && failed_reads + spikes > clipped;
         if let Some((channel, value)) = self.clipped_at.as_ref().filter(|_| !mostly_bad) {
             let (channel, value) = (channel.clone(), *value);
@@ -281,19 +281,19 @@ impl Screening {
         Ok(())
     }
 
-    /// Rows for each update of a sensor that is read more often than it updates.
+    /// Returns the rows for each update of a sensor that is read more often than it updates.
     #[must_use]
     pub fn rows_per_update(&self) -> Option<f64> {
         self.polled
     }
 
-    /// Says where and at which value a channel is cut; the first one counts.
+    /// Notes where and at which value a channel is cut off; only the first place counts.
     fn cut_at(&mut self, name: &str, block: usize, blocks: &[Range<usize>], value: f64) {
         let channel = if blocks.len() > 1 { format!("{name} of stretch {}", block + 1) } else { name.to_owned() };
         self.clipped_at.get_or_insert((channel, value));
     }
 
-    /// Marks a row that nothing is known of yet; whether it did.
+    /// Marks a row that has no fault yet. Returns whether it did.
     fn mark(&mut self, row: usize, fault: RowFault) -> bool {
         let Some(place @ None) = self.faults.get_mut(row) else { return false };
         *place = Some(fault);

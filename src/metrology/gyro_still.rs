@@ -1,10 +1,10 @@
 //! Bias and g-sensitivity of a gyroscope triad from still positions: `w_out = b + G f` after the earth's rotation is
-//! taken out.
+//! subtracted.
 //!
-//! At rest `f = g u` with u up, and the vertical part of the earth's rotation is parallel to u: left in, it would be
-//! taken for g-sensitivity (0.86 deg/h per m/s^2 at 34 degrees). It needs the latitude only and is removed. The
-//! horizontal part needs the heading of each position; where that is not known nothing is corrected and its bound is
-//! given as a type-B contribution.
+//! At rest `f = g u` with u up, and the vertical part of the earth's rotation is parallel to u. Without a correction
+//! the fit would take it for g-sensitivity (0.86 deg/h per m/s^2 at 34 degrees). The correction needs the latitude
+//! only. The horizontal part needs the heading of each position. Where that is not known, nothing is corrected, and the
+//! bound of the part is given as a type-B contribution.
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
@@ -16,10 +16,10 @@ use crate::{
     stats,
 };
 
-/// What the parameters mean.
+/// The equation of the parameters.
 pub const EQUATION: &str = "w_out = w + bias + g_sensitivity f, bias measured less true; rad/s and m/s^2";
 
-/// What was found.
+/// The result of `calibrate`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillGyro {
     /// Bias b, measured less true, rad/s: mean output without rotation and without specific force.
@@ -30,11 +30,12 @@ pub struct StillGyro {
     pub bias_sd_rps: Vector3<f64>,
     /// Standard uncertainty of `g_sensitivity` (type A).
     pub g_sensitivity_sd: Matrix3<f64>,
-    /// Covariance of one sensor's row of `g_sensitivity` and its bias (type A); alike for all, which are independent.
+    /// Covariance of one sensor's row of `g_sensitivity` and its bias (type A); the same for all sensors, which are
+    /// independent.
     pub covariance: Matrix4<f64>,
     /// Largest error of each bias from the horizontal earth rate where headings are unknown, rad/s; 0 where known.
     pub bias_heading_bound_rps: f64,
-    /// The same for each element of `g_sensitivity`.
+    /// Largest such error of each element of `g_sensitivity`.
     pub g_sensitivity_heading_bound: f64,
     /// Residual of each position, rad/s.
     pub residuals_rps: Vec<Vector3<f64>>,
@@ -64,8 +65,8 @@ impl StillGyro {
 /// unit vector to true north in the axes of the fixture, where the headings are known.
 ///
 /// # Errors
-/// As [`crate::six_position::calibrate`]; [`Refusal::Constant`] for a sensor that shows one value in all positions: it is
-/// dead, and its bias would have no uncertainty; [`Refusal::Lengths`] when `north` does not fit the positions.
+/// As [`crate::six_position::calibrate`]; [`Refusal::Constant`] for a dead sensor, which shows one value in all
+/// positions, so that its bias would have no uncertainty; [`Refusal::Lengths`] when `north` does not fit the positions.
 pub fn calibrate(
     positions: &[Position],
     gravity_mps2: f64,
@@ -99,7 +100,8 @@ pub fn calibrate(
     let covariance: Matrix4<f64> = fit.cofactor.fixed_view::<4, 4>(0, 0) * (squares / dof as f64) + of_steps;
     let sd = |k: usize| covariance[(k, k)].sqrt();
     // Worst case: every position contributes the full horizontal rate with the worst sign. For a parameter
-    // `a = sum w_r y_r` that is the 1-norm of w, bounded by sqrt(n) of its 2-norm, which is the cofactor.
+    // `a = sum w_r y_r` the worst case is the 1-norm of w. Its bound is sqrt(n) times the 2-norm of w, and the cofactor
+    // gives the 2-norm.
     let bound = |k: usize| {
         if north.is_some() { 0.0 } else { horizontal * (n as f64 * fit.cofactor[(k, k)]).sqrt() }
     };

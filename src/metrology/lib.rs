@@ -1,13 +1,14 @@
 //! Calibration, ellipse correction, Allan variance, spectra, statistics and uncertainty: the mathematics of the
-//! station, usable by itself. Slices in, a result or a typed [`Refusal`] out; no files, no clock, no screen.
+//! station, usable by itself. A function takes slices and returns a result or a typed [`Refusal`]; it uses no files, no
+//! clock and no screen.
 //!
 //! # Conventions
 //! - `N` is the raw output of a triad (LSB, or whatever unit the record has), `f` the specific force in m/s^2 with +g on
 //!   the axis that points up at rest, `w` the angular rate relative to inertial space in rad/s, right-handed.
 //! - Measurement: `N = M f + b`, `N = S w + b + G f`. Compensation: `f = Ka N + nabla`, `w = Kg N - epsilon`, so
 //!   `Ka = M^-1`, `nabla = -Ka b`, `Kg = S^-1`, `epsilon = Kg b`.
-//! - A *bias* is measured less true, in LSB (`b`) as in m/s^2 (`Ka b = -nabla`) and rad/s (`Kg b = epsilon`). The constants
-//!   that a compensation adds or takes off keep the names nabla and epsilon.
+//! - A *bias* is measured less true, in LSB (`b`) as in m/s^2 (`Ka b = -nabla`) and rad/s (`Kg b = epsilon`). The
+//!   constants that a compensation adds or subtracts keep the names nabla and epsilon.
 //! - Rows of a matrix are sensors, columns are axes of the fixture.
 //! - A `sd` is a standard uncertainty; with the degrees of freedom beside it, [`stats::coverage_factor`] gives the
 //!   factor of a 95 % interval.

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
 
 use crate::Refusal;
 
-/// Above this condition number of the scaled design the parameters are not determined by any bench's data.
+/// Largest condition number of the scaled design. Above it no bench's data determine the parameters.
 pub(crate) const CONDITION_LIMIT: f64 = 1e4;
 
 /// Solution of `design * x = data` for each column of the data.
@@ -15,7 +15,7 @@ pub(crate) struct LeastSquares {
     pub(crate) residuals: DMatrix<f64>,
     /// `(design' design)^-1`: times the noise variance, the covariance of a column of the solution.
     pub(crate) cofactor: DMatrix<f64>,
-    /// How far each parameter goes where every row of the data is off by 1, with the signs that move it most.
+    /// Largest error of each parameter where every row of the data is off by 1, with the signs that give most.
     pub(crate) reach: DVector<f64>,
     /// Condition number of the design with columns scaled to unit length.
     pub(crate) condition: f64,
@@ -70,7 +70,7 @@ pub(crate) fn inverse_covariance(
     covariance: &[Matrix4<f64>; 3],
 ) -> TriadCovariance {
     let column = |j: usize| if j < 3 { inverse.column(j).push(0.0) } else { *bias };
-    // Parameter p as row i and column j of [K v].
+    // Parameter p is row i and column j of [K v].
     let place = |p: usize| if p < 9 { (p / 3, p % 3) } else { (p - 9, 3) };
     SMatrix::from_fn(|p, q| {
         let ((i, j), (k, l)) = (place(p), place(q));

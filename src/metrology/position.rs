@@ -9,11 +9,11 @@ use crate::{AXES, Refusal, quantisation, series, stats};
 /// The six labels: the axis that points up at rest.
 pub const LABELS: [&str; 6] = ["x+", "x-", "y+", "y-", "z+", "z-"];
 
-/// Fewer rows than this have no block means worth testing for motion.
+/// A position with fewer rows than this has no block means that are worth a test for motion.
 const MOTION_ROWS: usize = 64;
 const MOTION_BLOCKS: usize = 8;
-/// Shorter means in each of these blocks, whose scatter says what noise explains of that of the blocks: behind a low-pass it is
-/// more than neighbouring rows say.
+/// Shorter means in each of these blocks. Their scatter shows how much of the scatter of the blocks is noise: behind a
+/// low-pass this is more than neighbouring rows show.
 const MEANS_OF_BLOCK: usize = 4;
 
 /// A position with fewer rows than this part of the median position is refused as too short.
@@ -45,22 +45,23 @@ impl Position {
     }
 }
 
-/// What counts as still.
+/// Limits on motion and saturation of a still position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Block means of a position may spread by this part of a channel's response (half the range of its position
-    /// means). 0.002 is 2 mrad of pose for an accelerometer; 0 where the response is no yardstick (gyroscopes).
+    /// means). 0.002 is 2 mrad of pose for an accelerometer; 0 where the response gives no measure (gyroscopes).
     pub motion: f64,
-    /// ... and by this many standard errors that the noise of the record explains.
+    /// ... and by this many standard errors of the record's own noise.
     pub noise_factor: f64,
     /// Output at which a channel is saturated, if known.
     pub saturation: Option<f64>,
 }
 
 impl Limits {
-    /// For accelerometers: 2 mrad.
+    /// Limits for accelerometers: 2 mrad.
     pub const ACCELEROMETER: Self = Self { motion: 2e-3, noise_factor: 6.0, saturation: None };
-    /// For gyroscopes, whose bias wanders by more than white noise explains, and whose motion gives far more.
+    /// Limits for gyroscopes. The bias of a gyroscope wanders by more than white noise explains; a motion gives much
+    /// more.
     pub const GYROSCOPE: Self = Self { motion: 0.0, noise_factor: 20.0, saturation: None };
 }
 
@@ -76,7 +77,7 @@ pub fn up_of(label: &str) -> Option<Vector3<f64>> {
 /// Blocks of equal neighbours.
 ///
 /// # Errors
-/// [`Refusal::SplitLabel`] when a label comes again after another one.
+/// [`Refusal::SplitLabel`] when a label comes again after a different one.
 pub fn blocks<L: AsRef<str>>(labels: &[L]) -> Result<Vec<Range<usize>>, Refusal> {
     let blocks = series::stretches(labels.len(), |a, b| labels[a].as_ref() == labels[b].as_ref());
     for (i, block) in blocks.iter().enumerate() {
@@ -114,8 +115,8 @@ pub fn from_labels<L: AsRef<str>>(
     average(&named.collect::<Vec<_>>(), labels.len(), channels, limits)
 }
 
-/// Averages rows with an up direction each; rows with the same direction that follow each other are one position. An
-/// attitude that comes again later is a position of its own.
+/// Averages rows that each have an up direction; rows with the same direction that follow each other are one position.
+/// An attitude that comes again later is a position of its own.
 ///
 /// # Errors
 /// As [`from_labels`]; [`Refusal::NotUnit`] for a direction whose length is not 1 within 0.001.
@@ -179,7 +180,7 @@ fn average(
     Ok(positions)
 }
 
-/// One channel: alive in every position, and its block means do not wander.
+/// Checks one channel: it is alive in every position, and its block means do not wander.
 fn stillness(
     axis: usize,
     values: &[f64],
@@ -209,14 +210,14 @@ fn stillness(
     Ok(())
 }
 
-/// The noise of a channel as its means show it, from all positions: a position that moves does not enter it.
+/// The noise of a channel from its means, over all positions. A position that moves does not affect it.
 pub(crate) fn noise_of_means<'a>(positions: impl Iterator<Item = &'a [f64]>) -> f64 {
     let long = positions.filter(|values| values.len() >= MOTION_ROWS);
     stats::sd_of_means(&long.map(|values| (values, values.len() / MOTION_BLOCKS / MEANS_OF_BLOCK)).collect::<Vec<_>>())
 }
 
-/// Spread of the block means of one position, what noise explains, and the limit, where that is exceeded. The noise is that of
-/// its rows or, where that is more, that of the means of its channel.
+/// Spread of the block means of one position, the noise's part of it, and the limit; only where the spread exceeds the
+/// limit. The noise is that of the rows or, where that is larger, that of the means of the channel.
 pub(crate) fn wander(values: &[f64], response: f64, noise_of_means: f64, limits: &Limits) -> Option<(f64, f64, f64)> {
     if values.len() < MOTION_ROWS {
         return None;
@@ -226,6 +227,6 @@ pub(crate) fn wander(values: &[f64], response: f64, noise_of_means: f64, limits:
     let sd = stats::white_sd(values).max(noise_of_means);
     let noise = limits.noise_factor * sd * (MOTION_BLOCKS as f64 / values.len() as f64).sqrt();
     let limit = noise.max(limits.motion * response);
-    // The smallest double of the record's size: a noiseless record is still.
+    // The second limit is the rounding error of the record's size: a noiseless record is still.
     (spread > limit.max(1e-12 * means[0].abs())).then_some((spread, noise, limit))
 }

@@ -75,7 +75,7 @@ pub struct RobustSpectrum {
     pub step_hz: f64,
     /// One-sided density, unit squared per Hz.
     pub density: Vec<f64>,
-    /// Relative standard deviation of one of them.
+    /// Relative standard deviation of one density.
     pub relative_sd: f64,
 }
 
@@ -84,28 +84,28 @@ pub struct RobustSpectrum {
 pub struct Plateau {
     /// Density, unit squared per Hz: `2 N^2`.
     pub density: f64,
-    /// Its relative standard deviation.
+    /// Relative standard deviation of the density.
     pub relative_sd: f64,
     /// Where the level part begins, Hz.
     pub from_hz: f64,
-    /// Where it ends, Hz.
+    /// Where the level part ends, Hz.
     pub to_hz: f64,
 }
 
-/// Segments of a spectrum at most, spread over the record: more would cost more time than the deviations.
+/// Most segments of a spectrum, spread over the record. More would cost more time than the deviations.
 const SEGMENTS: usize = 64;
 const SHORTEST: usize = 32;
 const LONGEST: usize = 2048;
 
-/// Lines below this bin of a spectrum cannot be told from a wandering bias.
+/// Lines below this bin of a spectrum look like a wandering bias.
 const LOWEST_LINE: usize = 8;
 /// A line stands out this many times over its neighbours ...
 const STANDS_OUT: f64 = 3.0;
-/// ... and so many standard deviations.
+/// ... and by this many standard deviations.
 const OVER_SCATTER: f64 = 8.0;
 
 impl RobustSpectrum {
-    /// Of a record; `None` below 16 segments of 32 samples.
+    /// The spectrum of a record; `None` below 16 segments of 32 samples.
     #[must_use]
     pub fn of(values: &[f64], rate_hz: f64) -> Option<Self> {
         let segment = (values.len() / 16).checked_ilog2().map(|bits| 1_usize << bits)?.min(LONGEST);
@@ -127,7 +127,7 @@ impl RobustSpectrum {
             transform.process_with_scratch(&mut input, &mut output, &mut scratch).ok()?;
             ordinates.iter_mut().zip(&output).for_each(|(o, c)| o.push(c.norm_sqr()));
         }
-        // An ordinate is exponentially distributed; this is the mean of its median over so many segments.
+        // An ordinate is exponentially distributed; this is the mean of its median over `count` segments.
         let order = |r: usize| (count - r + 1..=count).map(|j| 1.0 / j as f64).sum::<f64>();
         let median = f64::midpoint(order(count / 2 + count % 2), order(count / 2 + 1));
         let scale = 2.0 / (rate_hz * power * median);
@@ -136,20 +136,20 @@ impl RobustSpectrum {
         Some(Self { step_hz: rate_hz / segment as f64, density, relative_sd })
     }
 
-    /// Of a Welch spectrum, nine of ten of whose segments count (overlap of 50 % under a Hann window).
+    /// The same form of a Welch spectrum, where nine of ten segments count (overlap of 50 % under a Hann window).
     #[must_use]
     pub fn of_welch(psd: &SpectralDensity) -> Self {
         let step_hz = psd.frequency_hz.get(1).copied().unwrap_or(f64::NAN);
         Self { step_hz, density: psd.density.clone(), relative_sd: (0.9 * psd.segments as f64).powf(-0.5) }
     }
 
-    /// Bin of the strongest line: what stands out over the median of its neighbours.
+    /// Bin of the strongest line. A line stands out over the median of its neighbours.
     pub(crate) fn line(&self) -> Option<usize> {
         let lines = (0..self.density.len()).filter(|k| self.beside(*k).is_some());
         lines.max_by(|a, b| self.density[*a].total_cmp(&self.density[*b]))
     }
 
-    /// The same with the median of the neighbours in place of each line.
+    /// The same spectrum with the median of the neighbours in place of each line.
     #[must_use]
     pub fn without_lines(&self) -> Self {
         let mut density = self.density.clone();
@@ -173,8 +173,8 @@ impl RobustSpectrum {
     }
 
     /// Level of the level part: the widest part, by the ratio of its ends, that follows `level + bend f^2` within its
-    /// scatter (chi-square with p >= 0.2), without its upper octave. A low-pass of any order begins with `f^2`; what
-    /// comes after it is sixteen times smaller an octave below, where the scatter just hides it. `None` where no part spans
+    /// scatter (chi-square with p >= 0.2), without its upper octave. A low-pass of any order begins with `f^2`. Its
+    /// next term is sixteen times smaller an octave below, where the scatter just hides it. `None` where no part spans
     /// two octaves.
     #[must_use]
     pub fn plateau(&self) -> Option<Plateau> {
@@ -182,9 +182,9 @@ impl RobustSpectrum {
         self.plateau_of(&part, self.level(&part)?)
     }
 
-    /// The same with a term `rise / f` in the fit, `rise >= 0`. A flicker too weak to show in the level part still raises its
-    /// level by more than its scatter. This fit's standard deviation is larger, in a level part of 128 bins by a third and of
-    /// 32 bins twofold, and a spike moves its level more.
+    /// The same plateau with a term `rise / f` in the fit, `rise >= 0`. A flicker too weak to show in the level part
+    /// still raises its level by more than its scatter. This fit has a larger standard deviation: a third larger in a
+    /// level part of 128 bins, and twice as large in one of 32 bins. A spike moves its level more.
     #[must_use]
     pub fn plateau_above_flicker(&self) -> Option<Plateau> {
         let part = self.level_part()?;
@@ -274,7 +274,8 @@ impl RobustSpectrum {
         Some(clear)
     }
 
-    /// Quarters of an octave. The two lowest bins hold what is left of the mean, the last one has no mirror image.
+    /// Groups of bins, a quarter of an octave each. The two lowest bins hold the rest of the mean, and the last bin has
+    /// no mirror image.
     fn groups(&self) -> Vec<Group> {
         let last = self.density.len() - 1;
         let mut groups = Vec::new();
@@ -295,8 +296,8 @@ impl RobustSpectrum {
         groups
     }
 
-    /// Relative standard deviation of the mean of neighbouring bins, which a Hann window makes depend on each other
-    /// (4/9 with the next one, 1/36 with the one after).
+    /// Relative standard deviation of the mean of neighbouring bins. A Hann window correlates them (4/9 with the next
+    /// one, 1/36 with the one after).
     fn sd_of(&self, bins: usize) -> f64 {
         let n = bins as f64;
         let common = 1.0 + 2.0 * ((n - 1.0) * 4.0 / 9.0 + (n - 2.0).max(0.0) / 36.0) / n;
@@ -304,16 +305,16 @@ impl RobustSpectrum {
     }
 }
 
-/// A part is level from this probability of chi-square on. More than usual, since a beginning slope bends the level before
-/// it can be proved.
+/// A part is level from this probability of chi-square on. It is larger than usual, since the beginning of a slope
+/// bends the level before a test can prove it.
 const LEVEL: f64 = 0.2;
 /// Ratio of the ends of the narrowest part that counts as level.
 const NARROWEST: f64 = 4.0;
-/// Groups of a level part at least: one more than the terms of the widest fit, so that none passes through all of them. Where
-/// the part without its upper octave has fewer, the whole part counts.
+/// Least number of groups of a level part: one more than the terms of the widest fit, so that no fit passes through all
+/// of them. Where the part without its upper octave has fewer, the whole part counts.
 const FEWEST_GROUPS: usize = 4;
 
-/// Neighbouring bins.
+/// A group of neighbouring bins.
 #[derive(Debug, Clone, Copy)]
 struct Group {
     first: usize,
@@ -332,7 +333,7 @@ impl Group {
     }
 }
 
-/// Density at low frequencies.
+/// The level that a fit gives at low frequencies.
 #[derive(Clone, Copy)]
 struct Level {
     density: f64,
@@ -368,7 +369,8 @@ mod tests {
     }
 
     /// A sine of amplitude A on a frequency of the transform reads `A^2 / 2` over the equivalent noise bandwidth of the
-    /// window, 1.5 bins, there, a quarter of it on both sides and nothing elsewhere; its power is `A^2 / 2`.
+    /// window (1.5 bins) at that frequency, a quarter of it on both sides and nothing elsewhere; its power is
+    /// `A^2 / 2`.
     #[test]
     fn a_sine_on_a_bin() {
         let (amplitude, rate_hz, segment, bin) = (3.0, 200.0, 256, 19);
@@ -388,15 +390,17 @@ mod tests {
         assert!((power / (amplitude * amplitude / 2.0) - 1.0).abs() < 1e-7, "{power}");
     }
 
-    /// White noise of Allan coefficient N reads 2 N^2: samples of deviation s at a rate have `N = s / sqrt(rate)`.
+    /// White noise of Allan coefficient N has the density 2 N^2: samples of deviation s at a rate have
+    /// `N = s / sqrt(rate)`.
     #[test]
     fn white_noise() {
         let (rate_hz, sd) = (100.0, 0.7);
         let values: Vec<f64> = white(400_000, 5).iter().map(|v| sd * v - 40.0).collect();
         let psd = welch(&values, rate_hz, 512).unwrap();
         let level = 2.0 * sd * sd / rate_hz;
-        // Without the first bins, which the removed mean bends, and the last, which has no mirror image. Each is a mean
-        // over 1561 segments that overlap: 2.7 % of scatter; of all of them 0.22 % (as the variance of the samples).
+        // Without the first bins, which the removed mean bends, and the last, which has no mirror image. Each bin is a
+        // mean over 1561 segments that overlap: it scatters by 2.7 %, and the mean of all bins by 0.22 % (as the
+        // variance of the samples).
         let inner = &psd.density[2..256];
         let mean = stats::mean(inner);
         assert!((mean / level - 1.0).abs() < 4.0 * 0.0022, "{mean} {level}");
@@ -404,7 +408,8 @@ mod tests {
         assert!((psd.density[256] / level - 0.5).abs() < 0.1, "half the rate has one side");
     }
 
-    /// Parseval for one segment: the integral of the density is the power of the windowed samples over the window's.
+    /// Parseval for one segment: the integral of the density is the power of the windowed samples over the power of the
+    /// window.
     #[test]
     fn power_is_kept() {
         for segment in [8, 9, 500, 1021] {
@@ -422,9 +427,9 @@ mod tests {
         }
     }
 
-    /// White noise behind a first-order low-pass at a tenth of the rate, with a line: the level at low frequencies comes back
-    /// with an interval that holds it; a spike of 3000 standard deviations, which makes N 20 times as large in any mean,
-    /// raises the median a little.
+    /// White noise behind a first-order low-pass at a tenth of the rate, with a line. The plateau gives the level at
+    /// low frequencies, with an interval that holds it. A spike of 3000 standard deviations, which makes N 20 times as
+    /// large in any mean, raises the median only a little.
     #[test]
     fn the_plateau_lies_below_the_low_pass() {
         let (rate_hz, a) = (100.0, (-std::f64::consts::TAU * 0.1_f64).exp());
@@ -452,27 +457,27 @@ mod tests {
         assert!((111..=162).contains(&covered), "{covered}");
     }
 
-    /// Without its upper octave a level part from bin 2 to 8 or 10 has two or three groups, through which a line with a bend
-    /// goes whatever they scatter: the whole part counts. From 12 on the octave is left out.
+    /// Without its upper octave a level part from bin 2 to 8 or 10 has two or three groups. A line with a bend goes
+    /// through these, however they scatter, so the whole part counts. From bin 12 on the octave is left out.
     #[test]
     fn a_plateau_has_more_groups_than_terms() {
         for (end, to_hz) in [(8, 7.0), (10, 9.0), (12, 5.0)] {
-            // What follows is level nowhere.
+            // The bins behind it are not level anywhere.
             let density = (0..33).map(|k| if k < end { 3.0 } else { [100.0, 3000.0][k / 2 % 2] }).collect();
             let spectrum = RobustSpectrum { step_hz: 1.0, density, relative_sd: 0.1 };
             let plateau = spectrum.plateau().unwrap();
             assert_eq!((plateau.from_hz, plateau.to_hz), (2.0, to_hz), "{end}");
             assert!((plateau.density / 3.0 - 1.0).abs() < 1e-12, "{end}");
             if end == 8 {
-                // Six bins at squares of 4, 9, 16, 25, 36 and 49: least squares of a line know its beginning with a variance
-                // of 4675 / (6 * 4675 - 139^2). Bins 2 and 3 alone would know it with 97 / 25.
+                // Six bins at squares of 4, 9, 16, 25, 36 and 49: least squares of a line give its beginning with a
+                // variance of 4675 / (6 * 4675 - 139^2). Bins 2 and 3 alone would give it with 97 / 25.
                 assert!((plateau.relative_sd - 0.1 * (4675.0_f64 / 8729.0).sqrt()).abs() < 1e-12);
             }
         }
     }
 
-    /// White noise of a level of 3 beside flicker: the level comes back as it is, where the fit without a rise takes the
-    /// mean of the flicker for white noise. Where the density falls towards low frequencies there is no rise.
+    /// White noise of a level of 3 beside flicker: this fit gives the true level. The fit without a rise takes the mean
+    /// of the flicker for white noise. Where the density falls towards low frequencies there is no rise.
     #[test]
     fn the_plateau_above_a_flicker_is_the_white_level() {
         let with = |rise: f64, len: usize| {
@@ -480,13 +485,13 @@ mod tests {
             RobustSpectrum { step_hz: 0.5, density, relative_sd: 0.1 }
         };
         for rise in [0.05, 0.2, 0.4] {
-            // And how much larger the standard deviation is without flicker, from the matrices of both fits in numpy.
+            // The ratio of both fits' standard deviations without flicker, from their matrices in numpy.
             for (len, wider) in [(17, 4.06), (65, 1.90), (257, 1.31)] {
                 let spectrum = with(rise, len);
                 let (level, clear) = (spectrum.plateau().unwrap(), spectrum.plateau_above_flicker().unwrap());
                 assert_eq!((clear.from_hz, clear.to_hz), (level.from_hz, level.to_hz));
                 assert!((clear.density / 3.0 - 1.0).abs() < 1e-9, "{rise} {len}: {clear:?}");
-                // Every bin of the part holds more flicker than its last one.
+                // Every bin of the part holds more flicker than the last bin.
                 let last = 1.0 + rise * spectrum.step_hz / level.to_hz;
                 assert!(level.density > 3.0 * last, "{rise} {len}: {level:?}");
                 let ratio = clear.relative_sd / level.relative_sd;

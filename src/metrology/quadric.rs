@@ -2,14 +2,14 @@
 //! distances, with outliers rejected.
 //!
 //! - Start: least squares of the quadric whose form has unit Frobenius norm (Bookstein 1979). This norm does not depend
-//!   on the axes and is never zero, and it forces no shape on the data: a hyperbola shows itself as a form that is not
-//!   positive, where a fit that can only give ellipses would make one of anything.
-//! - Fit: Gauss-Newton on the signed distances to the surface (noise alike in all channels). A noisy point lies on
-//!   average `sigma^2 * (sum of curvatures) / 2` outside; this is taken off, so that radii are not biased.
+//!   on the axes and is never zero, and it does not force a shape on the data: a hyperbola gives a form that is not
+//!   positive. A fit that can only give ellipses would turn any data into an ellipse.
+//! - Fit: Gauss-Newton on the signed distances to the surface (the same noise in all channels). A noisy point lies on
+//!   average `sigma^2 * (sum of curvatures) / 2` outside; the fit subtracts this, so that radii are not biased.
 //! - Outliers: Tukey's weights on a sample of the points until the scale has settled, then all points within
-//!   [`REJECT_SIGMA`], alike: nothing of the efficiency is lost.
+//!   [`REJECT_SIGMA`] with equal weights, so that the fit keeps its full efficiency.
 //!
-//! All in coordinates centred and scaled by the record itself.
+//! All computations use coordinates that are centred and scaled by the record itself.
 
 mod algebraic;
 mod block;
@@ -27,17 +27,18 @@ pub(crate) const REJECT_SIGMA: f64 = 5.0;
 /// Points that settle the scale (to 2 %) and the first iterations.
 const SAMPLE: usize = 4096;
 const ITERATIONS: usize = 50;
-/// Standard deviation of the noise over the smallest semi-axis: beyond it distances from a surface mean nothing.
+/// Largest standard deviation of the noise over the smallest semi-axis. Beyond it distances from a surface mean
+/// nothing.
 pub(crate) const NOISE_LIMIT: f64 = 0.25;
 
-/// Root mean square distance from the surface over its radius, and movement of the centre over the radius, that are
-/// taken for noise unless the caller says otherwise: a good magnetometer shows a part of a percent.
+/// Root mean square distance from the surface over its radius, and movement of the centre over the radius, up to which
+/// they count as noise unless the caller says otherwise. A good magnetometer shows a part of a percent.
 pub(crate) const RESIDUAL_LIMIT: f64 = 0.05;
 
 /// Columns of a record, one for each dimension.
 pub(crate) type Columns<'a, const D: usize> = [&'a [f64]; D];
 
-/// `(p - centre)' form (p - centre) = 1`.
+/// The surface `(p - centre)' form (p - centre) = 1`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Surface<const D: usize> {
     pub(crate) centre: SVector<f64, D>,
@@ -62,12 +63,12 @@ pub(crate) struct QuadricFit<const D: usize, const P: usize> {
     pub(crate) used: usize,
 }
 
-/// What becomes of points that lie far from the surface.
+/// Treatment of points that lie far from the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Far {
-    /// They are rejected: each point has an error of its own.
+    /// They are rejected, since each point has an error of its own.
     Rejected,
-    /// They count as all others do, in a plain least-squares fit: the caller knows which of them share an error.
+    /// They count like all others, in a plain least-squares fit: the caller knows which points share an error.
     Kept,
 }
 
@@ -113,7 +114,7 @@ pub(crate) fn fit<const D: usize, const P: usize>(
     noise(&state, state.scale(&few, &frame))?;
     let diverged = |step| Refusal::Diverged { what: shapes.0, step, iterations: ITERATIONS };
 
-    // On the sample, robustly, until the step is small against its own uncertainty.
+    // First the fit runs on the sample, robustly, until the step is small against its own uncertainty.
     let mut step = f64::INFINITY;
     if far == Far::Rejected {
         for _ in 0..ITERATIONS {
@@ -129,7 +130,7 @@ pub(crate) fn fit<const D: usize, const P: usize>(
         }
     }
 
-    // On all points.
+    // Then it runs on all points.
     let sigma = state.scale(&few, &frame).max(1e-12);
     noise(&state, sigma)?;
     let weight = match far {
@@ -147,7 +148,7 @@ pub(crate) fn fit<const D: usize, const P: usize>(
         let now = (sums.squares / (used - P as f64)).sqrt().max(1e-15);
         step = state.update(&sums, now).map_err(|()| diverged(step))?;
         iterations += 1;
-        // What Gauss-Newton leaves is the square of the step, times the curvature over one standard deviation.
+        // Gauss-Newton leaves an error of the square of the step, times the curvature over one standard deviation.
         let left = step * step * now / used.sqrt();
         if left < 0.01 && step < 20.0 {
             break;
@@ -166,7 +167,7 @@ pub(crate) fn algebraic<const D: usize>(points: &Columns<D>) -> Result<Surface<D
     Ok(surface.unscaled(&frame))
 }
 
-/// Indices spread over the record with a jitter, so that they do not keep step with its turns.
+/// Indices spread over the record with a jitter, so that they do not run in step with its turns.
 fn sample(n: usize) -> Vec<usize> {
     if n <= SAMPLE {
         return (0..n).collect();

@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-/// An input from which no trustworthy figure can be computed. Each variant carries the numbers that decided; the text
-/// says what failed, [`Refusal::hint`] what one can try.
+/// An input that gives no trustworthy figure. Each variant carries the numbers that decided. The text says what failed;
+/// [`Refusal::hint`] says what one can try.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Refusal {
@@ -22,9 +22,9 @@ pub enum Refusal {
     Parameter {
         /// Name of the parameter, with its unit.
         name: &'static str,
-        /// What was given.
+        /// The value that was given.
         value: f64,
-        /// What would be accepted.
+        /// The values that are accepted.
         expected: &'static str,
     },
     /// Channels of one record differ in length.
@@ -45,24 +45,24 @@ pub enum Refusal {
         /// Samples needed.
         needed: usize,
     },
-    /// All samples are alike, so that nothing can be said about noise.
+    /// All samples are alike, so that they show no noise.
     #[error("{channel}: all {samples} samples are {value}")]
     Constant {
         /// Channel.
         channel: String,
         /// Number of samples.
         samples: usize,
-        /// The one value.
+        /// The value of all samples.
         value: f64,
     },
     /// Repeated figures are all alike, so that their spread is below their last digit.
     #[error("all {count} {what} are {value}")]
     Alike {
-        /// What they are, in the plural.
+        /// What the figures are, in the plural.
         what: &'static str,
-        /// How many.
+        /// How many figures there are.
         count: usize,
-        /// The one value.
+        /// The value of all figures.
         value: f64,
     },
     /// A scale factor needs more different inputs.
@@ -72,7 +72,7 @@ pub enum Refusal {
         place: String,
         /// Different rates in the record.
         got: usize,
-        /// What is needed.
+        /// Different rates that are needed.
         needed: usize,
     },
     /// A point lies far off the line through all points.
@@ -111,12 +111,12 @@ pub enum Refusal {
         /// First row of the second block, from 1.
         again: usize,
     },
-    /// An up direction is no unit vector.
+    /// An up direction is not a unit vector.
     #[error("up direction in row {row} has length {length:.6}, expected 1")]
     NotUnit {
         /// Row of the record, from 1.
         row: usize,
-        /// Its length.
+        /// Length of the direction.
         length: f64,
     },
     /// The mean of a still position wanders more than its noise allows.
@@ -140,7 +140,7 @@ pub enum Refusal {
     Short {
         /// Label or number of the position.
         position: String,
-        /// Its rows.
+        /// Rows of the position.
         rows: usize,
         /// Rows of the median position.
         median: usize,
@@ -150,7 +150,7 @@ pub enum Refusal {
     Stuck {
         /// Channel.
         channel: String,
-        /// Where in the record.
+        /// Place in the record.
         place: String,
         /// The value.
         value: f64,
@@ -162,12 +162,12 @@ pub enum Refusal {
     Saturated {
         /// Channel.
         channel: String,
-        /// The value at which it is cut.
+        /// The value at which it is cut off.
         value: f64,
         /// How many samples show it.
         samples: usize,
     },
-    /// A channel is cut at one value while it is noisy.
+    /// A channel is cut off at one value while it is noisy.
     #[error(
         "{channel} is cut at {value}: {samples} of {total} rows ({:.2} %) show it, first in row {first_row}",
         share(*samples, *total)
@@ -175,7 +175,7 @@ pub enum Refusal {
     Clipped {
         /// Channel, and where in the record.
         channel: String,
-        /// The value at which it is cut.
+        /// The value at which it is cut off.
         value: f64,
         /// How many rows show it.
         samples: usize,
@@ -184,7 +184,7 @@ pub enum Refusal {
         /// First row that shows it, from 1.
         first_row: usize,
     },
-    /// More rows are no measurements than can be left out.
+    /// More rows are bad than the method can leave out.
     #[error(
         "{what}: {samples} of {total} rows ({:.2} %), first in row {first_row}; at most {limit_percent} % can be left out",
         share(*samples, *total)
@@ -192,11 +192,11 @@ pub enum Refusal {
     BadRows {
         /// `failed reads` or `spikes`.
         what: &'static str,
-        /// How many rows.
+        /// How many rows are bad.
         samples: usize,
         /// Rows of the record.
         total: usize,
-        /// First of them, from 1.
+        /// First of these rows, from 1.
         first_row: usize,
         /// Limit, percent.
         limit_percent: f64,
@@ -210,7 +210,7 @@ pub enum Refusal {
         channel: String,
         /// First row of the hole, from 1.
         row: usize,
-        /// What the lines through both sides leave open, sum of the outputs.
+        /// Gap that the lines through both sides leave open, sum of the outputs.
         open: f64,
         /// Noise of the sum over the run.
         noise: f64,
@@ -221,13 +221,13 @@ pub enum Refusal {
         share(*samples, *total), updates(*rows_per_update)
     )]
     Stale {
-        /// How many rows.
+        /// How many rows repeat the row before.
         samples: usize,
         /// Rows of the record.
         total: usize,
-        /// First of them, from 1.
+        /// First of these rows, from 1.
         first_row: usize,
-        /// Rows for each new one, where nearly all come at one pace.
+        /// Rows for each new row, where nearly all updates come at one pace.
         rows_per_update: Option<f64>,
     },
     /// Counts of a signed sensor were written without their sign.
@@ -271,7 +271,7 @@ pub enum Refusal {
     PoseResidual {
         /// Label or number of the position.
         position: String,
-        /// Length of its residual, m/s^2.
+        /// Length of the position's residual, m/s^2.
         residual: f64,
         /// Limit, m/s^2.
         limit: f64,
@@ -279,7 +279,7 @@ pub enum Refusal {
     /// The data do not determine the parameters.
     #[error("{what} is not determined by the data: condition number {condition:.3e}, limit {limit:.0e}")]
     IllConditioned {
-        /// What was to be determined.
+        /// The parameters to be determined.
         what: &'static str,
         /// Condition number of the scaled problem.
         condition: f64,
@@ -315,14 +315,14 @@ pub enum Refusal {
     RateMismatch {
         /// Rate of the time column, Hz.
         measured_hz: f64,
-        /// Its standard uncertainty, Hz; three of them are allowed beside the tolerance.
+        /// Standard uncertainty of that rate, Hz; three of them are allowed beside the tolerance.
         u_hz: f64,
         /// Rate that was stated, Hz.
         stated_hz: f64,
         /// Tolerance, relative.
         tolerance: f64,
     },
-    /// The rate of the stamps is another one from some row on.
+    /// The rate of the stamps changes at some row.
     #[error("the rate changes at row {row}: {before_hz:.6} Hz before it, {after_hz:.6} Hz after it")]
     RateChanges {
         /// Row of the record at which it changes, from 1.
@@ -332,7 +332,7 @@ pub enum Refusal {
         /// Rate after, Hz.
         after_hz: f64,
     },
-    /// Stamps whose unit is not named fit the stated rate in none.
+    /// Stamps without a named unit do not fit the stated rate in any unit.
     #[error("steps of {step} in column `{column}` fit {stated_hz} Hz in none of s, ms, us and ns")]
     UnknownTimeUnit {
         /// Name of the column.
@@ -383,9 +383,9 @@ pub enum Refusal {
         run: String,
         /// `before` or `after`.
         side: &'static str,
-        /// Rest found there, s.
+        /// Time at rest found there, s.
         rest_s: f64,
-        /// Rest needed, s.
+        /// Time at rest needed, s.
         needed_s: f64,
     },
     /// Something moved outside the rotation.
@@ -397,14 +397,14 @@ pub enum Refusal {
         run: String,
         /// Channel.
         channel: &'static str,
-        /// When, from the start of the run, s.
+        /// Time of the motion, from the start of the run, s.
         at_s: f64,
         /// Deviation of a block mean from rest.
         deviation: f64,
         /// Limit.
         limit: f64,
     },
-    /// The runs of one axis do not cancel: the angles or senses differ.
+    /// The runs of one axis do not cancel: the angles or directions differ.
     #[error("axis {axis}: rotations forth and back differ by {mismatch:.3e} of their difference, limit {limit:.3e}")]
     Mismatch {
         /// Axis.
@@ -424,7 +424,7 @@ pub enum Refusal {
         /// Integral of the `-` run less its bias.
         back: f64,
     },
-    /// A response outside the band around the nominal one: wrong angle, wrong range or a bad sensor.
+    /// A response lies outside the band around the nominal one: wrong angle, wrong range or a bad sensor.
     #[error("sensor {axis}: response {response:.6e} is outside {nominal:.6e} +- {percent} %")]
     OutOfBand {
         /// Axis.
@@ -459,12 +459,12 @@ pub enum Refusal {
     Coverage {
         /// The measure.
         what: &'static str,
-        /// Its value.
+        /// Value of the measure.
         value: f64,
-        /// What is needed.
+        /// Value that is needed.
         needed: String,
     },
-    /// Noise or distortion too large for the radius.
+    /// Noise or distortion is too large for the radius.
     #[error("residual is {ratio:.3} of the radius, limit {limit}")]
     Noisy {
         /// Residual over radius.
@@ -472,7 +472,7 @@ pub enum Refusal {
         /// Limit.
         limit: f64,
     },
-    /// The points are farther from the fitted curve or surface than a good record's.
+    /// The points are farther from the fitted curve or surface than those of a good record.
     #[error("the points lie {percent:.1} % of the radius off the {shape} (rms), limit {limit_percent} %")]
     Residual {
         /// `ellipse` or `ellipsoid`.
@@ -517,7 +517,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// What the operator can try; apart from what went wrong.
+    /// What the operator can try. The error text says what went wrong.
     #[must_use]
     pub fn hint(&self) -> &'static str {
         match self {
@@ -600,12 +600,12 @@ impl Refusal {
     }
 }
 
-/// Percent of a total.
+/// A part of a total, in percent.
 fn share(samples: usize, total: usize) -> f64 {
     samples as f64 * 100.0 / total.max(1) as f64
 }
 
-/// What rows that repeat the row before mean.
+/// The clause of the text about rows that repeat the row before.
 fn updates(rows_per_update: Option<f64>) -> String {
     match rows_per_update {
         Some(rows) => format!("new rows come at 1/{rows:.3} of the record's rate"),

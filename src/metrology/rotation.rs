@@ -1,83 +1,85 @@
-//! Calibration of a gyroscope triad from rotations by a known angle about each axis, forth and back.
+//! Calibration of a gyroscope triad from rotations by a known angle about each axis, in both directions.
 //!
 //! Data are six integrals per sensor, `I_r = sum(dT N)`, over windows that hold the whole rotation. Model of a sensor:
 //! `I_r = S (theta_r e_j + earth) + b T_r`, solved by least squares. The windows of a pair are equally long, so that the
 //! bias cancels in their difference (0.1 s of difference would be 10 ppm of scale).
 //!
 //! Departures from the print (Cheng et al., *Computer Measurement & Control* 30(7), 2022, section 4.2, equations 3 and
-//! 4): its matrix is indexed the other way round (its k is S transposed), the compensation needs `S^-1`, and its bias
+//! 4): its matrix has the other order of indices (its k is S transposed), the compensation needs `S^-1`, and its bias
 //! `sum of four integrals / (8 pi n)` is not a rate. Here `w = Kg N - epsilon` with `Kg = S^-1` and `epsilon = Kg b`.
 
 use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
 use crate::{AXES, Refusal, TriadCovariance, earth, linear, position, quantisation, series, stats, triad};
 
-/// What the parameters mean.
+/// The equations of the parameters.
 pub const EQUATION: &str = "w = matrix N - epsilon, bias = matrix bias_lsb = epsilon (measured less true); w in rad/s";
 
 /// Rest that a record must hold before and after the rotation, s.
 pub const REST_S: f64 = 0.5;
 /// Margin of a window beyond the rotation found, s: the first and last part of the ramps lie below the threshold.
 const MARGIN_S: f64 = 0.25;
-/// Length of the block means in which the rotation is sought, s.
+/// Length of the block means in which the rotation is searched for, s.
 const BLOCK_S: f64 = 0.05;
 /// A block moves when it deviates from rest by more than this part of the peak rate ...
 const MOVING_FRACTION: f64 = 2e-3;
 /// ... and by this many standard deviations of a block mean.
 const MOVING_SIGMA: f64 = 8.0;
-/// Forth and back must cancel to this part of their difference, beside four standard deviations of noise.
+/// The integrals of both directions must cancel to this part of their difference, beside four standard deviations of
+/// noise.
 const CANCEL_LIMIT: f64 = 1e-4;
 
-/// Means of the rest at either end, whose scatter says what noise explains.
+/// Number of means of the rest at either end. Their scatter shows how much scatter the noise explains.
 const MEANS_OF_REST: usize = 4;
 
-/// How the axis of rotation stands, as far as known.
+/// Direction of the axis of rotation, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RotationAxis {
-    /// Unknown: the earth's rotation stays in the offset.
+    /// Unknown. The earth's rotation stays in the offset.
     Unknown,
-    /// Each axis in turn parallel to the earth's, positive to the celestial north.
+    /// Each axis in turn parallel to the earth's axis, positive to the celestial north.
     Polar,
-    /// Each axis in turn up, at this latitude; headings unknown, but equal at the start of both runs of an axis.
+    /// Each axis in turn up, at this latitude. The headings are unknown, but equal at the start of both runs of an
+    /// axis.
     Vertical {
         /// Geodetic latitude, degrees.
         latitude_deg: f64,
     },
 }
 
-/// How the runs were made and how they are judged.
+/// How the runs were made, and the limits for them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RotationOptions {
     /// Sample rate, Hz.
     pub rate_hz: f64,
     /// Turns of each run.
     pub turns: f64,
-    /// Stand of the axis of rotation.
+    /// Direction of the axis of rotation.
     pub axis: RotationAxis,
     /// Output at which a channel is saturated, if known.
     pub saturation: Option<f64>,
     /// Nominal response in LSB per rad/s and half width of the band around it in percent, if known. Only this can find
-    /// an error of the angle that both senses share.
+    /// an error of the angle that both directions share.
     pub nominal: Option<(f64, f64)>,
 }
 
 /// One run: a record with rest, a rotation and rest.
 #[derive(Debug, Clone)]
 pub struct RotationRun<'a> {
-    /// Label `x+ x- y+ y- z+ z-`: axis and sense.
+    /// Label `x+ x- y+ y- z+ z-`: axis and direction.
     pub label: String,
     /// Output of the triad.
     pub channels: [&'a [f64]; 3],
 }
 
-/// Where the rotation of a run was found.
+/// The place of the rotation in a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RotationWindow {
     /// Label of the run.
     pub label: String,
     /// First sample of the window, from the start of the run.
     pub start: usize,
-    /// One past its last sample.
+    /// One past the last sample of the window.
     pub end: usize,
     /// Peak of the run's own sensor less its rest, LSB (block mean).
     pub peak_lsb: f64,
@@ -85,16 +87,17 @@ pub struct RotationWindow {
     pub integral_lsb_s: Vector3<f64>,
 }
 
-/// What was found. Rows of the matrices are sensors, columns are axes.
+/// The result of `calibrate`. Rows of the matrices are sensors, columns are axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RotationCalibration {
     /// S of `N = S w + b`, LSB per rad/s.
     pub response: Matrix3<f64>,
-    /// b of the same at the attitude of the rotations, LSB: the bias, measured less true, with g-sensitivity in it.
+    /// b of the same equation at the attitude of the rotations, LSB: the bias, measured less true, with g-sensitivity
+    /// in it.
     pub bias_lsb: Vector3<f64>,
     /// Kg of `w = Kg N - epsilon`, rad/s per LSB.
     pub matrix: Matrix3<f64>,
-    /// epsilon of the same, rad/s: what is taken off, equal to the bias.
+    /// epsilon of the same equation, rad/s: the constant that the compensation subtracts, equal to the bias.
     pub epsilon_rps: Vector3<f64>,
     /// Standard uncertainty of `response`.
     pub response_sd: Matrix3<f64>,
@@ -112,8 +115,8 @@ pub struct RotationCalibration {
     pub windows: Vec<RotationWindow>,
     /// `|I+ + I- - T b| / |I+ - I-|` of each axis, b from rest.
     pub mismatch: Vector3<f64>,
-    /// Residuals of the integrals of the three sensors over each window, as angles, rad. All 0 with a vertical axis, where
-    /// every integral goes into a parameter.
+    /// Residuals of the integrals of the three sensors over each window, as angles, rad. All are 0 with a vertical
+    /// axis, where every integral goes into a parameter.
     pub residuals_rad: Vec<Vector3<f64>>,
     /// Root mean square of the residuals, as an angle, rad.
     pub residual_rms_rad: f64,
@@ -124,26 +127,26 @@ pub struct RotationCalibration {
 }
 
 impl RotationCalibration {
-    /// Bias at the attitude of the rotations, measured less true, rad/s: `Kg b = epsilon`.
+    /// Returns the bias at the attitude of the rotations, measured less true, rad/s: `Kg b = epsilon`.
     #[must_use]
     pub fn bias_rps(&self) -> Vector3<f64> {
         self.epsilon_rps
     }
 
-    /// Factor of the 95 % intervals (Student's t).
+    /// Returns the factor of the 95 % intervals (Student's t).
     #[must_use]
     pub fn coverage_factor(&self) -> f64 {
         stats::coverage_factor(0.95, self.dof)
     }
 
-    /// Expanded uncertainties (95 %, type A) of response and bias. Errors of angle and clock that both senses share come
-    /// on top.
+    /// Returns the expanded uncertainties (95 %, type A) of response and bias. They do not include errors of angle and
+    /// clock that both directions share.
     #[must_use]
     pub fn expanded(&self) -> (Matrix3<f64>, Vector3<f64>) {
         (self.response_sd * self.coverage_factor(), self.bias_sd_rps * self.coverage_factor())
     }
 
-    /// Response of sensor i to axis j relative to its own axis, `S_ij / S_ii`, relative to the fixture.
+    /// Returns the response of sensor i to axis j relative to its own axis, `S_ij / S_ii`, relative to the fixture.
     #[must_use]
     pub fn coupling(&self) -> Matrix3<f64> {
         triad::coupling(&self.response)
@@ -155,19 +158,20 @@ impl RotationCalibration {
         triad::nonorthogonality_rad(&self.response)
     }
 
-    /// Rate of an output, rad/s.
+    /// Returns the rate of an output, rad/s.
     #[must_use]
     pub fn compensate(&self, output: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * output - self.epsilon_rps
     }
 }
 
-/// Finds the rotations and calibrates.
+/// Finds the rotations and computes the calibration.
 ///
 /// With a polar or unknown axis the four parameters of a sensor leave two residuals, and the uncertainty comes from
-/// them (pooled as angles, six degrees of freedom). With a vertical axis of unknown heading the horizontal earth rate is
-/// an unknown of every pair of windows across the axis: all data are spent, scale comes from the differences and bias
-/// from the own-axis windows, and the uncertainty comes from the noise at rest. That noise is taken as white.
+/// them (pooled as angles, six degrees of freedom). With a vertical axis of unknown heading the horizontal earth rate
+/// is an unknown of every pair of windows across the axis, so that no residual is left: scale comes from the
+/// differences, bias from the own-axis windows, and the uncertainty from the noise at rest. That noise is taken as
+/// white.
 ///
 /// # Errors
 /// Missing or doubled runs, records that are not finite, cut off, saturated, restless or turned differently; sensors
@@ -268,7 +272,7 @@ pub fn calibrate(runs: &[RotationRun], options: &RotationOptions) -> Result<Rota
     })
 }
 
-/// The covariance of `-epsilon` as that of epsilon.
+/// The covariance of epsilon from that of `-epsilon`.
 fn negated_constant(covariance: TriadCovariance) -> TriadCovariance {
     TriadCovariance::from_fn(|p, q| if (p < 9) == (q < 9) { covariance[(p, q)] } else { -covariance[(p, q)] })
 }
@@ -290,8 +294,8 @@ fn in_order<'a, 'b>(runs: &'b [RotationRun<'a>]) -> Result<Vec<&'b RotationRun<'
     Ok(position::LABELS.iter().filter_map(|l| runs.iter().find(|r| r.label == *l)).collect())
 }
 
-/// Noise of a channel at rest as its means show it, which behind a low-pass is more than neighbouring rows say: from the
-/// beginnings of all runs or their ends, whichever rest more.
+/// Noise of a channel at rest from its means, which behind a low-pass scatter by more than neighbouring rows show. It
+/// comes from the beginnings of all runs or from their ends; the longer rests count.
 fn noise_at_ends(runs: &[&RotationRun], channel: usize, rate_hz: f64) -> f64 {
     let edge = (REST_S * rate_hz).ceil() as usize;
     let rows = (edge / MEANS_OF_REST).max(1);
@@ -303,7 +307,7 @@ fn noise_at_ends(runs: &[&RotationRun], channel: usize, rate_hz: f64) -> f64 {
     heads.min(of(&|values| values.len() - edge.min(values.len())..values.len()))
 }
 
-/// Beginnings and ends of all runs in one channel, which rest.
+/// Rests of one channel: the beginnings and ends of all runs.
 fn rests<'a>(runs: &[&RotationRun<'a>], channel: usize, rate_hz: f64) -> Vec<&'a [f64]> {
     let edge = (REST_S * rate_hz).ceil() as usize;
     let of_run = |values: &'a [f64]| {
@@ -313,7 +317,8 @@ fn rests<'a>(runs: &[&RotationRun<'a>], channel: usize, rate_hz: f64) -> Vec<&'a
     runs.iter().flat_map(|run| of_run(run.channels[channel])).collect()
 }
 
-/// No channel stands still through a run that is noisy at rest in another: its cross-coupling there would read 0.
+/// Checks that no channel stands still through a run while it is noisy at rest in another run. Its cross-coupling in
+/// that run would read 0.
 fn alive(runs: &[&RotationRun], rests: &[Vec<&[f64]>; 3]) -> Result<(), Refusal> {
     for (i, name) in AXES.into_iter().enumerate() {
         let still = |run: &&&RotationRun| run.channels[i].iter().all(|v| *v == run.channels[i][0]);
@@ -335,7 +340,7 @@ struct Found {
 }
 
 impl Found {
-    /// `slow` is the noise of the channel as its means show it.
+    /// Finds the rotation. `slow` is the noise of the channel from its means.
     fn search(run: &RotationRun, axis: usize, slow: f64, rate_hz: f64) -> Result<Self, Refusal> {
         let values = run.channels[axis];
         let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
@@ -348,7 +353,7 @@ impl Found {
         let noise = stats::white_sd(head).min(stats::white_sd(tail)).max(slow) / (block as f64).sqrt();
         let (before, after) = (stats::mean(head), stats::mean(tail));
         let level = f64::midpoint(before, after);
-        // A rest of a block is noisier than the limit takes.
+        // A rest of a single block is noisier than the limit assumes.
         let means: Vec<f64> = values.chunks_exact(block).map(stats::mean).collect();
         let peak = means.iter().map(|m| m - level).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
         let limit = (MOVING_FRACTION * peak.abs()).max(MOVING_SIGMA * noise);
@@ -357,7 +362,7 @@ impl Found {
         }
         let cut = |side, rest_s| Refusal::CutOff { run: run.label.clone(), side, rest_s, needed_s: REST_S };
         if (before - after).abs() > limit {
-            // The side that itself moves is the one cut; of two steady sides the farther from zero.
+            // Where one side moves, that side is the one cut off. Of two steady sides it is the one farther from zero.
             let spread = |part: &[f64]| {
                 let (first, last) = part.split_at(part.len() / 2);
                 (stats::mean(first) - stats::mean(last)).abs()
@@ -391,7 +396,7 @@ impl Found {
     }
 }
 
-/// Of the blocks that move, the run of neighbours (short pauses allowed) with the largest integral.
+/// The run of neighbouring moving blocks (short pauses allowed) with the largest integral.
 fn largest_segment(moving: &[usize], means: &[f64], level: f64) -> (usize, usize) {
     // 0.25 s: a ramp that dips under the threshold does not end a rotation.
     const PAUSE_BLOCKS: usize = 5;
@@ -412,7 +417,7 @@ fn largest_segment(moving: &[usize], means: &[f64], level: f64) -> (usize, usize
     best
 }
 
-/// Windows of equal length within each pair, centred on the rotations and inside the records.
+/// Computes windows of equal length within each pair, centred on the rotations and inside the records.
 fn windows(runs: &[&RotationRun], found: &[Found], rate_hz: f64) -> Result<Vec<RotationWindow>, Refusal> {
     let margin = (MARGIN_S * rate_hz).ceil() as usize;
     let mut windows = Vec::with_capacity(6);
@@ -441,7 +446,7 @@ fn windows(runs: &[&RotationRun], found: &[Found], rate_hz: f64) -> Result<Vec<R
     Ok(windows)
 }
 
-/// All three sensors rest outside the rotation.
+/// Checks that all three sensors rest outside the rotation.
 fn rest(runs: &[&RotationRun], found: &[Found], slow: [f64; 3], rate_hz: f64) -> Result<(), Refusal> {
     let block = (BLOCK_S * rate_hz).ceil().max(1.0) as usize;
     let margin = (MARGIN_S * rate_hz).ceil() as usize;
@@ -477,15 +482,15 @@ fn rest(runs: &[&RotationRun], found: &[Found], slow: [f64; 3], rate_hz: f64) ->
     Ok(())
 }
 
-/// Noise of the outputs at rest as it adds up in an integral, and how well it is known.
+/// Noise of the outputs at rest as it adds up in an integral, and its degrees of freedom.
 struct Noise {
     sd_lsb: Vector3<f64>,
     dof: f64,
 }
 
 impl Noise {
-    /// That of neighbouring rows, which the next rows repeat behind a low-pass: where means of rows scatter by more than
-    /// these say, that of means twice as long, of which the memory takes less.
+    /// The noise of neighbouring rows. Behind a low-pass the next rows repeat it, so that means of rows scatter by more
+    /// than it explains. Then the noise comes from means twice as long, which keep less of the memory.
     fn at_rest(runs: &[&RotationRun], found: &[Found], rate_hz: f64) -> Self {
         let edge = (REST_S * rate_hz).ceil() as usize;
         let (short, long) = ((edge / MEANS_OF_REST).max(1), (2 * edge / MEANS_OF_REST).max(1));
@@ -509,7 +514,7 @@ impl Noise {
             let of_means = |rows| stats::sd_of_means(&rests.iter().map(|rest| (*rest, rows)).collect::<Vec<_>>());
             if of_means(short) > *sd {
                 *sd = of_means(long);
-                // A median of them has 37 in a hundred of these (the efficiency of the median deviation).
+                // The median of the differences has 37 in a hundred of these (the efficiency of the median deviation).
                 known = dof / long as f64 * 0.37;
             }
         }
@@ -517,7 +522,7 @@ impl Noise {
     }
 }
 
-/// What the steps of a sensor's output leave open in a mean, from the rests and the channels that do not turn.
+/// The error that the steps of a sensor's output leave in a mean, from the rests and the channels that do not turn.
 fn resolution(runs: &[&RotationRun], found: &[Found], channel: usize) -> f64 {
     let rests = runs.iter().zip(found).flat_map(|(run, f)| {
         let values = run.channels[channel];
@@ -526,7 +531,7 @@ fn resolution(runs: &[&RotationRun], found: &[Found], channel: usize) -> f64 {
     quantisation::mean_error_sd(&rests.collect::<Vec<_>>())
 }
 
-/// Forth and back cancel but for the bias at rest, which contains the own-axis earth rate.
+/// Checks that both directions cancel except for the bias at rest, which contains the own-axis earth rate.
 fn cancel(
     runs: &[&RotationRun],
     found: &[Found],
@@ -556,7 +561,7 @@ fn cancel(
         let samples: f64 = pair.iter().map(|&r| (windows[r].end - windows[r].start) as f64).sum();
         let variance = (squares / count).max(slow[axis] * slow[axis]);
         let noise = (variance * (samples + samples * samples / count)).sqrt() * dt;
-        // The steps may err alike in both runs, and in the rest the other way.
+        // The steps may give the same error in both runs, and the opposite error in the rest.
         let sigma = noise.hypot(2.0 * resolution[axis] * samples * dt);
         let mismatch = (forth + back).abs() / (forth - back).abs();
         let limit = CANCEL_LIMIT + 4.0 * sigma / (forth - back).abs();
@@ -568,7 +573,7 @@ fn cancel(
     Ok(mismatches)
 }
 
-/// Every sensor answers positively, to its own axis most, and inside the band.
+/// Checks that every sensor answers positively, to its own axis most, and inside the band.
 fn check_response(response: &Matrix3<f64>, nominal: Option<(f64, f64)>) -> Result<(), Refusal> {
     for (i, axis) in AXES.into_iter().enumerate() {
         let own = response[(i, i)];

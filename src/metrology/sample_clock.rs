@@ -1,16 +1,16 @@
-//! The clock of a capture: do the times of its samples lie on the grid of the rate that was asked for?
+//! The clock of a capture: whether the times of its samples lie on the grid of the rate that was asked for.
 //!
-//! Some samples of a capture carry a time, cut to a whole microsecond. The time of sample `n` less `n / rate` is then the
-//! same for all of them to within a microsecond. What goes beyond that is no matter of resolution: the samples come at
-//! another rate, or the clock jumped.
+//! Some samples of a capture carry a time, truncated to a whole microsecond. The time of sample `n` less `n / rate` is
+//! then the same for all of them to within a microsecond. A larger difference does not come from the resolution: the
+//! samples come at another rate, or the clock jumped.
 
 use thiserror::Error;
 
-/// Times are cut to a microsecond.
+/// Resolution of the times: they are truncated to a microsecond.
 const RESOLUTION_NS: i128 = 1000;
-/// A step must be larger than this to be told from the resolution of two times.
+/// Largest step that may come from the resolution of two times.
 const STEP_NS: i128 = 3 * RESOLUTION_NS;
-/// From so many times on, one step is told from a rate that is wrong all the time.
+/// Least number of times that separates one step from a rate that is wrong all the time.
 const FEWEST_FOR_A_STEP: u32 = 4;
 
 /// A sample and its time.
@@ -20,7 +20,7 @@ struct Stamp {
     time_ns: u64,
 }
 
-/// The times of the samples of one capture, as far as they are needed to judge them: a few numbers, however long it is.
+/// The times of the samples of one capture, reduced to the few numbers that a check needs, however long the capture is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SampleClock {
     rate_hz: u16,
@@ -31,23 +31,23 @@ pub struct SampleClock {
     least: i128,
     most: i128,
     before: i128,
-    /// The last time that is none of the grid of the one before it, and its departure: what follows a frame's own time is
-    /// worked out and tells nothing of the rate. At first the first one.
+    /// The last time that is not on the grid of the time before it, and its departure; at first the first time. Times
+    /// that follow from a frame's own time are computed and do not show the rate.
     told: (Stamp, i128),
     /// The largest change of the departure from one time to the next, in the same unit, and the sample behind it.
     step: (i128, Stamp),
-    /// The first time that is not beyond the one before it: that one, and the sample.
+    /// The first time that does not lie after the time before it: the time before, and the sample.
     back: Option<(u64, Stamp)>,
 }
 
-/// The rate of a capture by the times of its samples.
+/// The rate of a capture from the times of its samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleRate {
     /// Samples a second between the first and the last time.
     pub rate_hz: f64,
-    /// The same, relative to the rate that was asked for, in parts per million.
+    /// Error of the rate, relative to the rate that was asked for, in parts per million.
     pub error_ppm: f64,
-    /// What the resolution of the two times leaves open of `error_ppm`, either way.
+    /// Bound of the part of `error_ppm` that the resolution of the two times can cause, either way.
     pub bound_ppm: f64,
     /// Seconds between the first and the last time.
     pub span_s: f64,
@@ -68,13 +68,13 @@ pub enum ClockFault {
         seen_hz: f64,
         /// Relative difference.
         error_ppm: f64,
-        /// What the resolution of the times leaves open of it, either way.
+        /// Bound of the part of it that the resolution of the times can cause, either way.
         bound_ppm: f64,
         /// Seconds between the first and the last time.
         span_s: f64,
         /// How far the times leave the grid, in microseconds.
         off_us: f64,
-        /// How far they may.
+        /// How far they may leave it, in microseconds.
         allowed_us: u32,
     },
     /// The time jumped between two samples.
@@ -85,7 +85,7 @@ pub enum ClockFault {
     Jump {
         /// The sample behind the jump.
         number: u32,
-        /// Its time in the capture by the rate that was asked for.
+        /// Time of the sample in the capture, by the rate that was asked for.
         at_s: f64,
         /// The jump, less the time that should have passed.
         step_us: f64,
@@ -94,28 +94,28 @@ pub enum ClockFault {
         /// Samples a second between the first and the last time.
         seen_hz: f64,
     },
-    /// The time went back, or stood.
+    /// The time went back or stood still.
     #[error("the board's time goes back at sample {number}: {before_us} us, then {after_us} us")]
     Back {
         /// The sample with the earlier time.
         number: u32,
-        /// The time before it.
+        /// The time of the sample before, in microseconds.
         before_us: u64,
-        /// Its own.
+        /// The time of the sample itself, in microseconds.
         after_us: u64,
     },
-    /// The rate cannot be known.
+    /// The rate is unknown.
     #[error("{stamps} of the {samples} samples tell their board time: the rate of the samples cannot be checked")]
     Untimed {
-        /// Samples that tell their time.
+        /// Samples that carry a time.
         stamps: u32,
-        /// Samples.
+        /// All samples.
         samples: u32,
     },
 }
 
 impl ClockFault {
-    /// What one can try.
+    /// Returns what the operator can try.
     #[must_use]
     pub fn hint(&self) -> &'static str {
         match self {
@@ -132,7 +132,7 @@ impl ClockFault {
 }
 
 impl SampleClock {
-    /// No time yet of a capture of this rate. A rate of 0 counts as 1.
+    /// A clock without a time, for a capture of this rate. A rate of 0 counts as 1.
     #[must_use]
     pub fn new(rate_hz: u16) -> Self {
         let none = Stamp { number: 0, time_ns: 0 };
@@ -150,7 +150,7 @@ impl SampleClock {
         }
     }
 
-    /// As many samples as there are, all on the grid.
+    /// A clock of `samples` samples that all lie on the grid.
     #[must_use]
     pub fn even(rate_hz: u16, first_us: u64, samples: usize) -> Self {
         let mut clock = Self::new(rate_hz);
@@ -158,7 +158,8 @@ impl SampleClock {
         clock
     }
 
-    /// Takes a frame: the time of its first sample, and so many samples behind it on the grid, each cut to a microsecond.
+    /// Takes a frame: the time of its first sample, and the samples behind it on the grid, each truncated to a
+    /// microsecond.
     pub fn frame(&mut self, first: u32, board_time_us: u64, samples: usize) {
         for (index, number) in (0..samples as u64).zip(first..=u32::MAX) {
             let after_us = index * 1_000_000 / u64::from(self.rate_hz);
@@ -166,7 +167,7 @@ impl SampleClock {
         }
     }
 
-    /// Takes the time of a sample. Numbers rise; one that does not is passed over.
+    /// Takes the time of a sample. Numbers must rise; a sample whose number does not rise is skipped.
     pub fn stamp(&mut self, number: u32, time_ns: u64) {
         let stamp = Stamp { number, time_ns };
         if self.stamps == 0 {
@@ -179,7 +180,8 @@ impl SampleClock {
         if step.abs() > self.step.0.abs() {
             self.step = (step, stamp);
         }
-        // Not against the last one, which may be worked out: of a clock that runs fast it lies ahead of the next frame.
+        // The comparison is not with the last time. That may be computed, and with a clock that runs fast it lies ahead
+        // of the next frame.
         if self.stamps > 0 && time_ns <= self.told.0.time_ns {
             self.back.get_or_insert((self.last.time_ns, stamp));
         }
@@ -197,16 +199,17 @@ impl SampleClock {
         (i128::from(self.last.time_ns) - i128::from(self.first.time_ns)) as f64 * 1e-9
     }
 
-    /// The rate from the first to the last time; `None` unless two samples have a time and it went on between them.
+    /// Returns the rate from the first to the last time; `None` unless two samples have a time and the time rose
+    /// between them.
     #[must_use]
     pub fn rate(&self) -> Option<SampleRate> {
-        // A clock that keeps the grid tells all of its times.
+        // Where the clock keeps the grid, all of its times show the rate.
         let (last, departure) = if self.told.0 == self.first { (self.last, self.before) } else { self.told };
         let span_s = (i128::from(last.time_ns) - i128::from(self.first.time_ns)) as f64 * 1e-9;
         if span_s <= 0.0 {
             return None;
         }
-        // From the departure, whose digits are exact, and not from the quotient of two large numbers.
+        // The error follows from the departure, whose digits are exact, and not from the quotient of two large numbers.
         let asked_s = f64::from(last.number - self.first.number) / f64::from(self.rate_hz);
         let off_s = departure as f64 / f64::from(self.rate_hz) * 1e-9;
         let error = -off_s / (asked_s + off_s);
@@ -218,7 +221,8 @@ impl SampleClock {
         })
     }
 
-    /// Whether the times are those of the rate that was asked for. `samples` is how many the capture has.
+    /// Checks whether the times are those of the rate that was asked for. `samples` is the number of samples in the
+    /// capture.
     ///
     /// # Errors
     /// [`ClockFault`].
@@ -263,13 +267,13 @@ impl SampleClock {
         })
     }
 
-    /// A microsecond. Where the period is no whole number of microseconds, the times of samples between two that carry one
-    /// are worked out and cut to a microsecond once more.
+    /// One microsecond. Where the period is not a whole number of microseconds, the times of samples between two that
+    /// carry one are computed and truncated to a microsecond once more.
     fn allowed_us(&self) -> u32 {
         if 1_000_000 % u32::from(self.rate_hz) == 0 { 1 } else { 2 }
     }
 
-    /// Departure of a time from the grid of the first one, in ns times `rate_hz`: whole numbers, so exact.
+    /// Departure of a time from the grid of the first time, in ns times `rate_hz`: whole numbers, so exact.
     fn departure(&self, stamp: &Stamp) -> i128 {
         let passed_ns = i128::from(stamp.time_ns) - i128::from(self.first.time_ns);
         passed_ns * i128::from(self.rate_hz) - i128::from(stamp.number - self.first.number) * 1_000_000_000
@@ -281,7 +285,7 @@ impl SampleClock {
 mod tests {
     use super::*;
 
-    /// Times of every `every`-th sample, cut to a microsecond: `s + n / rate`, with the rate off by so many ppm.
+    /// Times of every `every`-th sample, truncated to a microsecond: `s + n / rate`, with the rate off by `error_ppm`.
     fn board(rate_hz: u16, error_ppm: f64, samples: u32, every: u32, start_us: f64) -> SampleClock {
         let mut clock = SampleClock::new(rate_hz);
         let period_us = 1e6 / (f64::from(rate_hz) * (1.0 + error_ppm * 1e-6));
@@ -337,7 +341,8 @@ mod tests {
         assert_eq!(fault.to_string(), text);
     }
 
-    /// As a file has it: each sample of a frame has a time, worked out from that of the frame. The last ones tell nothing.
+    /// As in a file: each sample of a frame has a time, computed from that of the frame. The last times do not show the
+    /// rate.
     #[test]
     fn times_within_a_frame_do_not_water_the_rate_down() {
         let mut clock = SampleClock::new(1000);
@@ -348,7 +353,8 @@ mod tests {
         let rate = clock.rate().unwrap();
         assert!((rate.error_ppm + 5000.0).abs() < 10.0, "{rate:?}");
         assert!(matches!(clock.check(1000), Err(ClockFault::Rate { .. })), "{:?}", clock.check(1000));
-        // 5 % fast over CAN: the last time that is worked out lies ahead of the next one that is told, and nothing went back.
+        // 5 % fast over CAN: the last time that is computed lies ahead of the next time that is read, and no time went
+        // back.
         let mut clock = SampleClock::new(1000);
         for frame in 0..20_u32 {
             clock.frame(frame * 64, u64::from(frame) * 60_952, 64);
@@ -388,7 +394,7 @@ mod tests {
         assert!(SampleClock::even(1000, 5, 50).check(50).is_ok());
     }
 
-    /// A file may say anything.
+    /// A file may hold any numbers.
     #[test]
     fn no_number_overflows() {
         let mut clock = SampleClock::new(u16::MAX);

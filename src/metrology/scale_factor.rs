@@ -1,19 +1,19 @@
 //! Scale factor of one sensor from its output at many inputs: `x = K w + F0` by least squares.
 //!
-//! The input w is a rate of a gyroscope, or the specific force of an accelerometer; the output x has the record's unit. Names
-//! and formulas are those of IEEE Std 528 (terms) and GJB 2426A (tests of fibre-optic gyroscopes):
+//! The input w is a rate of a gyroscope, or the specific force of an accelerometer; the output x has the record's unit.
+//! Names and formulas come from IEEE Std 528 (terms) and GJB 2426A (tests of fibre-optic gyroscopes):
 //!
-//! - *nonlinearity over the full scale* (GJB 2426A: `max |F_j fitted - F_j| / |F_m|`; IEEE Std 528: linearity error in percent
-//!   of full scale): the largest distance from the line over `|K| w_max`. The print's F_m is an output, with the output
-//!   at rest taken off; here it is that of the line, so that no single point decides.
-//! - *nonlinearity over the output* (IEEE Std 528: linearity error in percent of output): the largest distance over `|K w_j|`
-//!   of the same point. It does not exist at rest, below a thousandth of the largest input; at small rates it is noise more
-//!   than anything else.
-//! - *asymmetry* (GJB 2426A: `|K+ - K-|` over the mean of both; IEEE Std 528 divides by K of the whole range, which differs
-//!   by the square of it): lines through the points of each sense alone.
+//! - *nonlinearity over the full scale* (GJB 2426A: `max |F_j fitted - F_j| / |F_m|`; IEEE Std 528: linearity error in
+//!   percent of full scale): the largest distance from the line over `|K| w_max`. The print's F_m is an output less the
+//!   output at rest; here it is the output of the line, so that no single point decides.
+//! - *nonlinearity over the output* (IEEE Std 528: linearity error in percent of output): the largest distance over
+//!   `|K w_j|` of the same point. It does not exist at rest, below a thousandth of the largest input. At small rates it
+//!   is mostly noise.
+//! - *asymmetry* (GJB 2426A: `|K+ - K-|` over the mean of both; IEEE Std 528 divides by K of the whole range, which
+//!   differs by the square of it): lines through the points of each direction alone.
 //! - *repeatability* (GJB 2426A): sample standard deviation (n - 1) of the K of each cycle over their mean.
 //!
-//! All uncertainties are of type A: errors of the table's rate that all points share go into K one to one.
+//! All uncertainties are of type A. Errors of the table's rate that all points share go into K one to one.
 
 mod line;
 mod rows;
@@ -27,19 +27,20 @@ use line::Line;
 
 pub use rows::{RatePoint, RateRows};
 
-/// What the parameters mean.
+/// The equation of the parameters.
 pub const EQUATION: &str = "x = scale_factor rate + offset";
 
-/// A point that misses the line by more than this part of the full scale has a wrong sign or rows, or the sensor is none.
+/// Largest distance of a point from the line, over the full scale. A point beyond it has a wrong sign or wrong rows, or
+/// the sensor does not work.
 pub const RESIDUAL_LIMIT: f64 = 0.05;
 
-/// Inputs below this part of the largest one count as rest, where a distance over the output says nothing.
+/// Inputs below this part of the largest input count as rest, where a distance over the output has no meaning.
 const REST: f64 = 1e-3;
 
 /// Different rates that a line with a residual needs.
 const FEWEST: usize = 3;
 
-/// How the points are judged.
+/// The limits for the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScaleFactorOptions {
     /// End of the input range to which the nonlinearity refers; the largest input of the record where `None`.
@@ -61,18 +62,18 @@ pub struct Estimate {
     pub value: f64,
     /// Standard uncertainty.
     pub sd: f64,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of the uncertainty.
     pub dof: f64,
 }
 
 impl Estimate {
-    /// Half width of the 95 % interval (Student's t).
+    /// Returns the half width of the 95 % interval (Student's t).
     #[must_use]
     pub fn expanded(&self) -> f64 {
         stats::coverage_factor(0.95, self.dof) * self.sd
     }
 
-    /// Beside an error that the scatter does not show.
+    /// Adds an error that the scatter does not show.
     fn beside(self, error_sd: f64) -> Self {
         Self { sd: self.sd.hypot(error_sd), ..self }
     }
@@ -81,7 +82,7 @@ impl Estimate {
         Self { value: self.value / divisor, sd: self.sd / divisor.abs(), dof: self.dof }
     }
 
-    /// Mean of one value a cycle; the scatter of the cycles is its uncertainty.
+    /// Mean of one value for each cycle. The scatter of the cycles gives its uncertainty.
     fn of_cycles(values: &[f64]) -> Self {
         let (value, sd) = stats::mean_sd(values);
         Self { value, sd: sd / (values.len() as f64).sqrt(), dof: values.len() as f64 - 1.0 }
@@ -91,28 +92,28 @@ impl Estimate {
 /// Why a figure does not exist.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MissingFigure {
-    /// Fewer than two rates of one sense.
+    /// Fewer than two rates of one direction.
     #[error("{rates} rates of the {sense} sense{place}, a line needs 2")]
     FewOfOneSense {
         /// `positive` or `negative`.
         sense: &'static str,
-        /// Different rates of that sense.
+        /// Different rates of that direction.
         rates: usize,
         /// Empty, or ` in cycle N`.
         place: String,
     },
-    /// Two rates of a sense have no residual.
+    /// Two rates of a direction have no residual.
     #[error(
         "the line of one sense goes through both of its points; an interval needs 3 rates of each sense, or cycles"
     )]
     NoResidual,
-    /// There is one cycle.
+    /// The record has a single cycle.
     #[error("the record holds one cycle; number several in the column cycle")]
     OneCycle,
     /// No rate was visited twice.
     #[error("no rate comes twice")]
     NoRateTwice,
-    /// Cycles with different rates.
+    /// The cycles have different rates.
     #[error("the cycles do not have the same rates")]
     Unbalanced,
     /// Repeated points agree exactly.
@@ -137,20 +138,20 @@ pub struct CurvePoint {
     pub of_output: Option<f64>,
 }
 
-/// Largest of a kind of residual, and where.
+/// The largest of a kind of residual, and its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Largest {
-    /// Its size, relative.
+    /// Size of the residual, relative.
     pub value: f64,
-    /// The rate at which it is.
+    /// Rate at which the residual lies.
     pub rate: f64,
-    /// Ends of an interval that holds the largest distance of the sensor itself with 95 % and more, relative: all residuals
-    /// at once keep to the scatter of repeated points (Bonferroni). `None` without repeated points.
+    /// Ends of an interval that holds the largest distance of the sensor itself with 95 % and more, relative. All
+    /// residuals at once lie within the scatter of repeated points (Bonferroni). `None` without repeated points.
     pub interval: Option<(f64, f64)>,
 }
 
 impl Largest {
-    /// Of the residuals times a factor; points without a factor are left out.
+    /// Finds the largest of the residuals times a factor. Points without a factor are left out.
     fn of(curve: &[CurvePoint], reach: Option<&[f64]>, factor: impl Fn(&CurvePoint) -> Option<f64>) -> Self {
         let mut found = Self { value: 0.0, rate: f64::NAN, interval: reach.map(|_| (0.0, 0.0)) };
         for (i, (point, factor)) in curve.iter().enumerate().filter_map(|(i, p)| Some((i, (p, factor(p)?)))) {
@@ -172,22 +173,22 @@ impl Largest {
 pub struct LackOfFit {
     /// Mean square of the curve about the line over that of repeated points about the curve.
     pub f: f64,
-    /// Probability of such a ratio where the sensor is linear.
+    /// Probability of a ratio as large as this where the sensor is linear.
     pub p: f64,
     /// Degrees of freedom of the numerator: different rates - 2.
     pub dof: f64,
     /// Degrees of freedom of the scatter of repeated points.
     pub pure_dof: f64,
-    /// Standard deviation of one point by that scatter, unit of the output.
+    /// Standard deviation of one point, from that scatter, unit of the output.
     pub pure_sd: f64,
 }
 
-/// K of each sense.
+/// K of each direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asymmetry {
     /// K of the positive inputs alone; the mean of the cycles.
     pub positive: f64,
-    /// K of the negative ones.
+    /// K of the negative inputs alone.
     pub negative: f64,
     /// `|K+ - K-|` over the mean of both.
     pub relative: f64,
@@ -198,29 +199,30 @@ pub struct Asymmetry {
 /// One cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cycle {
-    /// Its number.
+    /// Number of the cycle.
     pub number: f64,
-    /// Its points.
+    /// Number of points in the cycle.
     pub points: usize,
-    /// K.
+    /// K of the cycle.
     pub scale_factor: f64,
-    /// F0.
+    /// F0 of the cycle.
     pub offset: f64,
 }
 
-/// A point that stands out of the scatter of the others of its cycle.
+/// A point that stands out of the scatter of the other points of its cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suspect {
     /// The point.
     pub point: RatePoint,
-    /// Its residual over the standard deviation that the others give it.
+    /// Residual of the point over the standard deviation that the other points give it.
     pub studentised: f64,
 }
 
-/// What was found.
+/// The result of `fit`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScaleFactor {
-    /// K, unit of the output per unit of the input: of one cycle from its residuals, of several their mean and scatter.
+    /// K, unit of the output per unit of the input. With one cycle the uncertainty comes from the residuals; with
+    /// several cycles K is their mean and the uncertainty comes from their scatter.
     pub scale_factor: Estimate,
     /// F0, unit of the output: the bias as an output, measured less true, with the earth's rotation along the axis.
     pub offset: Estimate,
@@ -236,21 +238,21 @@ pub struct ScaleFactor {
     pub nonlinearity_output: Largest,
     /// Test of the line by repeated points.
     pub lack_of_fit: Result<LackOfFit, MissingFigure>,
-    /// Difference of the senses.
+    /// Difference of the two directions.
     pub asymmetry: Result<Asymmetry, MissingFigure>,
     /// Cycles, in the order of the record.
     pub cycles: Vec<Cycle>,
-    /// Spread of K over the cycles; divide by `scale_factor.value` for the relative one.
+    /// Spread of K over the cycles. Divide by `scale_factor.value` for the relative spread.
     pub repeatability: Result<Repeatability, MissingFigure>,
     /// Points that stand out.
     pub suspects: Vec<Suspect>,
 }
 
-/// Fits the line and what the standards derive from it.
+/// Fits the line and computes the figures that the standards derive from it.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::Parameter`]; [`Refusal::FewRates`] below three different inputs in a cycle;
-/// [`Refusal::Constant`] for a dead output, [`Refusal::Alike`] for cycles that agree to the last digit, which are copies;
+/// [`Refusal::Constant`] for a dead output, [`Refusal::Alike`] for copied cycles, which agree to the last digit;
 /// [`Refusal::OffLine`] for a point that misses the line by more than the limit, relative to the largest input.
 pub fn fit(points: &[RatePoint], options: &ScaleFactorOptions) -> Result<ScaleFactor, Refusal> {
     for (name, of) in
@@ -331,7 +333,7 @@ pub fn fit(points: &[RatePoint], options: &ScaleFactorOptions) -> Result<ScaleFa
     })
 }
 
-/// The points of each cycle, in the order in which the cycles begin.
+/// Returns the points of each cycle, in the order in which the cycles begin.
 fn by_cycle(points: &[RatePoint]) -> Vec<Vec<RatePoint>> {
     let mut cycles: Vec<Vec<RatePoint>> = Vec::new();
     for point in points {
@@ -355,16 +357,16 @@ fn enough(place: &str, points: &[RatePoint]) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// How many different values there are.
+/// Returns the number of different values.
 fn different(values: impl Iterator<Item = f64>) -> usize {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
-    // Zero of either sign is one rate.
+    // +0 and -0 are one rate.
     values.dedup_by(|a, b| a == b);
     values.len()
 }
 
-/// No point misses the line by more than the limit.
+/// Checks that no point misses the line by more than the limit.
 fn on_line(residuals: &[(RatePoint, f64)], full_scale: f64, limit: f64) -> Result<(), Refusal> {
     let worst = residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     match worst {
@@ -398,8 +400,8 @@ fn curve(residuals: &[(RatePoint, f64)], k: f64, full_scale: f64, largest_rate: 
         .collect()
 }
 
-/// Every cycle with its own line leaves `n - m - 2 (Q - 1)` degrees of freedom to the scatter of n points at m rates in Q
-/// cycles, and `m - 2` to the curve, where all cycles have the same rates.
+/// The F test of the line. With a line for each of Q cycles, n points at m rates leave `n - m - 2 (Q - 1)` degrees of
+/// freedom to their scatter, and `m - 2` to the curve, where all cycles have the same rates.
 fn lack_of_fit(
     residuals: &[(RatePoint, f64)],
     curve: &[CurvePoint],
@@ -430,9 +432,9 @@ fn lack_of_fit(
     Ok(LackOfFit { f, p, dof, pure_dof, pure_sd: (pure / pure_dof).sqrt() })
 }
 
-/// How far each point of the curve may be from where the sensor is, for all points at once: `t s sqrt((1 - h) / visits)` with t
-/// for 95 % shared by the points, h the leverage. Point and line may each be off by what the steps of the output leave open,
-/// half a step at most.
+/// How far each point of the curve may lie from the sensor's true output, for all points at once:
+/// `t s sqrt((1 - h) / visits)` with t for 95 % shared by the points, h the leverage. The steps of the output may move
+/// point and line each by half a step at most.
 fn reach(curve: &[CurvePoint], test: &LackOfFit, resolution_sd: f64) -> Vec<f64> {
     let design = Line::through_rates(curve);
     let t = stats::coverage_factor(1.0 - 0.05 / curve.len() as f64, test.pure_dof);
@@ -473,7 +475,7 @@ fn asymmetry(cycles: &[Vec<RatePoint>], resolution_sd: f64) -> Result<Asymmetry,
     })
 }
 
-/// Points whose externally studentised residual is beyond Student's t at the named probability, shared by all points
+/// Points whose externally studentised residual is beyond Student's t at `SUSPECT_PROBABILITY`, shared by all points
 /// (Bonferroni).
 fn suspects(of_cycle: &[RatePoint], line: &Line) -> Vec<Suspect> {
     let dof = line.dof() - 1.0;
@@ -484,7 +486,7 @@ fn suspects(of_cycle: &[RatePoint], line: &Line) -> Vec<Suspect> {
     let of = |point: &RatePoint| {
         let own = 1.0 - line.leverage(point.rate);
         let residual = line.residual(point);
-        // Where the others lie on a line to the last digits nothing can be said about scatter.
+        // Where the other points lie on a line to the last digits, there is no scatter to compare with.
         let exact = (1e-12 * point.output.abs().max(line.offset.abs())).powi(2);
         let studentised = stats::studentised(residual, line.squares(), own, dof, exact);
         (own > 1e-9 && studentised.abs() > limit).then_some(Suspect { point: *point, studentised })

@@ -1,15 +1,15 @@
-//! Checks that every record passes before anything is computed from it.
+//! Checks of a record before anything is computed from it.
 
 use std::ops::Range;
 
 use crate::{Refusal, quantisation, stats};
 
-/// All values are finite.
+/// Checks that all values are finite.
 ///
 /// # Errors
-/// [`Refusal::NotFinite`] with the first offender.
+/// [`Refusal::NotFinite`] with the first such value.
 pub fn finite(channel: &str, values: &[f64]) -> Result<(), Refusal> {
-    // Without an early end within a block the compiler can use vectors.
+    // A block has no early end, so that the compiler can use vectors.
     if values.chunks(1024).all(|block| block.iter().fold(true, |all, v| all & v.is_finite())) {
         return Ok(());
     }
@@ -19,7 +19,7 @@ pub fn finite(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     }
 }
 
-/// All channels have one length and finite values.
+/// Checks that all channels have one length and finite values. Returns the length.
 ///
 /// # Errors
 /// [`Refusal::Lengths`], [`Refusal::NotFinite`].
@@ -34,7 +34,7 @@ pub fn channels(names: &[&str], channels: &[&[f64]]) -> Result<usize, Refusal> {
     Ok(left)
 }
 
-/// Stretches of rows of which each is the same as the one before it, in order; together they are all rows.
+/// Divides rows into stretches, in order. Within a stretch each row is the same as the row before it.
 pub fn stretches(rows: usize, same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
     let mut stretches = Vec::new();
     let mut start = 0;
@@ -47,7 +47,7 @@ pub fn stretches(rows: usize, same: impl Fn(usize, usize) -> bool) -> Vec<Range<
     stretches
 }
 
-/// A parameter is finite and above zero.
+/// Checks that a parameter is finite and above zero. Returns it.
 ///
 /// # Errors
 /// [`Refusal::Parameter`].
@@ -58,8 +58,9 @@ pub fn positive(name: &'static str, value: f64) -> Result<f64, Refusal> {
     Err(Refusal::Parameter { name, value, expected: "a finite number above 0" })
 }
 
-/// No value reaches a stated limit, and the record does not look cut: a cut curve shows its extreme far more often
-/// than the value next to it, a curve that turns there does not (2.4 times, for a fine sine in whole codes).
+/// Checks that no value reaches a stated limit, and that the record does not look cut off. A curve that is cut off
+/// shows its extreme far more often than the value next to it; a curve that turns there does not (2.4 times, for a fine
+/// sine in whole codes).
 ///
 /// # Errors
 /// [`Refusal::Saturated`].
@@ -81,7 +82,8 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
         let next =
             values.iter().map(|v| inside * v).filter(|v| *v < inside * extreme).fold(f64::NEG_INFINITY, f64::max);
         let at_next = values.iter().filter(|v| inside * **v == next).count();
-        // Of noise about the size of a code the extreme may be the usual value; a cut one has many codes below it.
+        // Where the noise is about a code, the extreme may be the usual value. A record that is cut off has many codes
+        // below it.
         if at_extreme > RATIO * at_next && (inside * extreme - next) < FINE * stats::mean_sd(values).1 {
             return refuse(extreme, at_extreme);
         }
@@ -89,9 +91,10 @@ pub fn unsaturated(channel: &str, values: &[f64], limit: Option<f64>) -> Result<
     Ok(())
 }
 
-/// No plateau of a record that begins at rest stands still at the extreme while the record is noisy elsewhere: a rotation
-/// that is cut at the end of the range shows the same value sample after sample, one inside the range the noise of the rests,
-/// which are given. Noise below the steps of the output may show one value on a plateau as well.
+/// Checks that no plateau of a record that begins at rest stands still at the extreme while the record is noisy
+/// elsewhere. A rotation that is cut off at the end of the range shows the same value sample after sample. A rotation
+/// inside the range shows the noise of the rests, which the caller gives. Noise below the steps of the output may also
+/// show one value on a plateau.
 ///
 /// # Errors
 /// [`Refusal::Saturated`].
@@ -114,8 +117,8 @@ pub fn unclipped(channel: &str, values: &[f64], rests: &[&[f64]]) -> Result<(), 
     Ok(())
 }
 
-/// Counts of a signed sensor were written with their sign. Without it a level near 0 lies at both ends of the range and never
-/// between, and both parts join where the range ends: 65535 stands beside 0.
+/// Checks that counts of a signed sensor were written with their sign. Without the sign a level near 0 lies at both
+/// ends of the range and never between, and both parts join where the range ends: 65535 is next to 0.
 ///
 /// # Errors
 /// [`Refusal::Unsigned`].
@@ -123,10 +126,11 @@ pub fn signed(channel: &str, values: &[f64]) -> Result<(), Refusal> {
     const BITS: [u32; 5] = [8, 12, 16, 24, 32];
     /// Part of the range above which a count lies at its upper end.
     const WRAPPED: f64 = 0.75;
-    /// Different words on either side, or the part of the rows: failed reads are one word, and never so many.
+    /// Least number of different words on either side, or the least part of the rows. Failed reads are one word, and
+    /// never so many.
     const WORDS: usize = 3;
     const MANY: f64 = 0.1;
-    /// Codes that the parts may lie apart, and the part of their width.
+    /// Codes by which the parts may lie apart, and the same as a part of their width.
     const APART: f64 = 3.0;
     const JOINED: f64 = 0.01;
     // Most records with a sign show it at once.
@@ -181,8 +185,9 @@ mod tests {
         assert_eq!(refusal.to_string(), "gx: sample 1 is inf");
     }
 
-    /// Levels near 0 with fine and coarse noise, without a sign. Failed reads, levels far from 0, a range in use throughout, spikes,
-    /// the sides of a flip and a square wave near both ends of an unsigned converter are none.
+    /// Levels near 0 with fine and coarse noise, without a sign, are refused. Failed reads, levels far from 0, a range
+    /// in use throughout, spikes, the sides of a flip and a square wave near both ends of an unsigned converter are
+    /// accepted.
     #[test]
     fn counts_without_their_sign_are_named() {
         let noise = |i: i32| f64::from(i * 7919 % 101) - 50.0;
@@ -221,7 +226,7 @@ mod tests {
         assert!(unclipped(&record(9999.0)).is_ok());
         let refusal = unclipped(&record(2990.0)).unwrap_err().to_string();
         assert_eq!(refusal, "x is saturated: 200 samples at 2990");
-        // Noise below the resolution: rest and plateau stand still alike.
+        // With noise below the resolution, rest and plateau both stand still.
         let coarse: Vec<f64> = record(9999.0).iter().map(|v| (v / 100.0).round()).collect();
         assert!(unclipped(&coarse).is_ok());
         assert!(unclipped(&[1.0; 50]).is_ok());

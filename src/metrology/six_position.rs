@@ -1,31 +1,32 @@
 //! Calibration of an accelerometer triad in six positions, or in any known attitudes.
 //!
-//! The print (Cheng et al., *Computer Measurement & Control* 30(7), 2022, section 4.2) solves `F = [N 1] K`: it regresses
-//! the known specific force on the noisy output. The noise is on the output, so the direct regression
-//! `N = M f + b` is the better estimator; it is solved and then inverted. Both are given.
+//! The print (Cheng et al., *Computer Measurement & Control* 30(7), 2022, section 4.2) solves `F = [N 1] K`: it
+//! regresses the known specific force on the noisy output. The noise is on the output, so the direct regression
+//! `N = M f + b` is the better estimator. It is solved and then inverted. The result holds both.
 
 use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
 use crate::{AXES, Refusal, TriadCovariance, linear, position::Position, series, stats, triad};
 
-/// What the parameters mean.
+/// The equation of the parameters.
 pub const EQUATION: &str = "f = matrix N + nabla, bias = matrix bias_lsb = -nabla (measured less true); f in m/s^2, +g on the axis that points up at rest";
 
-/// A position that misses the fit by more than this part of gravity (2.9 degrees) has a wrong label or pose.
+/// Largest distance of a position from the fit, over gravity (2.9 degrees). A position beyond it has a wrong label or
+/// pose.
 pub const POSE_LIMIT: f64 = 0.05;
 
-/// What was found. Matrices: rows are the sensors x y z, columns the axes of the fixture.
+/// The result of `calibrate`. Rows of matrices are the sensors x y z, columns the axes of the fixture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SixPositionCalibration {
     /// Gravity that was used, m/s^2.
     pub gravity_mps2: f64,
     /// Ka of `f = Ka N + nabla`, m/s^2 per LSB.
     pub matrix: Matrix3<f64>,
-    /// nabla of the same, m/s^2: what is added, the negative of the bias.
+    /// nabla of the same equation, m/s^2: the constant that the compensation adds, the negative of the bias.
     pub nabla_mps2: Vector3<f64>,
     /// M of `N = M f + b`, LSB per m/s^2.
     pub response: Matrix3<f64>,
-    /// b of the same, LSB: the bias, measured less true.
+    /// b of the same equation, LSB: the bias, measured less true.
     pub bias_lsb: Vector3<f64>,
     /// Standard uncertainty of `matrix` (delta method).
     pub matrix_sd: Matrix3<f64>,
@@ -50,48 +51,48 @@ pub struct SixPositionCalibration {
 }
 
 impl SixPositionCalibration {
-    /// Bias, measured less true, m/s^2: `Ka b = -nabla`.
+    /// Returns the bias, measured less true, m/s^2: `Ka b = -nabla`.
     #[must_use]
     pub fn bias_mps2(&self) -> Vector3<f64> {
         -self.nabla_mps2
     }
 
-    /// Response of sensor i to axis j relative to its own axis, `M_ij / M_ii`, relative to the fixture.
+    /// Returns the response of sensor i to axis j relative to its own axis, `M_ij / M_ii`, relative to the fixture.
     #[must_use]
     pub fn coupling(&self) -> Matrix3<f64> {
         triad::coupling(&self.response)
     }
 
-    /// Departures of the angles between the sensing axes xy, xz, yz from 90 degrees, rad (positive: less than 90).
-    /// They do not depend on how the module sits in the socket.
+    /// Returns the departures of the angles between the sensing axes xy, xz, yz from 90 degrees, rad (positive: less
+    /// than 90). They do not depend on how the module sits in the socket.
     #[must_use]
     pub fn nonorthogonality_rad(&self) -> Vector3<f64> {
         triad::nonorthogonality_rad(&self.response)
     }
 
-    /// Factor of the 95 % intervals: `U = factor * sd` (Student's t).
+    /// Returns the factor of the 95 % intervals: `U = factor * sd` (Student's t).
     #[must_use]
     pub fn coverage_factor(&self) -> f64 {
         stats::coverage_factor(0.95, self.dof as f64)
     }
 
-    /// Expanded uncertainties (95 %) of matrix and bias.
+    /// Returns the expanded uncertainties (95 %) of matrix and bias.
     #[must_use]
     pub fn expanded(&self) -> (Matrix3<f64>, Vector3<f64>) {
         (self.matrix_sd * self.coverage_factor(), self.bias_sd_mps2 * self.coverage_factor())
     }
 
-    /// Specific force of an output, m/s^2.
+    /// Returns the specific force of an output, m/s^2.
     #[must_use]
     pub fn compensate(&self, output: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * output + self.nabla_mps2
     }
 }
 
-/// Calibrates from the means of still positions.
+/// Computes the calibration from the means of still positions.
 ///
-/// Each sensor is a regression of its own; the residual variance is pooled over the three sensors in m/s^2, which takes
-/// their noise as equal in that unit whatever their scale factors.
+/// Each sensor is a regression of its own. The residual variance is pooled over the three sensors in m/s^2: this takes
+/// their noise as equal in that unit, whatever their scale factors are.
 ///
 /// # Errors
 /// [`Refusal::TooFew`] below five positions, [`Refusal::IllConditioned`] for attitudes that do not span space,
@@ -113,7 +114,7 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<SixPositio
         return Err(Refusal::PoseResidual { position: position.label.clone(), residual: residual.norm(), limit });
     }
 
-    // Pooled variance in m/s^2; back in LSB of each sensor it weighs with its own scale factor.
+    // Pooled variance in m/s^2. In LSB each sensor takes it times its own scale factor.
     let own = Vector3::from_fn(|i, _| response[(i, i)]);
     let squares: f64 = fit.residuals.iter().map(|r| r.component_div(&own).norm_squared()).sum();
     let dof = 3 * positions.len() - 12;
@@ -147,8 +148,8 @@ pub fn calibrate(positions: &[Position], gravity_mps2: f64) -> Result<SixPositio
     })
 }
 
-/// What the steps of the output leave open in a mean of each sensor, in its unit. The error may be alike in all positions
-/// across a sensor, so that the residuals do not show it.
+/// The error that the steps of the output leave in a mean of each sensor, in its unit. The error may be the same in all
+/// positions across a sensor, so that the residuals do not show it.
 pub(crate) fn resolution(positions: &[Position]) -> Vector3<f64> {
     positions.iter().fold(Vector3::zeros(), |largest, position| largest.sup(&position.resolution_sd))
 }
@@ -162,7 +163,7 @@ fn as_printed(positions: &[Position], gravity: f64) -> Result<(Matrix3<f64>, Vec
     Ok((Matrix3::from_fn(|i, j| k[(j, i)]), Vector3::from_fn(|i, _| k[(3, i)])))
 }
 
-/// Every sensor answers positively, and to its own axis most.
+/// Checks that every sensor answers positively, and to its own axis most.
 fn check_axes(response: &Matrix3<f64>) -> Result<(), Refusal> {
     for (i, axis) in AXES.into_iter().enumerate() {
         let own = response[(i, i)];
@@ -179,14 +180,14 @@ fn check_axes(response: &Matrix3<f64>) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// `output = matrix * (gravity * up) + offset` for each sensor, by least squares.
+/// A least-squares fit of `output = matrix * (gravity * up) + offset` for each sensor.
 pub(crate) struct TriadFit {
     pub(crate) matrix: Matrix3<f64>,
     pub(crate) offset: Vector3<f64>,
     pub(crate) residuals: Vec<Vector3<f64>>,
-    /// Of the four parameters of a sensor.
+    /// Cofactor of the four parameters of a sensor.
     pub(crate) cofactor: DMatrix<f64>,
-    /// How far each of them goes where every mean is off by 1, with the worst signs.
+    /// Largest error of each parameter where every mean is off by 1, with the worst signs.
     pub(crate) reach: Vector4<f64>,
     pub(crate) condition: f64,
 }
@@ -198,7 +199,7 @@ impl TriadFit {
             return Err(Refusal::TooFew { what: "still positions".to_owned(), got: n, needed: 5 });
         }
         let design = DMatrix::from_fn(n, 4, |r, c| if c < 3 { gravity * positions[r].up[c] } else { 1.0 });
-        // A common level of each sensor is removed, so that a large offset costs no digits.
+        // A common level of each sensor is subtracted, so that a large offset costs no digits.
         let level = positions.iter().map(|p| p.mean).sum::<Vector3<f64>>() / n as f64;
         let data = DMatrix::from_fn(n, 3, |r, c| positions[r].mean[c] - level[c]);
         let fit = linear::least_squares("the response to gravity", &design, &data)?;

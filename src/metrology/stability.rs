@@ -2,7 +2,7 @@
 
 use crate::{Refusal, quantisation, series, stats};
 
-/// Blocks, spread over the record, and rows of each, that show how its noise compares with its steps.
+/// Number of blocks, spread over the record, and rows of each, that show how its noise compares with its steps.
 const LOOKS: usize = 64;
 const LOOKS_ROWS: usize = 1024;
 
@@ -15,16 +15,16 @@ pub struct Stability {
     pub mean: f64,
     /// Sample standard deviation (n - 1) of the block means: the stability.
     pub sd: f64,
-    /// 95 % interval of `sd` (chi-square; it takes the block means as independent), and what the steps of the output leave
-    /// open.
+    /// Lower end of the 95 % interval of `sd` (chi-square, which takes the block means as independent). The interval
+    /// includes the error from the steps of the output.
     pub sd_low: f64,
-    /// Upper end of the same.
+    /// Upper end of the same interval.
     pub sd_high: f64,
     /// Standard uncertainty of a block mean from the steps of the output ([`quantisation::mean_error_sd`]).
     pub resolution_sd: f64,
     /// Samples of one block.
     pub block_samples: usize,
-    /// Samples at the end that fill no block and are dropped.
+    /// Samples at the end that do not fill a block and are dropped.
     pub tail_samples: usize,
 }
 
@@ -71,21 +71,22 @@ fn looks(values: &[f64], block_samples: usize) -> Vec<&[f64]> {
     blocks.map(|block| &block[..block.len().min(LOOKS_ROWS)]).collect()
 }
 
-/// 95 % interval of the deviation of so many means, each off by an error of its own: two deviations differ by the deviation
-/// of the errors at most, which is half a step where these are two and `sqrt(3)` of their standard uncertainty.
+/// 95 % interval of the deviation of `means` means, where each mean has an error of its own. Two deviations differ by
+/// the deviation of the errors at most. That is half a step where the errors take two values, or `sqrt(3)` times their
+/// standard uncertainty.
 fn interval(sd: f64, means: usize, error_sd: f64) -> (f64, f64) {
     let (low, high) = stats::sd_interval(sd, (means - 1) as f64, 0.95);
     let open = 3.0_f64.sqrt() * error_sd;
     ((low - open).max(0.0), high + open)
 }
 
-/// The record shows more than one value, and so does every block of a record whose noise is above a step.
+/// Checks that the record shows more than one value, and that every block does so where the noise is above a step.
 fn alive(values: &[f64], block_samples: usize) -> Result<(), Refusal> {
     let Some((first, rest)) = values.split_first() else { return Ok(()) };
     if rest.iter().all(|v| v == first) {
         return Err(Refusal::Constant { channel: "record".to_owned(), samples: values.len(), value: *first });
     }
-    // A block that moves says so with its first rows; only what stands still is measured.
+    // A block that moves shows it in its first rows, so only a block that stands still is read in full.
     let stuck = |block: &[f64]| block.iter().all(|v| *v == block[0]);
     let Some(block) = values.chunks_exact(block_samples).position(stuck) else { return Ok(()) };
     if !quantisation::is_stuck(&looks(values, block_samples), block_samples) {
@@ -102,36 +103,37 @@ fn alive(values: &[f64], block_samples: usize) -> Result<(), Refusal> {
 /// Spread of one figure over repeated runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Repeatability {
-    /// Runs.
+    /// Number of runs.
     pub runs: usize,
     /// Mean of the figures.
     pub mean: f64,
-    /// Sample standard deviation (n - 1; n would be 9.5 % less over six runs).
+    /// Sample standard deviation (n - 1; with n it would be 9.5 % less over six runs).
     pub sd: f64,
     /// 95 % interval of `sd`: 0.62 to 2.45 times the figure for six runs.
     pub sd_low: f64,
-    /// Upper end of the same.
+    /// Upper end of the same interval.
     pub sd_high: f64,
-    /// Standard uncertainty of each figure that no scatter shows: from the steps of the output.
+    /// Standard uncertainty of each figure, from the steps of the output. The scatter does not show it.
     pub resolution_sd: f64,
 }
 
 impl Repeatability {
-    /// Standard uncertainty of the mean, `sd / sqrt(runs)` with `runs - 1` degrees of freedom, and what all figures may share.
+    /// Returns the standard uncertainty of the mean: `sd / sqrt(runs)` with `runs - 1` degrees of freedom, combined
+    /// with the error that all figures may share.
     #[must_use]
     pub fn mean_sd(&self) -> f64 {
         (self.sd / (self.runs as f64).sqrt()).hypot(self.resolution_sd)
     }
 
-    /// Half width of the 95 % interval of the mean (Student's t).
+    /// Returns the half width of the 95 % interval of the mean (Student's t).
     #[must_use]
     pub fn mean_expanded(&self) -> f64 {
         stats::coverage_factor(0.95, (self.runs - 1) as f64) * self.mean_sd()
     }
 }
 
-/// Repeatability of a figure over runs with the power cycled between them. `resolution_sd` is the standard uncertainty of
-/// each figure from the steps of the output, 0 where these are fine.
+/// Repeatability of a figure over runs with the power cycled between them. `resolution_sd` is the standard uncertainty
+/// of each figure from the steps of the output, 0 where the steps are fine.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`], [`Refusal::TooFew`] below two runs, [`Refusal::Alike`] where all runs agree to the last digit.
@@ -148,9 +150,10 @@ pub fn repeatability(figures: &[f64], resolution_sd: f64) -> Result<Repeatabilit
     Ok(Repeatability { runs: figures.len(), mean, sd, sd_low, sd_high, resolution_sd })
 }
 
-/// Runs whose figure stands out of the scatter of the others: their places, and by how many standard deviations of the others
-/// (externally studentised, against Student's t with `runs - 2` degrees of freedom). The steps of the output, of which each figure
-/// has the standard uncertainty `resolution_sd`, are the least scatter.
+/// Finds runs whose figure stands out of the scatter of the others. Returns their places, and by how many standard
+/// deviations of the others they stand out (externally studentised, against Student's t with `runs - 2` degrees of
+/// freedom). The scatter is at least that of the steps of the output, which give each figure the standard uncertainty
+/// `resolution_sd`.
 #[must_use]
 pub fn suspects(figures: &[f64], resolution_sd: f64) -> Vec<(usize, f64)> {
     let n = figures.len() as f64;
@@ -194,7 +197,8 @@ mod tests {
         check(&[1.0; 99], -1.0, "block (s) is -1, expected a finite number above 0");
     }
 
-    /// A block of one value is found where the noise of the rest is above a step, and is no fault where it is below.
+    /// A block of one value is found where the noise of the rest is above a step. It is accepted where that noise is
+    /// below a step.
     #[test]
     fn a_stuck_block() {
         let noise = |k: usize| ((k * 7919 % 101) as f64 - 50.0).round();
@@ -204,7 +208,7 @@ mod tests {
         let refusal = stability(&noisy, 10.0, 5.0).unwrap_err().to_string();
         let expected = "record stands still at 7 for 50 samples of block 5, from row 201, while it is noisy elsewhere";
         assert_eq!(refusal, expected);
-        // Steps of one code on a slow drift: most blocks show one value, rightly.
+        // Steps of one code on a slow drift: most blocks correctly show one value.
         let coarse: Vec<f64> =
             (0..1000).map(|k| (0.003 * f64::from(k) + 0.1 * noise(k as usize) / 50.0).round()).collect();
         assert!(coarse.chunks(50).any(|block| block.iter().all(|v| *v == block[0])));
@@ -226,7 +230,7 @@ mod tests {
         assert!(suspects(&others, 0.0).is_empty() && suspects(&figures[2..5], 0.0).is_empty());
     }
 
-    /// Of a coarse output one run in eight shows the next code; two codes away is no rounding.
+    /// With a coarse output one run in eight shows the next code. A run two codes away is not rounding.
     #[test]
     fn a_run_one_code_away_is_no_suspect_of_a_coarse_output() {
         let one_code = [100.0, 100.0, 100.0, 100.0, 101.0, 100.0, 100.0, 100.0];

@@ -3,18 +3,18 @@
 
 use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF, StudentsT};
 
-/// Probability by which a good point is named as a suspect, shared by all points (Bonferroni).
+/// Probability at which a good point is named as a suspect, shared by all points (Bonferroni).
 pub(crate) const SUSPECT_PROBABILITY: f64 = 0.001;
 
-/// Externally studentised residual of a point of a fit: over the standard deviation that the other points give it. `squares`
-/// is the sum of the squares of all residuals, `own` is 1 less the leverage of the point, `dof` are the degrees of freedom of
-/// the others; `floor` is a variance that there is at least.
+/// Externally studentised residual of a point of a fit: the residual over the standard deviation that the other points
+/// give it. `squares` is the sum of the squares of all residuals, `own` is 1 less the leverage of the point, `dof` are
+/// the degrees of freedom of the others, `floor` is the least variance.
 pub(crate) fn studentised(residual: f64, squares: f64, own: f64, dof: f64, floor: f64) -> f64 {
     let others = (squares - residual * residual / own) / dof;
     residual / (others.max(floor) * own).sqrt()
 }
 
-/// The two-sided probability of one standard deviation of a normal distribution, erf(1/sqrt 2).
+/// Two-sided probability of one standard deviation of a normal distribution, erf(1/sqrt 2).
 pub const ONE_SIGMA: f64 = 0.682_689_492_137_085_9;
 
 /// Two-sided coverage factor of Student's t: `P(|t| <= k) = probability`. Infinite `dof` gives the normal factor;
@@ -26,7 +26,8 @@ pub fn coverage_factor(probability: f64, dof: f64) -> f64 {
     }
     let upper = 0.5 + probability / 2.0;
     if dof > MANY {
-        // Cornish-Fisher to the second order: the third is below 1e-8 here, where the library's search is slow or endless.
+        // Cornish-Fisher to the second order. The third order is below 1e-8 here, where the library's search is slow or
+        // endless.
         let z = normal_quantile(upper);
         let second =
             if dof.is_finite() { (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * dof * dof) } else { 0.0 };
@@ -35,7 +36,7 @@ pub fn coverage_factor(probability: f64, dof: f64) -> f64 {
     StudentsT::new(0.0, 1.0, dof).map_or(f64::NAN, |t| t.inverse_cdf(upper))
 }
 
-/// Above this the quantiles come from expansions in 1 / dof.
+/// Above this number of degrees of freedom the quantiles come from expansions in 1 / dof.
 const MANY: f64 = 1000.0;
 
 /// Quantile of chi-square with `dof` degrees of freedom (need not be whole). NaN for `dof <= 0`.
@@ -48,7 +49,7 @@ pub fn chi_square_quantile(probability: f64, dof: f64) -> f64 {
     if dof <= MANY {
         return chi_square.inverse_cdf(probability);
     }
-    // Wilson-Hilferty is good to some 1e-6 here, and a Newton step squares that. Far out it needs none.
+    // Wilson-Hilferty is good to some 1e-6 here, and a Newton step squares that error. Far out no step is needed.
     let z = normal_quantile(probability);
     let a = 2.0 / (9.0 * dof);
     let start = dof * (1.0 - a + z * a.sqrt()).powi(3);
@@ -78,11 +79,11 @@ pub fn sd_interval(sd: f64, dof: f64, probability: f64) -> (f64, f64) {
     (low, high)
 }
 
-/// Interval of the length of a vector of two components that was found as `found`, where either component is known with
-/// the standard uncertainty `sd`: the distribution of the length about what was found (propagated after JCGM 101; Rice
-/// 1945), from its `(1 - probability) / 2` to its `(1 + probability) / 2` quantile. Where no length lies in the region that
-/// holds the vector with this probability, it is from 0 to the `probability` quantile: a length has no sign, and the
-/// truth may be none. NaN where a number is not finite or `sd` is negative.
+/// Interval of the length of a vector of two components, measured as `found`, where each component has the standard
+/// uncertainty `sd`. It is taken from the distribution of the length about `found` (propagated after JCGM 101; Rice
+/// 1945), from its `(1 - probability) / 2` to its `(1 + probability) / 2` quantile. Where the region that holds the
+/// vector with this probability includes the length 0, the interval goes from 0 to the `probability` quantile: a length
+/// has no sign, and the true length may be zero. NaN where a number is not finite or `sd` is negative.
 #[must_use]
 pub fn amplitude_interval(found: f64, sd: f64, probability: f64) -> (f64, f64) {
     if !(found.is_finite() && sd >= 0.0 && sd.is_finite() && (0.0..1.0).contains(&probability)) {
@@ -102,8 +103,8 @@ pub fn amplitude_interval(found: f64, sd: f64, probability: f64) -> (f64, f64) {
 
 /// Quantile of the length of a vector of two normal components of variance 1 about a vector of length `ratio`.
 fn rice_quantile(probability: f64, ratio: f64) -> f64 {
-    // Far out the length is normal: the component across adds half its variance over the length to the mean, and takes half
-    // of it over the square of the length from the variance.
+    // Far out the length is normal. The component across adds half its variance over the length to the mean, and takes
+    // half of its variance over the square of the length from the variance.
     if ratio > 20.0 {
         return ratio + 0.5 / ratio + normal_quantile(probability) * (1.0 - 0.25 / (ratio * ratio));
     }
@@ -115,7 +116,8 @@ fn rice_quantile(probability: f64, ratio: f64) -> f64 {
     f64::midpoint(low, high)
 }
 
-/// Probability that the length is at most `length`: a mixture of chi-squares of even degrees of freedom by Poisson weights.
+/// Probability that the length is at most `length`: a mixture of chi-squares of even degrees of freedom with Poisson
+/// weights.
 fn rice_probability(length: f64, ratio: f64) -> f64 {
     let (lambda, x) = (ratio * ratio / 2.0, length * length / 2.0);
     let terms = (lambda + 12.0 * lambda.sqrt() + 40.0) as usize;
@@ -131,7 +133,7 @@ fn rice_probability(length: f64, ratio: f64) -> f64 {
     sum
 }
 
-/// Median of the absolute value of a normal one, in standard deviations.
+/// Median of the absolute value of a normal variable, in standard deviations.
 pub(crate) const MEDIAN_DEVIATION: f64 = 0.674_49;
 /// Median of the absolute difference of two normal values, in standard deviations: 0.6745 sqrt 2.
 pub(crate) const MEDIAN_DIFFERENCE: f64 = 0.953_87;
@@ -152,14 +154,14 @@ pub fn mean_sd(values: &[f64]) -> (f64, f64) {
     (mean, sd)
 }
 
-/// Root of the mean of the squares; NaN when empty. Summed in the order of the values: records are worked out again to the
-/// bit.
+/// Root of the mean of the squares; NaN when empty. The sum keeps the order of the values, since a record must give the
+/// same bits when it is computed again.
 #[must_use]
 pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// Sum in eight lanes over blocks of 1024: at memory speed, and with the rounding error of short sums.
+/// Sum in eight lanes over blocks of 1024. It runs at memory speed and has the rounding error of short sums.
 pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
     const LANES: usize = 8;
     values
@@ -177,26 +179,26 @@ pub(crate) fn sum(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
         .sum()
 }
 
-/// Standard deviation of noise from the median absolute difference of neighbours: motion in less than half of the record
-/// does not enter it. 0 below two values.
+/// Standard deviation of noise from the median absolute difference of neighbours. Motion in less than half of the
+/// record does not affect it. 0 below two values.
 #[must_use]
 pub fn median_step(values: &[f64]) -> f64 {
     let mut steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     if steps.is_empty() { 0.0 } else { median(&mut steps) / MEDIAN_DIFFERENCE }
 }
 
-/// Standard deviation of the white part of a record, from successive differences: `sqrt(mean(diff^2) / 2)`
-/// (von Neumann). Drift and steps hardly enter it.
+/// Standard deviation of the white part of a record, from successive differences: `sqrt(mean(diff^2) / 2)` (von
+/// Neumann). Drift and steps hardly affect it.
 #[must_use]
 pub fn white_sd(values: &[f64]) -> f64 {
     let sum: f64 = values.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
     (sum / (2.0 * (values.len().max(2) - 1) as f64)).sqrt()
 }
 
-/// Standard deviation of white noise whose means would scatter as those of a record do: from the median absolute difference
-/// of neighbouring means in all its stretches, each with the rows of its means, times the root of these rows. Behind a
-/// low-pass neighbours err alike and means scatter by more than [`white_sd`] says. Motion in less than half of the record does
-/// not enter it. 0 where no stretch holds two means.
+/// Standard deviation of white noise whose means would scatter like those of a record. It comes from the median
+/// absolute difference of neighbouring means in all stretches, each with the number of rows of its means, times the
+/// root of that number. Behind a low-pass, neighbours have nearly the same error, and means scatter by more than
+/// [`white_sd`] shows. Motion in less than half of the record does not affect it. 0 where no stretch holds two means.
 #[must_use]
 pub fn sd_of_means(stretches: &[(&[f64], usize)]) -> f64 {
     let mut differences = Vec::new();
@@ -215,7 +217,7 @@ pub fn sd_of_means(stretches: &[(&[f64], usize)]) -> f64 {
     if differences.is_empty() { 0.0 } else { median(&mut differences) / MEDIAN_DIFFERENCE }
 }
 
-/// Median of the values, which are reordered. NaN when empty.
+/// Median of the values. The function reorders them. NaN when empty.
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
     let n = values.len();
@@ -245,7 +247,7 @@ pub fn range(values: &[f64]) -> (f64, f64) {
     const LANES: usize = 8;
     let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
     let (whole, rest) = values.as_chunks::<LANES>();
-    // Plain comparisons, which the compiler turns into vectors; f64::min also cares for NaN.
+    // Plain comparisons, so that the compiler can use vectors; f64::min would also treat NaN.
     for chunk in whole {
         for l in 0..LANES {
             low[l] = if chunk[l] < low[l] { chunk[l] } else { low[l] };
@@ -264,7 +266,7 @@ pub fn range(values: &[f64]) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Expected values from printed tables of the distributions.
+    /// Expected values come from printed tables of the distributions.
     #[test]
     fn quantiles_are_those_of_the_tables() {
         for (dof, k) in [(1.0, 12.7062), (2.0, 4.3027), (6.0, 2.4469), (30.0, 2.0423), (f64::INFINITY, 1.95996)] {
@@ -276,7 +278,7 @@ mod tests {
         assert!(coverage_factor(0.95, 0.0).is_nan() && chi_square_quantile(0.5, f64::NAN).is_nan());
     }
 
-    /// scipy.stats: rice.ppf of 0.025, 0.95 and 0.975. Where 0 is within the region the interval starts there.
+    /// scipy.stats: rice.ppf of 0.025, 0.95 and 0.975. Where 0 lies within the region, the interval starts there.
     #[test]
     fn intervals_of_a_length() {
         for (found, low, high) in [
@@ -294,7 +296,7 @@ mod tests {
         assert!(amplitude_interval(1.0, -1.0, 0.95).0.is_nan() && amplitude_interval(f64::NAN, 1.0, 0.95).1.is_nan());
     }
 
-    /// The expansions take over where they agree with the exact quantiles.
+    /// The expansions begin where they agree with the exact quantiles.
     #[test]
     fn expansions_take_over_smoothly() {
         // scipy.stats: chi2.ppf and t.ppf at 1001 degrees of freedom.

@@ -1,10 +1,10 @@
-//! Tilt from an accelerometer, and how accurate it is.
+//! Tilt from an accelerometer, and its accuracy.
 //!
 //! After A. Fan, *How to Improve the Accuracy of Inclination Measurement Using an Accelerometer* (Analog Dialogue 52-02,
 //! 2018). `theta = asin(A / g)`. Accelerations are in g unless a name says otherwise.
 //!
-//! Departures from the print: its gain of the 1 g flip is halved once too often (a perfect sensor would have 0.5); its
-//! "97 %" within six sigma is Chebyshev's bound, normal noise is outside with a probability of 2e-9.
+//! Departures from the print: its gain of the 1 g flip is halved once too often (a perfect sensor would have 0.5). Its
+//! "97 %" within six sigma is Chebyshev's bound; normal noise is outside with a probability of 2e-9.
 
 use statrs::function::erf::erfc;
 
@@ -28,21 +28,21 @@ pub struct FlipCalibration {
 }
 
 impl FlipCalibration {
-    /// Bias, measured less true, in the unit of gravity: `offset / gain`.
+    /// Returns the bias, measured less true, in the unit of gravity: `offset / gain`.
     #[must_use]
     pub fn bias(&self) -> f64 {
         self.offset / self.gain
     }
 
-    /// `actual = (out - offset) / gain`.
+    /// Returns the actual value, `(out - offset) / gain`.
     #[must_use]
     pub fn actual(&self, out: f64) -> f64 {
         (out - self.offset) / self.gain
     }
 }
 
-/// Two-point calibration by a flip between +1 g and -1 g: `offset = (A+ + A-) / 2`, `gain = (A+ - A-) / (2 g)`.
-/// Each argument is a mean and its standard uncertainty, `gravity` is in the unit in which actual values are wanted.
+/// Two-point calibration by a flip between +1 g and -1 g: `offset = (A+ + A-) / 2`, `gain = (A+ - A-) / (2 g)`. `plus`
+/// and `minus` are a mean and its standard uncertainty each; `gravity` is in the unit of the actual values.
 ///
 /// # Errors
 /// [`Refusal::NotFinite`]; [`Refusal::Parameter`]; [`Refusal::WrongSign`] when the flip is upside down.
@@ -57,7 +57,7 @@ pub fn flip(plus: (f64, f64), minus: (f64, f64), gravity: f64) -> Result<FlipCal
     Ok(FlipCalibration { offset: f64::midpoint(plus.0, minus.0), gain, offset_sd: spread, gain_sd: spread / gravity })
 }
 
-/// [`flip`] from the rows of a record, labelled `+` (the axis up) and `-`, each in one block.
+/// Runs [`flip`] on the rows of a record, labelled `+` (the axis up) and `-`, each in one block.
 ///
 /// # Errors
 /// [`Refusal::Lengths`], [`Refusal::NotFinite`], [`Refusal::TooFew`] below two rows of a position;
@@ -86,12 +86,13 @@ pub fn flip_rows<L: AsRef<str>>(labels: &[L], values: &[f64], gravity: f64) -> R
             return Err(Refusal::TooFew { what: format!("position {label}"), got: rows.len(), needed: 2 });
         }
         let (mean, sd) = stats::mean_sd(rows);
-        // Behind a low-pass rows err alike; fewer rows than a correlation needs are taken as white.
+        // Behind a low-pass neighbouring rows have nearly the same error. With too few rows for a correlation, the rows
+        // count as white.
         let white = sd / (rows.len() as f64).sqrt();
         *side = (mean, correlated::mean(rows, None).map_or(white, |mean| mean.mean_sd.max(white)));
     }
     let mut found = flip(sides[0], sides[1], gravity)?;
-    // One error for each side, which may be the same: then it is one of the offset.
+    // The steps give one error for each side. Where both sides have the same error, it is an error of the offset.
     found.offset_sd = found.offset_sd.hypot(resolution_sd);
     found.gain_sd = found.gain_sd.hypot(resolution_sd / gravity);
     for block in &blocks {
@@ -118,16 +119,16 @@ pub struct TemperatureCurve {
     pub ambient_offset: f64,
     /// Second step: slope of the line through ambient and hot.
     pub slope: f64,
-    /// Third step: what then remains at cold.
+    /// Third step: the offset that then remains at cold.
     pub cold_remainder: f64,
     /// Temperatures of the three points, rising, degC.
     pub temperatures_c: [f64; 3],
 }
 
-/// [`temperature_curve`] from a table.
+/// Runs [`temperature_curve`] on a table.
 ///
 /// # Errors
-/// As [`temperature_curve`]; [`Refusal::Lengths`]; [`Refusal::Parameter`] for another number of points than three.
+/// As [`temperature_curve`]; [`Refusal::Lengths`]; [`Refusal::Parameter`] when the number of points is not three.
 pub fn temperature_rows(temperatures_c: &[f64], offsets: &[f64]) -> Result<TemperatureCurve, Refusal> {
     series::channels(&["temperature", "offset"], &[temperatures_c, offsets])?;
     let ([cold, ambient, hot], [a, b, c]) = (temperatures_c, offsets) else {
@@ -182,13 +183,13 @@ impl TemperatureCurve {
     /// Offset at a temperature, degC.
     #[must_use]
     pub fn offset(&self, t: f64) -> f64 {
-        // About the ambient point, where the digits are.
+        // The polynomial is taken about the ambient point, so that it keeps its digits.
         let [_, ambient, hot] = self.temperatures_c;
         self.ambient_offset + self.slope * (t - ambient) + self.a * (t - ambient) * (t - hot)
     }
 
-    /// How much larger than at a point the uncertainty of the curve is at a temperature, when the three points are
-    /// equally uncertain: it grows fast outside them.
+    /// Returns the uncertainty of the curve at a temperature over that of a point, when the three points are equally
+    /// uncertain. It grows fast outside the points.
     #[must_use]
     pub fn uncertainty_factor(&self, t: f64) -> f64 {
         let p = self.temperatures_c;
@@ -232,7 +233,7 @@ pub fn exceedances(runs: f64, factor: f64) -> f64 {
 /// One line of a budget, mg.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TiltContribution {
-    /// What it is.
+    /// Name of the contribution.
     pub name: String,
     /// Before calibration, mg.
     pub before_mg: f64,
@@ -240,21 +241,21 @@ pub struct TiltContribution {
     pub after_mg: f64,
 }
 
-/// Sum of a budget and what it means for tilt.
+/// Sum of a budget, and the tilt error that follows from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Total {
     /// Linear sum of the magnitudes (worst case), mg.
     pub sum_mg: f64,
-    /// Root of the sum of squares, mg: what independent contributions come to.
+    /// Root of the sum of squares, mg: the sum of independent contributions.
     pub rss_mg: f64,
     /// Tilt error of the linear sum at 0 deg.
     pub tilt_at_zero_deg: f64,
-    /// Largest tilt error of the linear sum over the range, which is at its ends.
+    /// Largest tilt error of the linear sum over the range, which lies at the ends of the range.
     pub tilt_at_range_deg: f64,
 }
 
-/// Largest error of `asin(A / g)` at a tilt, for an error of the acceleration in mg, of either sign. Beyond 90 degrees
-/// there is no tilt: the error is counted up to there.
+/// Largest error of `asin(A / g)` at a tilt, for an error of the acceleration in mg, of either sign. Tilt ends at 90
+/// degrees, so the error is counted up to there.
 #[must_use]
 pub fn tilt_error_deg(tilt_deg: f64, error_mg: f64) -> f64 {
     let sine = tilt_deg.to_radians().sin();
@@ -266,7 +267,7 @@ pub fn tilt_error_deg(tilt_deg: f64, error_mg: f64) -> f64 {
 ///
 /// # Errors
 /// [`Refusal::TooFew`] without a contribution, [`Refusal::Parameter`] for a range outside 0 to 89 deg or a contribution
-/// that is negative or no number.
+/// that is negative or NaN.
 pub fn budget(contributions: &[TiltContribution], range_deg: f64) -> Result<(Total, Total), Refusal> {
     if contributions.is_empty() {
         return Err(Refusal::TooFew { what: "a budget".to_owned(), got: 0, needed: 1 });
@@ -370,7 +371,7 @@ mod tests {
     fn departure_from_a_line() {
         let actual = [-1.0, -0.5, 0.0, 0.5, 1.0];
         let measured = actual.map(|a: f64| 0.1 + 1.02 * a + 0.04 * a * a);
-        // Of 0.04 a^2 at -0.5, 0, 0.5 the line keeps the mean 2/3 * 0.01: 0.0067 remain in the middle.
+        // On 0.04 a^2 at -0.5, 0, 0.5 the line keeps the mean 2/3 * 0.01, so 0.0067 remains in the middle.
         assert!((nonlinearity(&actual, &measured, 0.5).unwrap() - 0.02 / 3.0).abs() < 1e-12);
         assert!(nonlinearity(&actual, &measured, 0.1).is_err());
     }

@@ -1,13 +1,13 @@
-//! What a response matrix says about three axes: coupling, angles between them, and how they sit in the fixture.
+//! Properties of three axes from a response matrix: coupling, angles between the axes, and how they sit in the fixture.
 //!
-//! Rows of a response are sensors, columns axes of the fixture, as everywhere here.
+//! Rows of a response are sensors, columns are axes of the fixture, as in the whole crate.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::Refusal;
 
-/// Response of sensor i to axis j relative to its own axis, `M_ij / M_ii`. (Not `K_ij / K_ii` of the compensation, which is
-/// wrong by the ratio of the gains.) A fixture that turns the module shows in it too.
+/// Response of sensor i to axis j relative to its own axis, `M_ij / M_ii`. (Not `K_ij / K_ii` of the compensation,
+/// which is wrong by the ratio of the gains.) The coupling also contains a turn of the module in the fixture.
 #[must_use]
 pub fn coupling(response: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| response[(i, j)] / response[(i, i)])
@@ -21,7 +21,7 @@ pub fn nonorthogonality_rad(response: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(row(0).dot(&row(1)).asin(), row(0).dot(&row(2)).asin(), row(1).dot(&row(2)).asin())
 }
 
-/// A response taken apart: `response = diag(scale) * stretch * rotation`.
+/// The factors of a response: `response = diag(scale) * stretch * rotation`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decomposition {
     /// Length of each row: the scale factor of each sensor along its own sensing axis.
@@ -30,7 +30,7 @@ pub struct Decomposition {
     pub stretch: Matrix3<f64>,
     /// Right-handed rotation from the axes of the fixture to the nearest right-angled axes of the sensors.
     pub rotation: Matrix3<f64>,
-    /// The same as a rotation vector (axis times angle), rad: how the module sits in the fixture.
+    /// The same rotation as a rotation vector (axis times angle), rad: how the module sits in the fixture.
     pub rotation_rad: Vector3<f64>,
 }
 
@@ -70,7 +70,8 @@ mod tests {
 
     use super::*;
 
-    /// A triad of known scale, angles and seat is found again, and the seat alone changes no angle between the axes.
+    /// The decomposition returns the known scale, angles and seat of a triad, and the seat alone changes no angle
+    /// between the axes.
     #[test]
     fn a_triad_taken_apart() {
         let (scale, angle) = (Vector3::new(2000.0, 3000.0, 2500.0), 2e-3_f64);
@@ -87,7 +88,7 @@ mod tests {
         assert!((Matrix3::from_diagonal(&d.scale) * d.stretch * d.rotation - response).norm() < 1e-9);
         assert!((d.rotation * d.rotation.transpose() - Matrix3::identity()).norm() < 1e-12);
         assert!((d.stretch - d.stretch.transpose()).norm() < 1e-12 && (d.stretch[(0, 1)] - angle / 2.0).abs() < 1e-8);
-        // Half of the lean goes to each of the two axes, so the triad as a whole is turned by half of it.
+        // Each of the two axes takes half of the lean, so the triad as a whole is turned by half of it.
         let apart = Rotation3::new(d.rotation_rad) * Rotation3::new(seat).inverse();
         assert!((apart.angle() - angle / 2.0).abs() < 1e-6, "{apart}");
         assert_eq!(coupling(&response)[(1, 0)], response[(1, 0)] / response[(1, 1)]);

@@ -1,13 +1,13 @@
-//! Elimination of a gyroscope's bias while it works: per axis, per sample, with a still flag.
+//! Removal of a gyroscope's bias during operation: per axis, per sample, with a still flag.
 //!
-//! After the patent "MEMS gyroscope zero-position elimination system and method", read consistently where its formulas
-//! are lost. Departures from the words: a count of valid slots is stored with the biases (the mean over all slots would
-//! shrink towards zero during the first power cycles); the mean of the ring is that of its filled slots (the text divides
-//! by one more); a stored bias needs both, a long rest and a new best bias.
+//! After the patent "MEMS gyroscope zero-position elimination system and method". Where its formulas are lost, the code
+//! follows the rest of the text. Departures from the words: a count of valid slots is stored with the biases (the mean
+//! over all slots would shrink towards zero during the first power cycles); the mean of the ring is that of its filled
+//! slots (the text divides by one more); a stored bias needs both, a long rest and a new best bias.
 //!
 //! Known weaknesses: one block of 50 samples can be noisier than the stored bias; the earth's rotation is learned as
-//! bias (take out what attitude and latitude tell before); the best bias freezes at the luckiest ring. [`Kalman`] is the
-//! alternative: it weighs the stored bias and the samples by their variances.
+//! bias (subtract the part known from attitude and latitude first); the best bias freezes at the ring that was quietest
+//! by chance. [`Kalman`] is the alternative: it weighs the stored bias and the samples by their variances.
 
 mod kalman;
 mod still;
@@ -19,7 +19,7 @@ pub use store::{Copies, Stored};
 
 use crate::Refusal;
 
-/// Lengths of the method. The text gives the first three; slots and rest have no value in it.
+/// Lengths of the method. The text gives the first three; it has no values for slots and rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ZeroBiasSettings {
     /// Samples over which the stored bias hands over to the measured one (FuseNum, below 1000).
@@ -30,7 +30,7 @@ pub struct ZeroBiasSettings {
     pub ring: usize,
     /// Stored biases (N0).
     pub slots: usize,
-    /// Still samples on end before a bias is stored (P, at least a whole ring).
+    /// Consecutive still samples before a bias is stored (P, at least a whole ring).
     pub rest: usize,
 }
 
@@ -58,14 +58,14 @@ impl ZeroBiasSettings {
     }
 }
 
-/// What a sample gave.
+/// The output for one sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FilterOutput {
     /// Rate less the bias.
     pub rate: f64,
-    /// The bias that was taken off.
+    /// The bias that was subtracted.
     pub bias: f64,
-    /// Set when the stored biases changed: they are to be written now.
+    /// Set when the stored biases changed. The caller must write them now.
     pub store: Option<Stored>,
 }
 
@@ -89,12 +89,12 @@ pub struct Eliminator {
     best: Option<f64>,
     /// Smallest variance of a full ring (Var0).
     best_variance: Option<f64>,
-    /// Still samples on end.
+    /// Consecutive still samples.
     rest: usize,
 }
 
 impl Eliminator {
-    /// Powers on with what was stored.
+    /// Starts from the biases that were stored.
     ///
     /// # Errors
     /// As [`ZeroBiasSettings::check`].
@@ -134,13 +134,13 @@ impl Eliminator {
         FilterOutput { rate: rate - self.bias, bias: self.bias, store }
     }
 
-    /// The bias now.
+    /// Returns the present bias.
     #[must_use]
     pub fn bias(&self) -> f64 {
         self.bias
     }
 
-    /// Adds to the block; its mean when it is complete. A moving sample drops it.
+    /// Adds a sample to the block; returns the mean of the block when it is complete. A moving sample drops the block.
     fn gather(&mut self, rate: f64, still: bool) -> Option<f64> {
         if !still {
             (self.sum, self.filled) = (0.0, 0);
@@ -166,7 +166,7 @@ impl Eliminator {
         };
     }
 
-    /// Puts a block into the ring, whose mean is the bias, and looks for a quieter ring.
+    /// Puts a block into the ring, whose mean is the bias, and checks whether the ring is quieter.
     fn turn(&mut self, mean: f64) {
         let size = self.settings.ring;
         if self.ring.len() < size {
@@ -187,7 +187,7 @@ impl Eliminator {
                 self.best = Some(mean);
                 self.best_variance = Some(variance);
             }
-            // The first full ring sets the mark only.
+            // The first full ring only sets the mark.
             None => self.best_variance = Some(variance),
         }
     }
@@ -221,7 +221,7 @@ mod tests {
         // The first block is complete with the second sample.
         assert_eq!(e.step(1.0, true).bias, 5.0);
         assert_eq!(e.step(3.0, true).bias, 0.2 * 2.0 + 0.8 * 5.0);
-        // Moving samples count on, with the same block.
+        // Moving samples also count, with the same block.
         assert_eq!(e.step(9.0, false).bias, 0.3 * 2.0 + 0.7 * 5.0);
         for _ in 3..10 {
             e.step(9.0, false);
@@ -241,7 +241,7 @@ mod tests {
         for _ in 0..10 {
             e.step(5.0, true);
         }
-        // A moving sample drops the half block; the bias of the fusion is held.
+        // A moving sample drops the half block; the bias of the fusion stays.
         e.step(8.0, true);
         assert_eq!(e.step(99.0, false).bias, 5.0);
         let feed = |e: &mut Eliminator, mean: f64| {
@@ -250,15 +250,15 @@ mod tests {
         };
         assert_eq!(feed(&mut e, 1.0).bias, 1.0);
         assert_eq!(feed(&mut e, 2.0).bias, 1.5);
-        // Full: 1 2 6, variance 7: the mark, nothing stored.
+        // Full: 1 2 6, variance 7. This sets the mark; nothing is stored.
         assert_eq!((feed(&mut e, 6.0).bias, e.best), (3.0, None));
-        // 2 2 6 is quieter, and six still samples are behind us.
+        // 2 2 6 is quieter, and six still samples came before.
         let out = feed(&mut e, 2.0);
         assert!((out.bias - 10.0 / 3.0).abs() < 1e-12);
         let stored = out.store.unwrap();
         assert_eq!(stored.biases().len(), 2);
         assert!((stored.biases()[1] - 10.0 / 3.0).abs() < 1e-12);
-        // Nothing new, nothing stored.
+        // Without a new best bias, nothing is stored.
         assert_eq!(feed(&mut e, 9.0).store, None);
     }
 

@@ -1,11 +1,12 @@
-//! Coverage of the intervals of all items, simulated without frames: `cargo bench -p gnc-analysis --bench coverage
-//! [-- TRIALS] [calibration|field|left|repeated|noise|sky]`; ends with 1 when a bound is broken.
+//! Coverage of the intervals of all items, simulated without frames:
+//! `cargo bench -p gnc-analysis --bench coverage [-- TRIALS] [calibration|field|left|repeated|noise|sky]`; exits with 1
+//! when a bound is broken.
 
 #![allow(clippy::print_stdout, clippy::expect_used, clippy::panic, missing_docs, dead_code, unreachable_pub)]
 
 use std::time::Instant;
 
-// The simulation is that of the tests; these are the places where it looks for the station.
+// The simulation is that of the tests. It looks for the station under these names.
 mod capture {
     pub use gnc_analysis::capture::*;
 }
@@ -30,11 +31,11 @@ mod sky;
 mod world;
 
 const SEED: u64 = 1;
-/// 3.9 standard errors about what is promised: 92.3 to 97.7 % at 1000 trials of 95 %.
+/// Allowed deviation from the promised share, in standard errors: 92.3 to 97.7 % at 1000 trials of 95 %.
 const STANDARD_ERRORS: f64 = 3.9;
-/// So many trials from a seed.
+/// A function that runs a number of trials from a seed.
 type Run = fn(usize, u64) -> Vec<coverage::Tally>;
-/// Parts of the run: words of the command line choose among them.
+/// Parts of the run. Words of the command line choose among them.
 const RUNS: [(&str, Run); 6] = [
     ("calibration", coverage::run),
     ("field", coverage_field::run),
@@ -58,7 +59,7 @@ fn main() {
         let (promised, p) = (100.0 * tally.probability, tally.probability);
         let more = covered - promised;
         let band = STANDARD_ERRORS * (p * (1.0 - p) / tally.given as f64).sqrt() * 100.0;
-        // A term that the bench draws once in a trial may hide what the others do.
+        // A term that the bench draws once in a trial may hide the effect of the other terms.
         let dominated = dominated(tally).filter(|_| more > band);
         let note =
             dominated.map(|(term, share)| format!("  dominated by {term}, {:.0} % of the variance", 100.0 * share));
@@ -81,7 +82,7 @@ fn main() {
     }
 }
 
-/// The type B term that has more than half of the variance, and its share.
+/// The type B term with more than half of the variance, and its share.
 fn dominated(tally: &coverage::Tally) -> Option<(&str, f64)> {
     let shares = tally.shares.iter().map(|(name, sum)| (name.as_str(), sum / tally.given as f64));
     shares.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, share)| *share > 0.5)

@@ -1,12 +1,12 @@
-//! Details of the items that calibrate: what a fit left in each position, the turns, the spins in the field.
+//! Details of the items that calibrate: residuals of the positions, the turns, the spins in the field.
 
 use serde::{Deserialize, Serialize};
 
 use super::DetailsPart;
 
-/// What the accelerometers' fit left.
+/// Residuals of the accelerometers' fit.
 pub const FORCE_RESIDUALS: DetailsPart<Vec<ForceResidual>> = DetailsPart::new("residuals");
-/// What the gyroscopes' fit at rest left.
+/// Residuals of the gyroscopes' fit at rest.
 pub const RATE_RESIDUALS: DetailsPart<Vec<RateResidual>> = DetailsPart::new("residuals");
 /// The rates of the turns, thinned.
 pub const TURNS: DetailsPart<Vec<TableTurn>> = DetailsPart::new("records");
@@ -17,21 +17,21 @@ pub const SPINS: DetailsPart<Vec<FieldSpin>> = DetailsPart::new("spins");
 /// The field of each spin, thinned, in the order of [`SPINS`].
 pub const FIELD: DetailsPart<Vec<FieldPoints>> = DetailsPart::new("field");
 
-/// Of a position, m/s^2.
+/// Residual of the accelerometers in a position, m/s^2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ForceResidual {
     /// Label of its capture.
     pub position: String,
-    /// Of each axis.
+    /// Residual of each axis.
     pub residual_mps2: [f64; 3],
 }
 
-/// Of a position, rad/s.
+/// Residual of the gyroscopes in a position, rad/s.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RateResidual {
     /// Label of its capture.
     pub position: String,
-    /// Of each axis.
+    /// Residual of each axis.
     pub residual_rps: [f64; 3],
 }
 
@@ -42,9 +42,9 @@ pub struct TableTurn {
     pub capture: String,
     /// The sensor along the axis: x, y, z.
     pub axis: String,
-    /// Since the begin of the capture.
+    /// Time since the beginning of the capture.
     pub time_s: Vec<f64>,
-    /// Of that sensor at nominal scale.
+    /// Rate of that sensor at nominal scale.
     pub rate_dps: Vec<f64>,
 }
 
@@ -53,34 +53,34 @@ pub struct TableTurn {
 pub struct TurnWindow {
     /// Label of the turn.
     pub run: String,
-    /// Since the begin of its capture.
+    /// Start of the span, since the beginning of the capture.
     pub start_s: f64,
-    /// Its length.
+    /// Length of the span.
     pub span_s: f64,
-    /// Largest rate in it.
+    /// Largest rate in the span.
     pub peak_dps: Option<f64>,
     /// Sums of the three sensors.
     pub integral_counts_s: [Option<f64>; 3],
 }
 
-/// A spin about the vertical axis, and the ellipse that the field went along.
+/// A spin about the vertical axis, and the ellipse of its field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FieldSpin {
     /// Label of its capture.
     pub capture: String,
-    /// The rate that the table was told.
+    /// The rate commanded to the table.
     pub told_dps: f64,
     /// The rate that the field shows.
     pub rate_dps: f64,
     /// Turns seen.
     pub turns: Option<f64>,
-    /// Of the ellipse, gauss.
+    /// Centre of the ellipse, gauss.
     pub centre: [f64; 2],
-    /// Of the ellipse, gauss.
+    /// Semi-axes of the ellipse, gauss.
     pub semi_axes: [f64; 2],
-    /// Of the large axis from x.
+    /// Direction of the large axis from x.
     pub rotation_deg: f64,
-    /// Of the circle of the corrected field, gauss.
+    /// Radius of the circle of the corrected field, gauss.
     pub radius: f64,
     /// Zero of x, gauss.
     pub dx: f64,
@@ -90,13 +90,13 @@ pub struct FieldSpin {
     pub ky: f64,
     /// Sine of the departure from a right angle.
     pub sin_alpha: f64,
-    /// That departure.
+    /// The departure from a right angle.
     pub alpha_deg: f64,
     /// Standard uncertainties of the correction.
     pub sd: SpinSd,
-    /// Of the points off the circle, gauss.
+    /// Root mean square distance of the points from the circle, gauss.
     pub residual_rms: Option<f64>,
-    /// The farthest point, over the radius.
+    /// Distance of the farthest point, over the radius.
     pub residual_peak_relative: Option<f64>,
     /// Points left out.
     pub rejected: usize,
@@ -110,24 +110,24 @@ pub struct FieldSpin {
     pub gap_deg: Option<f64>,
     /// First and second harmonic of the roll angle's error.
     pub roll_harmonics_deg: [Option<f64>; 2],
-    /// The same by the formulas of the printed method.
+    /// The same figures by the formulas of the printed method.
     pub as_printed: SpinAsPrinted,
 }
 
 /// Standard uncertainties of a spin's correction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpinSd {
-    /// Of the zero of x, gauss.
+    /// Standard uncertainty of the zero of x, gauss.
     pub dx: Option<f64>,
-    /// Of the zero of y, gauss.
+    /// Standard uncertainty of the zero of y, gauss.
     pub dy: Option<f64>,
-    /// Of the factor on y.
+    /// Standard uncertainty of the factor on y.
     pub ky: Option<f64>,
-    /// Of the sine.
+    /// Standard uncertainty of the sine.
     pub sin_alpha: Option<f64>,
 }
 
-/// What the formulas of the printed method give for a spin.
+/// The figures of a spin by the formulas of the printed method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpinAsPrinted {
     /// Zero of x, gauss.
@@ -136,7 +136,7 @@ pub struct SpinAsPrinted {
     pub dy: Option<f64>,
     /// Factor on y.
     pub ky: Option<f64>,
-    /// Of the points off the circle, gauss.
+    /// Root mean square distance of the points from the circle, gauss.
     pub residual_rms: Option<f64>,
     /// Harmonics of the roll angle's error.
     pub roll_harmonics_deg: [Option<f64>; 2],
@@ -147,8 +147,8 @@ pub struct SpinAsPrinted {
 pub struct FieldPoints {
     /// Label of its capture.
     pub capture: String,
-    /// At nominal scale.
+    /// Field along x at nominal scale.
     pub x_gauss: Vec<f64>,
-    /// At nominal scale.
+    /// Field along y at nominal scale.
     pub y_gauss: Vec<f64>,
 }

@@ -1,4 +1,4 @@
-//! Details of the items that a calibrated module is measured by: noise, wander, steps, fixes.
+//! Details of the items that measure a calibrated module: noise, wander, steps, fixes.
 
 use std::collections::BTreeMap;
 
@@ -25,24 +25,24 @@ pub const SCATTER: DetailsPart<FixScatter> = DetailsPart::new("scatter");
 /// Mean of the fixes about the surveyed antenna.
 pub const MEAN_ERROR_M: DetailsPart<MeanError> = DetailsPart::new("mean_error_m");
 
-/// An Allan deviation and the noise coefficients it shows.
+/// An Allan deviation and its noise coefficients.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AllanCurve {
-    /// Of the deviation.
+    /// Unit of the deviation.
     pub unit: String,
-    /// By rising averaging time.
+    /// Points by rising averaging time.
     pub points: Vec<AllanPoint>,
     /// Why a coefficient is missing, by its letter.
     pub reasons: BTreeMap<String, String>,
     /// How well the fit of the noise terms holds.
     pub fit: Option<serde_json::Value>,
-    /// N by the level part of the spectrum.
+    /// N from the level part of the spectrum.
     #[serde(rename = "N_psd")]
     pub n_psd: Option<CoefficientDetails>,
     /// The largest B that the record leaves open.
     #[serde(rename = "B_upper_bound")]
     pub b_upper_bound: Option<f64>,
-    /// What that is.
+    /// Meaning of that bound, in words.
     #[serde(rename = "B_upper_bound_label")]
     pub b_upper_bound_label: String,
     /// Quantisation.
@@ -71,102 +71,102 @@ pub struct AllanPoint {
     pub dev: f64,
     /// Lower end of its 68.3 % interval.
     pub low: f64,
-    /// Upper end of the same.
+    /// Upper end of the same interval.
     pub high: f64,
     /// Equivalent degrees of freedom.
     pub edf: Option<f64>,
     /// Differences averaged.
     pub n: usize,
-    /// The noise on which the interval rests.
+    /// Noise type on which the interval rests.
     pub noise: Option<String>,
 }
 
 /// A noise coefficient with its interval.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CoefficientDetails {
-    /// Its value.
+    /// Value of the coefficient.
     pub value: f64,
-    /// Lower end of its interval.
+    /// Lower end of the interval.
     pub low: Option<f64>,
-    /// Upper end of the same.
+    /// Upper end of the interval.
     pub high: Option<f64>,
 }
 
 /// A power spectrum with its level part and its strongest line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpectrumDetails {
-    /// Of the density.
+    /// Unit of the density.
     pub unit: String,
     /// Segments averaged.
     pub segments: usize,
-    /// From one density to the next, the first of which is that of 0.
+    /// Step from one density to the next. The first density is that of 0.
     pub frequency_step_hz: Option<f64>,
-    /// One-sided.
+    /// One-sided densities.
     pub density: Vec<f64>,
-    /// Of the level part.
+    /// Density of the level part.
     pub white: Option<f64>,
-    /// Where that begins.
+    /// Frequency at which the level part begins.
     pub white_from_hz: Option<f64>,
-    /// Where that ends.
+    /// Frequency at which the level part ends.
     pub white_to_hz: Option<f64>,
-    /// What stands out most.
+    /// The line that stands out most.
     pub strongest_line: SpectralLine,
 }
 
 /// A line of a spectrum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpectralLine {
-    /// Where it is.
+    /// Frequency of the line.
     pub frequency_hz: f64,
-    /// Its density over that of its neighbours.
+    /// Density of the line over that of its neighbours.
     pub over_neighbours: Option<f64>,
 }
 
 /// Means of a channel's blocks or runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BlockMeans {
-    /// Of the means.
+    /// Unit of the means.
     pub unit: String,
-    /// Of the means.
+    /// Mean of the means.
     pub mean: f64,
-    /// Of the means (n - 1).
+    /// Standard deviation of the means (n - 1).
     pub sd: Option<f64>,
-    /// Degrees of freedom of that, where they are not n - 1.
+    /// Degrees of freedom of `sd`, where they are not n - 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dof: Option<f64>,
-    /// One for each block or run.
+    /// One mean for each block or run.
     pub means: Vec<f64>,
 }
 
-/// How a channel followed a small step.
+/// The response of a channel to a small step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StepResponse {
     /// Triad and axis.
     pub channel: String,
     /// Size of the step.
     pub step: f64,
-    /// Its unit.
+    /// Unit of the step.
     pub unit: String,
-    /// Seen over true, upwards.
+    /// Measured step over true step, upwards.
     pub response_up: f64,
-    /// Seen over true, downwards.
+    /// Measured step over true step, downwards.
     pub response_down: f64,
-    /// Degrees of freedom of the worse of both.
+    /// Degrees of freedom of the worse response.
     pub dof: Option<f64>,
 }
 
 /// Fixes about the surveyed antenna, thinned evenly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FixScatter {
-    /// One epoch of so many is kept.
+    /// Stride of the epochs that are kept.
     pub every: usize,
-    /// Its number from 0.
+    /// Number of the epoch, from 0.
     pub epoch: Vec<usize>,
     /// East of the antenna.
     pub east_m: Vec<f64>,
-    /// North of it.
+    /// North of the antenna.
     pub north_m: Vec<f64>,
-    /// Above it; null where the receiver gave no height.
+    /// Above the antenna; null where the receiver gave no height.
     pub up_m: Vec<Option<f64>>,
 }
 
@@ -175,8 +175,8 @@ pub struct FixScatter {
 pub struct MeanError {
     /// East of the antenna.
     pub east: f64,
-    /// North of it.
+    /// North of the antenna.
     pub north: f64,
-    /// Above it; null where the receiver gave no height.
+    /// Above the antenna; null where the receiver gave no height.
     pub up: Option<f64>,
 }

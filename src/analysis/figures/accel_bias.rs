@@ -1,9 +1,9 @@
-//! Bias of the accelerometers that calibration leaves: `(Y1 + Y2) / 2` with the module turned upside down about the third
-//! axis.
+//! The bias that calibration leaves in the accelerometers: `(Y1 + Y2) / 2` with the module turned upside down about the
+//! third axis.
 //!
-//! That turn brings the axis to the opposite level direction, so that an error of level counts once with each sign, and
-//! gravity comes through the coupling once with each sign too. Turned about itself the axis would keep its direction, and
-//! 1 mg for each mrad of level would stay.
+//! That turn brings the axis to the opposite level direction. So an error of level counts once with each sign, and
+//! gravity through the coupling does so too. A turn about the axis itself would keep its direction, and 1 mg for each
+//! mrad of level would stay.
 
 use gnc_executive::quantity::Unit;
 use gnc_metrology::earth;
@@ -45,7 +45,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         })?;
         let means = [one, other].map(|(capture, ..)| force.of(&captures::mean(capture, Triad::Accel))[axis]);
         let noise = [one, other].map(|(capture, ..)| noise(capture, &force, axis));
-        // Two records, each with its own noise; the attitude of each counts by half.
+        // Two records, each with its own noise. The attitude of each record counts by half.
         let budget = Budget::new(Unit::Milligravity)
             .a("noise of the first mean", noise[0].0 * MG / 2.0, noise[0].1)
             .a("noise of the second mean", noise[1].0 * MG / 2.0, noise[1].1)
@@ -60,7 +60,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// Two captures in which the axis is level and looks to opposite directions, upside down to each other.
+/// Returns two captures in which the axis is level and points in opposite directions, upside down to each other.
 fn pair<'a, 'c>(lying: &'a [Lying<'c>], axis: usize) -> Option<(&'a Lying<'c>, &'a Lying<'c>)> {
     let direction = |(_, up, heading_deg): &Lying<'_>| {
         let (north, east) = place::north_east(up, *heading_deg);

@@ -28,7 +28,8 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         let series = compensation.blocks(capture, *triad, 1);
         let found = [0, 1, 2].map(|axis| {
             let values: Vec<f64> = series.iter().map(|value| value[axis]).collect();
-            // One thread: the sums, and so the bits of the figures, do not depend on the machine.
+            // The analysis uses one thread, so that the sums, and so the bits of the figures, do not depend on the
+            // machine.
             allan::analyse(&values, Input::Rate, rate_hz, DeviationKind::Oadev, &Taus::Octave, 1)
         });
         let found = found.into_iter().collect::<Result<Vec<_>, _>>().map_err(FigureError::refused(triad.name()))?;
@@ -74,7 +75,7 @@ fn curve(analysis: &allan::Analysis, unit: Unit) -> details::AllanCurve {
     }
 }
 
-/// How well a fit of noise terms holds, in the form that records and `compute` share.
+/// Returns how well a fit of noise terms holds, in the form that records and `compute` share.
 pub fn fit_json(fit: &FitQuality) -> serde_json::Value {
     let lines: Vec<_> = fit
         .lines
@@ -97,7 +98,7 @@ fn absent(what: &str, why: MissingCoefficient) -> Value {
     Value::NotAvailable(format!("the record shows no {what}: {why}"))
 }
 
-/// N: deg/h sqrt(s) in deg/sqrt(h), mg sqrt(s) in m/s/sqrt(h).
+/// Adds N: deg/h sqrt(s) in deg/sqrt(h), mg sqrt(s) in m/s/sqrt(h).
 fn walks(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
     let (name, unit, factor) = match triad {
         Triad::Gyro => ("angle_random_walk", Unit::DegreePerRootHour, 1.0 / 60.0),

@@ -1,9 +1,9 @@
-//! An ellipsoid over still attitudes, and which of them do not belong to it.
+//! An ellipsoid over still attitudes, and the search for attitudes that do not belong to it.
 //!
-//! The parts of an attitude share one error, that of the ambient field while the module lies there. So a part is judged
-//! against its own attitude, and an attitude against the fit to the others: data snooping (Baarda 1968), for several at
-//! once as the generalized extreme deviate of Rosner (1983). The scale is never smaller than what the noise of an
-//! attitude and the ambient field of the bench file explain, and where the other attitudes scatter by more it is theirs.
+//! The parts of an attitude share one error, that of the ambient field while the module lies there. So a part is
+//! compared with its own attitude, and an attitude with the fit to the others: data snooping (Baarda 1968), for several
+//! at once as the generalized extreme deviate of Rosner (1983). The scale is at least that of the noise of an attitude
+//! and of the ambient field of the bench file. Where the other attitudes scatter by more, their scatter is the scale.
 
 use gnc_metrology::{Refusal, ellipsoid, ellipsoid::Ellipsoid, stats};
 use nalgebra::{SVector, Vector3};
@@ -13,13 +13,13 @@ use super::mean::{self, MeanVariance};
 
 /// Parameters of an ellipsoid.
 pub(super) const PARAMETERS: usize = 9;
-/// Fewest attitudes: three more than parameters, so that one of them can be told apart.
+/// Fewest attitudes: three more than parameters, so that the fit can identify one wrong attitude.
 const FEWEST: usize = 12;
 /// Standard deviations beyond which a part or an attitude does not belong: 6 in 10 million of normal errors.
 const LIMIT_SIGMA: f64 = 5.0;
-/// Part of the attitudes that can be told apart from the others.
+/// One part in this many of the attitudes can be identified as wrong.
 const MOST: usize = 6;
-/// Part of an attitude that may be left out.
+/// Largest part of an attitude that may be left out.
 const LEFT_OUT: f64 = 0.25;
 
 /// A still attitude.
@@ -34,16 +34,17 @@ pub(super) struct Field {
     pub(super) found: Ellipsoid,
     /// Parts that were left out.
     pub(super) left_out: usize,
-    /// Of the mean distance of an attitude, by the scatter of its parts: noise, white and slow.
+    /// Variance of the mean distance of an attitude, from the scatter of its parts: noise, white and slow.
     pub(super) noise: MeanVariance,
-    /// Of the same by the distances of the attitudes, with their degrees of freedom.
+    /// Variance of the same mean distance, from the distances of the attitudes, with their degrees of freedom.
     pub(super) between: MeanVariance,
-    /// What one gauss of each attitude's distance does to the figures, in the order of the fit's covariance.
+    /// Change of the figures for one gauss of each attitude's distance, in the order of the fit's covariance.
     sensitivities: Vec<SVector<f64, 10>>,
 }
 
 impl Field {
-    /// Fits the attitudes. `ambient_u_gauss` is the standard uncertainty of the ambient field from one to the next.
+    /// Fits the attitudes. `ambient_u_gauss` is the standard uncertainty of the ambient field from one attitude to the
+    /// next.
     pub(super) fn of(mut attitudes: Vec<Attitude>, ambient_u_gauss: f64, top_gauss: f64) -> Result<Self, FigureError> {
         if attitudes.len() < FEWEST {
             let what = "an ellipsoid over attitudes".to_owned();
@@ -75,15 +76,16 @@ impl Field {
         })
     }
 
-    /// What independent errors of the attitudes' distances, of one gauss each, do to the figure at a place of the fit's
-    /// covariance.
+    /// Returns the effect of independent errors of the attitudes' distances, of one gauss each, on the figure at a
+    /// place of the fit's covariance.
     pub(super) fn per_gauss(&self, figure: usize) -> f64 {
         self.sensitivities.iter().map(|of| of[figure] * of[figure]).sum::<f64>().sqrt()
     }
 }
 
-/// Lengths of the parts about the centre of the attitudes' means: near enough to their distances to see scatter, and there
-/// where no ellipsoid fits. A module that turns a little while it lies there scatters little by them.
+/// Lengths of the parts about the centre of the attitudes' means. They are near enough to the distances to show
+/// scatter, and exist also where no ellipsoid fits. The lengths scatter little where a module turns a little while it
+/// lies there.
 fn lengths(attitudes: &[Attitude]) -> Vec<Vec<f64>> {
     let middle = |parts: &[Vector3<f64>]| parts.iter().sum::<Vector3<f64>>() / parts.len() as f64;
     let centre =
@@ -91,7 +93,7 @@ fn lengths(attitudes: &[Attitude]) -> Vec<Vec<f64>> {
     attitudes.iter().map(|attitude| attitude.parts.iter().map(|part| (part - centre).norm()).collect()).collect()
 }
 
-/// Leaves out the parts that do not belong to their attitude, and counts them.
+/// Leaves out the parts that do not belong to their attitude, and returns their number.
 fn leave_out(attitudes: &mut [Attitude], lengths: &[Vec<f64>], ambient_u_gauss: f64) -> Result<usize, FigureError> {
     let off: Vec<Vec<f64>> = lengths
         .iter()
@@ -100,7 +102,7 @@ fn leave_out(attitudes: &mut [Attitude], lengths: &[Vec<f64>], ambient_u_gauss: 
             lengths.iter().map(|length| (length - median).abs()).collect()
         })
         .collect();
-    // 1.4826: from the median deviation to the standard deviation of normal noise.
+    // The factor 1.4826 leads from the median deviation to the standard deviation of normal noise.
     let sd = 1.4826 * stats::median(&mut off.concat());
     let limit = LIMIT_SIGMA * sd.hypot(ambient_u_gauss);
     let mut count = 0;
@@ -135,14 +137,14 @@ fn distance(found: &Ellipsoid, attitude: &Attitude) -> f64 {
     attitude.parts.iter().map(|part| found.distance(part)).sum::<f64>() / attitude.parts.len() as f64
 }
 
-/// Attitudes that do not belong to the ellipsoid of the others. `expected` is the variance of the mean distance of one
-/// that does.
+/// Returns the attitudes that do not belong to the ellipsoid of the others. `expected` is the variance of the mean
+/// distance of an attitude that belongs to it.
 fn odd_ones(attitudes: &[Attitude], whole: &Result<Ellipsoid, Refusal>, expected: f64, top_gauss: f64) -> Vec<usize> {
     let squares = |found: &Ellipsoid, places: &[usize]| -> f64 {
         places.iter().map(|&place| distance(found, &attitudes[place]).powi(2)).sum()
     };
     let mut rest: Vec<usize> = (0..attitudes.len()).collect();
-    // Attitudes that no ellipsoid fits are infinitely far from one.
+    // Attitudes that no ellipsoid fits are infinitely far from it.
     let mut left = whole.as_ref().map_or(f64::INFINITY, |found| squares(found, &rest));
     let limit = LIMIT_SIGMA * LIMIT_SIGMA;
     if left <= limit * expected {
@@ -165,7 +167,7 @@ fn odd_ones(attitudes: &[Attitude], whole: &Result<Ellipsoid, Refusal>, expected
         let Some((place, now)) = best else { break };
         rest = without(place);
         removed.push(place);
-        // Removing a point lowers the sum of squares by the square of its distance in standard deviations.
+        // The removal of a point lowers the sum of squares by the square of its distance in standard deviations.
         let variance = expected.max(now / (rest.len() - PARAMETERS) as f64);
         if left - now > limit * variance {
             odd = removed.len();

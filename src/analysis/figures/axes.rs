@@ -1,8 +1,8 @@
 //! Couplings and angles of a triad in three frames: the axes of the table, of the module's seat, and the module's own.
 //!
-//! A calibration knows attitudes of the table. The seat (the socket's reference faces) is mounted on the table with a
-//! small rotation `C`, so that `M_table = M_seat C`. A coupling is relative to one of these frames; the angles between
-//! the sensors' own axes are the same in both.
+//! A calibration uses attitudes of the table. The seat (the socket's reference faces) is mounted on the table with a
+//! small rotation `C`, so that `M_table = M_seat C`. A coupling is relative to one of these frames. The angles between
+//! the sensors' own axes do not depend on the frame.
 
 use gnc_executive::bench::BenchImperfections;
 use gnc_executive::quantity::Unit;
@@ -15,7 +15,7 @@ use super::captures::AXES;
 use super::json::rows;
 use crate::details::{self, FRAMES};
 
-/// A triad's response relative to the axes of the table, and where the seat is on it.
+/// A triad's response relative to the axes of the table, and the mounting of the seat.
 pub(super) struct TriadFrames<'r> {
     /// Rows are sensors, columns axes of the table.
     pub(super) response: &'r Matrix3<f64>,
@@ -23,14 +23,15 @@ pub(super) struct TriadFrames<'r> {
 }
 
 impl TriadFrames<'_> {
-    /// The response relative to the axes of the seat. Without a measured mounting it equals that of the table.
+    /// The response relative to the axes of the seat. Without a measured mounting it equals the response relative to
+    /// the table.
     fn in_seat(&self) -> Matrix3<f64> {
         let mounting = Vector3::from(self.fixture.mounting_rad.unwrap_or_default());
         self.response * Rotation3::from_scaled_axis(mounting).inverse()
     }
 
     /// Adds the couplings relative to the seat, the angles between the sensors' axes (both in ppm), and a detail that
-    /// tells the frames apart. `budget` is that of `M_ij / M_ii` relative to the table.
+    /// names the frames. `budget` is that of `M_ij / M_ii` relative to the table.
     pub(super) fn report(&self, findings: &mut Findings, budget: impl Fn(usize, usize) -> Budget, probability: f64) {
         let seated = coupling(&self.in_seat());
         for i in 0..3 {
@@ -63,7 +64,8 @@ impl TriadFrames<'_> {
     }
 }
 
-/// To first order the angle between two sensors' axes is the sum of both couplings; the mounting cancels.
+/// The budget of an angle. To first order the angle between two sensors' axes is the sum of both couplings; the
+/// mounting cancels.
 pub(super) fn of_angle(one: &Budget, other: &Budget) -> Budget {
     let [(one, one_dof), (other, other_dof)] = [one.combined(), other.combined()];
     Budget::new(Unit::PartsPerMillion).a("coupling of one", one, one_dof).a("of the other", other, other_dof)

@@ -10,14 +10,14 @@ use crate::details;
 #[derive(Debug, Clone)]
 struct Contribution {
     name: &'static str,
-    /// A: from the record itself; B: from elsewhere.
+    /// A: from the record itself; B: from another source.
     kind: char,
     /// Standard uncertainty of the input, in `unit`.
     value: f64,
     unit: &'static str,
     distribution: &'static str,
     dof: f64,
-    /// Figure per input.
+    /// Change of the figure per input.
     sensitivity: f64,
 }
 
@@ -29,12 +29,12 @@ pub(super) struct Budget {
     shape: Shape,
 }
 
-/// What the figure is made of: its contributions count for each part.
+/// The shape of the figure. The contributions count for each of its parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
     /// One value.
     One,
-    /// The largest of so many values, each with these contributions.
+    /// The largest of this many values, each with these contributions.
     LargestOf(usize),
     /// The length of a vector of two components, each with these contributions.
     LengthOfTwo,
@@ -45,13 +45,13 @@ impl Budget {
         Self { unit, rows: Vec::new(), shape: Shape::One }
     }
 
-    /// The budget of the largest of so many values, of which this is the budget of each: that one of them misses its
-    /// interval is more likely than that a certain one does.
+    /// The budget of the largest of `values` values, where `self` is the budget of each value. It is more likely that
+    /// any one of them misses its interval than that a given one does.
     pub(super) fn of_largest(self, values: usize) -> Self {
         Self { shape: if values > 1 { Shape::LargestOf(values) } else { Shape::One }, ..self }
     }
 
-    /// The budget of the length of a vector, of whose two components this is the budget of each.
+    /// The budget of the length of a vector, where `self` is the budget of each of its two components.
     pub(super) fn of_length(self) -> Self {
         Self { shape: Shape::LengthOfTwo, ..self }
     }
@@ -60,28 +60,29 @@ impl Budget {
         self.unit
     }
 
-    /// From the record itself, in the unit of the figure.
+    /// Adds a contribution from the record itself, in the unit of the figure.
     pub(super) fn a(mut self, name: &'static str, value: f64, dof: f64) -> Self {
         let unit = self.unit.symbol();
         self.rows.push(Contribution { name, kind: 'A', value, unit, distribution: "t", dof, sensitivity: 1.0 });
         self
     }
 
-    /// From elsewhere: the standard uncertainty of the input in its unit, and the figure per input.
+    /// Adds a contribution from another source: the standard uncertainty of the input in its unit, and the change of
+    /// the figure per input.
     pub(super) fn b(mut self, name: &'static str, value: f64, unit: &'static str, sensitivity: f64) -> Self {
         let distribution = "normal";
         self.rows.push(Contribution { name, kind: 'B', value, unit, distribution, dof: f64::INFINITY, sensitivity });
         self
     }
 
-    /// From elsewhere: a bound within which every value is as likely.
+    /// Adds a contribution from another source: a bound within which all values are equally likely.
     pub(super) fn bound(mut self, name: &'static str, half_width: f64, unit: &'static str, sensitivity: f64) -> Self {
         let (value, distribution) = (half_width / 3.0_f64.sqrt(), "rectangular");
         self.rows.push(Contribution { name, kind: 'B', value, unit, distribution, dof: f64::INFINITY, sensitivity });
         self
     }
 
-    /// Standard uncertainty and effective degrees of freedom (Welch-Satterthwaite).
+    /// Returns the standard uncertainty and the effective degrees of freedom (Welch-Satterthwaite).
     pub(super) fn combined(&self) -> (f64, f64) {
         let parts: Vec<(f64, f64)> = self
             .rows
@@ -94,11 +95,11 @@ impl Budget {
         (u, dof)
     }
 
-    /// The interval of the figure.
+    /// Returns the interval of the figure.
     pub(super) fn uncertainty(&self, figure: f64, probability: f64) -> Uncertainty {
         let (u, dof) = self.combined();
         let Some(k) = self.shape.coverage_factor(probability, dof) else {
-            // Few degrees of freedom widen it as they do a value's interval.
+            // Few degrees of freedom widen this interval as they widen that of a value.
             let widened = stats::coverage_factor(probability, dof) / stats::coverage_factor(probability, f64::INFINITY);
             let (low, high) = stats::amplitude_interval(figure, u * widened, probability);
             return Uncertainty::interval(low, high, probability);
@@ -106,7 +107,7 @@ impl Budget {
         Uncertainty::symmetric(figure, u, k, probability)
     }
 
-    /// As the record holds it, with its sum.
+    /// Returns the budget with its sum, in the form of the record.
     pub(super) fn written(&self, probability: f64) -> details::BudgetDetails {
         let (u, dof) = self.combined();
         let k = self.shape.coverage_factor(probability, dof);
@@ -134,11 +135,11 @@ impl Budget {
 }
 
 impl Shape {
-    /// `None`: the interval is not symmetric.
+    /// Returns the coverage factor; `None` where the interval is not symmetric.
     fn coverage_factor(self, probability: f64, dof: f64) -> Option<f64> {
         match self {
             Shape::One => Some(stats::coverage_factor(probability, dof)),
-            // Bonferroni: the probabilities to miss add up at most.
+            // Bonferroni: the probability to miss is at most the sum of the single ones.
             Shape::LargestOf(values) => Some(stats::coverage_factor(1.0 - (1.0 - probability) / values as f64, dof)),
             Shape::LengthOfTwo => None,
         }
@@ -153,7 +154,7 @@ impl Shape {
     }
 }
 
-/// JSON has no infinity: null.
+/// Returns the number; `None` for an infinite one, since JSON has no infinity.
 pub(super) fn finite(number: f64) -> Option<f64> {
     Some(number).filter(|number| number.is_finite())
 }

@@ -1,4 +1,4 @@
-//! The calibration that items find and later items work with. It serialises exactly: numbers come back with their bits.
+//! The calibration that items find and later items work with. The JSON form is exact: numbers keep all their bits.
 
 use gnc_executive::catalogue::ItemId;
 use nalgebra::{Matrix3, Vector3};
@@ -8,26 +8,26 @@ use super::json::{of_rows, rows};
 use super::{FigureError, Findings};
 use crate::details::DetailsPart;
 
-/// What an item found of a module's calibration.
+/// The part of a module's calibration that an item found.
 pub const CALIBRATION: DetailsPart<ModuleCalibration> = DetailsPart::new("calibration");
-/// What goes to the module.
+/// The coefficients for the module.
 pub const COEFFICIENTS: DetailsPart<ModuleCoefficients> = DetailsPart::new("coefficients");
 
-/// What is known of a module so far. Matrices lie row by row: rows are sensors, columns axes. N is the raw output in
-/// counts, f the specific force in m/s^2, w the angular rate in rad/s.
+/// The calibration of a module as far as it is known. Matrices are stored row by row: rows are sensors, columns axes. N
+/// is the raw output in counts, f the specific force in m/s^2, w the angular rate in rad/s.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModuleCalibration {
-    /// From `six-position`.
+    /// Accelerometers, from `six-position`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<AccelCalibration>,
-    /// From `gyro-still`.
+    /// Gyroscopes at rest, from `gyro-still`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro_still: Option<GyroStillCalibration>,
-    /// From `rotation`.
+    /// Gyroscopes turned, from `rotation`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro_scale: Option<GyroScale>,
-    /// From `magnetometer-ellipse`.
+    /// Magnetometer, from `magnetometer-ellipse`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mag: Option<Mag>,
 }
@@ -58,7 +58,7 @@ pub struct GyroStillCalibration {
 pub struct GyroScale {
     /// S, counts per rad/s.
     pub response: [[f64; 3]; 3],
-    /// Kg, its inverse, rad/s per count.
+    /// Kg, the inverse of S, rad/s per count.
     pub matrix: [[f64; 3]; 3],
 }
 
@@ -78,10 +78,10 @@ pub struct Mag {
 }
 
 impl ModuleCalibration {
-    /// What all items so far found; of each part the newest counts.
+    /// Collects the calibration from all items so far. The newest item counts for each part.
     ///
     /// # Errors
-    /// [`FigureError::BadCalibration`] for details that are no calibration.
+    /// [`FigureError::BadCalibration`] for details that are not a calibration.
     pub fn of(earlier: &[(String, Findings)]) -> Result<Self, FigureError> {
         let mut all = Self::default();
         for (name, findings) in earlier {
@@ -96,7 +96,7 @@ impl ModuleCalibration {
         Ok(all)
     }
 
-    /// Compensation of the accelerometers.
+    /// Returns the compensation of the accelerometers.
     ///
     /// # Errors
     /// [`FigureError::NotCalibrated`] names the item to run first.
@@ -105,7 +105,7 @@ impl ModuleCalibration {
         Ok(Force { matrix: of_rows(&accel.matrix), offset: Vector3::from(accel.offset) })
     }
 
-    /// Compensation of the gyroscopes.
+    /// Returns the compensation of the gyroscopes.
     ///
     /// # Errors
     /// [`FigureError::NotCalibrated`] names the item to run first.
@@ -118,7 +118,7 @@ impl ModuleCalibration {
     }
 }
 
-/// `f = Ka N + nabla`.
+/// The compensation `f = Ka N + nabla`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Force {
     pub(super) matrix: Matrix3<f64>,
@@ -126,13 +126,13 @@ pub(super) struct Force {
 }
 
 impl Force {
-    /// Specific force, m/s^2, of a raw output; also of a mean of outputs, since it is linear.
+    /// Returns the specific force, m/s^2, of a raw output or of a mean of outputs: the compensation is linear.
     pub(super) fn of(&self, accel: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * accel + self.offset
     }
 }
 
-/// `w = Kg N - epsilon - Gamma f`, with `epsilon = Kg b`, `Gamma = Kg G`.
+/// The compensation `w = Kg N - epsilon - Gamma f`, with `epsilon = Kg b`, `Gamma = Kg G`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RateModel {
     force: Force,
@@ -142,13 +142,13 @@ pub(super) struct RateModel {
 }
 
 impl RateModel {
-    /// Angular rate, rad/s, of raw outputs of the same instant or their means.
+    /// Returns the angular rate, rad/s, of raw outputs of the same instant or of their means.
     pub(super) fn of(&self, gyro: &Vector3<f64>, accel: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * gyro - self.epsilon - self.gamma * self.force.of(accel)
     }
 }
 
-/// What a module keeps, in the order of its message.
+/// The coefficients that a module keeps, in the order of its message.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModuleCoefficients {
@@ -162,12 +162,12 @@ pub struct ModuleCoefficients {
     pub gyro_offset: [f64; 3],
     /// Gamma, rad/s per m/s^2.
     pub gyro_per_force: [[f64; 3]; 3],
-    /// Of the magnetometer; a perfect one where it was not calibrated.
+    /// Correction of the magnetometer; that of a perfect one where it was not calibrated.
     pub mag: Mag,
 }
 
 impl ModuleCoefficients {
-    /// From a calibration of accelerometers and gyroscopes at least.
+    /// Takes the coefficients from a calibration. Accelerometers and gyroscopes are required.
     ///
     /// # Errors
     /// [`FigureError::NotCalibrated`] names the item to run first.
@@ -183,7 +183,7 @@ impl ModuleCoefficients {
         })
     }
 
-    /// How many numbers they are.
+    /// Returns the number of coefficients.
     #[must_use]
     pub(crate) fn count(&self) -> u64 {
         3 * 9 + 2 * 3 + 4

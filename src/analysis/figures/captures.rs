@@ -1,4 +1,4 @@
-//! Captures as figures use them: sound channels, exact means, temperatures.
+//! Captures as the figures use them: sound channels, exact means, temperatures.
 
 use gnc_executive::quantity::Unit;
 pub(super) use gnc_metrology::AXES;
@@ -8,11 +8,12 @@ use nalgebra::Vector3;
 use super::{AnalysisInput, FigureError};
 use crate::capture::{Capture, Pose};
 
-/// Parts of a still capture whose means are compared to see motion.
+/// Parts of a still capture. Their means are compared to detect motion.
 const MOTION_BLOCKS: usize = 8;
-/// Still block means of an accelerometer spread by less: 2 mrad of pose.
+/// Limit of the spread of block means of an accelerometer at rest: 2 mrad of pose.
 const MOTION_G: f64 = 2e-3;
-/// Still block means of a gyroscope spread by less: a hand on the table gives far more, the bias of the part less.
+/// Limit of the spread of block means of a gyroscope at rest. A hand on the table gives far more, the bias of the part
+/// less.
 const MOTION_DPS: f64 = 0.05;
 
 /// Three sensors of one kind.
@@ -58,7 +59,8 @@ impl Triad {
     }
 }
 
-/// Nothing is missing from the captures, and the triads that are used neither saturate nor stand still.
+/// Checks that nothing is missing from the captures, and that the triads that are used neither saturate nor stand
+/// still.
 pub(super) fn sound<'c>(captures: impl IntoIterator<Item = &'c Capture>, triads: &[Triad]) -> Result<(), FigureError> {
     for capture in captures {
         let label = || capture.about.label.clone();
@@ -86,7 +88,7 @@ pub(super) fn sound<'c>(captures: impl IntoIterator<Item = &'c Capture>, triads:
     Ok(())
 }
 
-/// The module lay still: the means of parts of the capture agree.
+/// Checks that the module lay still: the means of parts of the capture agree.
 pub(super) fn still(capture: &Capture, triad: Triad) -> Result<(), FigureError> {
     let limit = match triad {
         Triad::Gyro => MOTION_DPS,
@@ -109,7 +111,7 @@ pub(super) fn still(capture: &Capture, triad: Triad) -> Result<(), FigureError> 
     Ok(())
 }
 
-/// Means of disjoint parts of so many samples, in counts; the tail is dropped. Sums are whole numbers, so exact.
+/// Means of disjoint parts of `samples` samples, in counts. The tail is dropped. Sums are whole numbers, so exact.
 pub(super) fn block_means(capture: &Capture, triad: Triad, samples: usize) -> Vec<Vector3<f64>> {
     capture.samples.chunks_exact(samples.max(1)).map(|part| mean_of(part, triad)).collect()
 }
@@ -163,7 +165,7 @@ pub(super) fn lying(captures: &[Capture]) -> impl Iterator<Item = (&Capture, Vec
 }
 
 impl AnalysisInput<'_> {
-    /// The only capture, as long as the parameter `span` says where the item captures by itself.
+    /// Returns the only capture. Where the item captures by itself, it must be as long as the parameter `span` says.
     pub(super) fn one(&self, span: &str) -> Result<&Capture, FigureError> {
         let capture =
             self.captures.first().ok_or_else(|| FigureError::Missing { what: "the module at rest".into() })?;
@@ -173,7 +175,7 @@ impl AnalysisInput<'_> {
         Ok(capture)
     }
 
-    /// A capture is as long as the plan says.
+    /// Checks that a capture is as long as the plan says.
     pub(super) fn long_enough(&self, capture: &Capture, span: &str) -> Result<(), FigureError> {
         let needed = (self.params.quantity(span, Unit::Second)? * f64::from(capture.about.rate_hz)).floor() as usize;
         let samples = capture.samples.len();

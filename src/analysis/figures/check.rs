@@ -1,5 +1,5 @@
-//! A position and a rotation as the board compensates them with the calibration that the module now holds: gravity and the
-//! angle turned must come out.
+//! A position and a rotation as the board compensates them with the calibration that the module now holds. The results
+//! must be gravity and the angle turned.
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::quantity::Unit;
@@ -18,7 +18,7 @@ use crate::capture::{Capture, Pose};
 
 /// Fewest samples of a capture.
 const FEWEST: usize = 8;
-/// Channels by the bits of [`CompensatedSample::saturated`] that count here.
+/// Channels whose bits of [`CompensatedSample::saturated`] count here, in order.
 const CHANNELS: [&str; 6] = ["gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z"];
 const MG: f64 = 1e3 / earth::STANDARD_GRAVITY_MPS2;
 
@@ -39,7 +39,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// Nothing is missing, nothing saturated, and it is what the board compensated.
+/// Checks that nothing is missing or saturated, and that the board compensated the samples.
 fn sound(capture: &Capture) -> Result<(), FigureError> {
     let label = || capture.about.label.clone();
     if capture.losses.any() {
@@ -69,7 +69,7 @@ fn mean_of(samples: &[CompensatedSample], of: fn(&CompensatedSample) -> Vector3<
     samples.iter().map(of).sum::<Vector3<f64>>() / samples.len() as f64
 }
 
-/// Means of equal parts, from whose scatter the noise of the whole mean is known.
+/// Means of equal parts. Their scatter gives the noise of the whole mean.
 fn blocks(samples: &[CompensatedSample], of: fn(&CompensatedSample) -> Vector3<f64>) -> Vec<Vector3<f64>> {
     samples.chunks_exact((samples.len() / BLOCKS).max(1)).map(|part| mean_of(part, of)).collect()
 }
@@ -97,7 +97,7 @@ fn position(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Re
     for (i, axis) in AXES.iter().enumerate() {
         let noise = noise(&forces, i);
         let level = (1.0 - up[i] * up[i]).max(0.0).sqrt();
-        // What the positions of the calibration were off by is a part of the error that it leaves.
+        // The errors of the calibration's positions are a part of the error that the calibration leaves.
         let budget = Budget::new(Unit::Milligravity)
             .a("noise of the mean", noise.sd() * MG, noise.dof)
             .b("attitude", pose_rad, "rad", level * gravity * MG)
@@ -136,7 +136,7 @@ fn turn(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Result
         let (noise_rad, dof) = noise_rad[i];
         Budget::new(Unit::PartsPerMillion).a("noise of the rate at rest", ppm(noise_rad), dof)
     };
-    // What angle, clock and attitudes of the calibration were off by is a part of the error that it leaves.
+    // The errors of the calibration's angle, clock and attitudes are a part of the error that the calibration leaves.
     let own = budget(axis).b("angle of the table", angle_u, "rad", 1e6 / told_rad.abs());
     let error_ppm = (turned.angle_rad[axis] / told_rad - 1.0) * 1e6;
     findings.figure("angle_error", error_ppm, &clock.in_budget(own, 1.0), p);
@@ -160,18 +160,18 @@ fn turn(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Result
     Ok(())
 }
 
-/// What a turn came to.
+/// The result of a turn.
 struct Turned {
     angle_rad: Vector3<f64>,
     start_s: f64,
     span_s: f64,
-    /// Time at rest around it, whose mean rate is taken off.
+    /// Time at rest around the turn. The mean rate of this time is subtracted.
     rest_s: f64,
 }
 
 impl Turned {
-    /// Standard deviation of the angle about each axis from the noise of the rate, and its degrees of freedom: as means over
-    /// the time of the turn scatter in the position.
+    /// Standard deviation of the angle about each axis from the noise of the rate, and its degrees of freedom. The
+    /// noise is the scatter, in the position, of means over the time of the turn.
     fn noise_rad(&self, question: &AnalysisInput<'_>) -> [(f64, f64); 3] {
         let Some((still, ..)) = captures::lying(question.captures).next() else { return [(f64::NAN, 1.0); 3] };
         let wanted = self.span_s * f64::from(still.about.rate_hz);
@@ -186,16 +186,17 @@ impl Turned {
     }
 }
 
-/// Integral of the compensated rate less that at rest, over the part that moves and a quarter of a second on both sides.
+/// Integral of the compensated rate less the rate at rest, over the moving part and a quarter of a second on both
+/// sides.
 fn integrate(capture: &Capture, axis: usize, clock: &clock::ClockTerms) -> Result<Turned, FigureError> {
-    // Windows go by the rate that was asked for; time goes by the clock as it is known.
+    // Windows use the rate that was asked for; time uses the clock as far as it is known.
     let asked_hz = f64::from(capture.about.rate_hz);
     let rate_hz = clock.rate_hz(asked_hz);
     let rates: Vec<Vector3<f64>> = capture.compensated.iter().map(rate_rps).collect();
     let own: Vec<f64> = rates.iter().map(|rate| rate[axis]).collect();
     let block = (0.05 * asked_hz).ceil() as usize;
     let means: Vec<f64> = own.chunks(block.max(1)).map(stats::mean).collect();
-    // The turn may fill most of the record: rest is at both ends.
+    // The turn may fill most of the record, so rest is taken from both ends.
     let edge = (means.len() / 2).min(10);
     let level = f64::midpoint(stats::mean(&means[..edge]), stats::mean(&means[means.len() - edge..]));
     let peak = means.iter().map(|mean| (mean - level).abs()).fold(0.0, f64::max);

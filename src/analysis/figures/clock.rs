@@ -1,8 +1,8 @@
-//! The clock by which samples were taken: against the board's own time, and against true time.
+//! The clock of the samples, compared with the board's own time and with true time.
 //!
-//! Against the board's time it is checked to a microsecond, or there is no figure. Against true time it is known from the
-//! receiver's 1PPS, where an item before this one had it; else it is a crystal of the tolerance that the bench file states,
-//! or, where that is silent, the plan.
+//! The board's time must agree to a microsecond, or there is no figure. Against true time the clock is known from the
+//! receiver's 1PPS, where an item before this one had it. Otherwise it is a crystal with the tolerance that the bench
+//! file states or, without such a statement, the plan.
 
 use gnc_executive::bench::BenchSite;
 use gnc_executive::measurement::Value;
@@ -17,33 +17,34 @@ use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::{Capture, HostView};
 use crate::details::DetailsPart;
 
-/// What an item measured of it.
+/// The board's clock as an item measured it.
 pub(super) const BOARD_CLOCK: DetailsPart<BoardClock> = DetailsPart::new("board_clock");
-/// Pulses farther apart than a second by this are others: one is missing, or one is a bounce.
+/// Limits of the interval between two pulses of neighbouring seconds. Outside them a pulse is missing, or one is a
+/// bounce.
 pub(super) const SECOND_NS: (f64, f64) = (0.99e9, 1.01e9);
-/// Scatter of a pulse that is assumed at least, whatever so few of them show: receivers state 20 to 100 ns.
+/// Least scatter that is assumed for a pulse, whatever a few pulses show: receivers state 20 to 100 ns.
 const PULSE_NS: f64 = 100.0;
-/// Pulses that scatter by more are no reference.
+/// Pulses that scatter by more than this are not a reference.
 const MOST_SCATTER_NS: f64 = 10_000.0;
-/// How far a crystal may have drifted since it was measured, or between two calibrations: some kelvins of temperature.
+/// Largest drift of a crystal since its measurement, or between two calibrations: some kelvins of temperature.
 const DRIFT_PPM: f64 = 5.0;
 
-/// The board's clock against true time, by the pulses of a receiver with a fix.
+/// The board's clock compared with true time, by the pulses of a receiver with a fix.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BoardClock {
-    /// How much faster it runs, parts per million.
+    /// How much faster the board's clock runs, parts per million.
     pub error_ppm: f64,
-    /// Standard uncertainty of that at the time of the pulses.
+    /// Standard uncertainty of `error_ppm` at the time of the pulses.
     pub u_ppm: f64,
     /// Seconds between the pulses.
     pub span_s: f64,
 }
 
 impl BoardClock {
-    /// From the board times of 1PPS edges, nanoseconds.
+    /// Computes the error from the board times of 1PPS edges, nanoseconds.
     ///
     /// # Errors
-    /// Why they tell nothing, in words.
+    /// The reason why the pulses give no result, in words.
     pub fn of_pulses(pulses_ns: &[u64]) -> Result<Self, String> {
         let intervals = pulses_ns.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64);
         let whole: Vec<f64> = intervals.filter(|ns| (SECOND_NS.0..=SECOND_NS.1).contains(ns)).collect();
@@ -56,19 +57,20 @@ impl BoardClock {
         if farthest_ns > MOST_SCATTER_NS {
             return Err(format!("the pulses scatter by {:.1} us", farthest_ns * 1e-3));
         }
-        // Neighbouring intervals share an edge, so that of all edges the outer two count: a difference of two scatters.
+        // Neighbouring intervals share an edge, so that only the first and the last edge count: a difference of two
+        // scatters.
         let edge_ns = if whole.len() > 2 { stats::mean_sd(&whole).1 / 2.0_f64.sqrt() } else { 0.0 };
         let u_ppm = edge_ns.max(PULSE_NS) * 2.0_f64.sqrt() / n * 1e-3;
         Ok(Self { error_ppm: (mean_ns * 1e-9 - 1.0) * 1e6, u_ppm, span_s: n })
     }
 
-    /// As a measurement, at 95 %.
+    /// Returns the error as a measurement, at the given probability.
     #[must_use]
     pub fn value(&self, probability: f64) -> Value {
         estimate(self.error_ppm, self.u_ppm, probability)
     }
 
-    /// As the details of the item that measured it.
+    /// Returns the details of the item that measured it.
     #[must_use]
     pub fn details(&self) -> serde_json::Value {
         json!({ BOARD_CLOCK.key(): self })
@@ -80,16 +82,17 @@ fn estimate(error_ppm: f64, u_ppm: f64, probability: f64) -> Value {
     Value::estimate(error_ppm, Unit::PartsPerMillion, Uncertainty::symmetric(error_ppm, u_ppm, k, probability))
 }
 
-/// The sample clock against true time, as a figure uses it.
+/// The sample clock compared with true time, as a figure uses it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ClockTerms {
-    /// What it runs too fast, as far as that was measured: samples come at `1 + error` times their rate.
+    /// The part by which the clock runs too fast, as far as it was measured: samples come at `1 + error` times their
+    /// rate.
     error: f64,
     u_ppm: f64,
     basis: Basis,
 }
 
-/// What a clock is known by; the first of them that there is counts.
+/// The source of what is known of a clock. The first available source counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Basis {
     Pulses,
@@ -98,7 +101,7 @@ enum Basis {
 }
 
 impl ClockTerms {
-    /// By the newest pulses before this item, else by the bench file, else by the plan.
+    /// Takes the newest pulses before this item, else the bench file, else the plan.
     pub(super) fn of(question: &AnalysisInput<'_>) -> Result<Self, FigureError> {
         let by_plan_ppm = question.params.quantity("clock_u", Unit::PartsPerMillion)?;
         let by_bench_ppm = BenchSite::fixture(question.site).board_clock_u_ppm;
@@ -109,12 +112,12 @@ impl ClockTerms {
         })
     }
 
-    /// Samples a second of true time.
+    /// Returns the samples in a second of true time.
     pub(super) fn rate_hz(&self, asked_hz: f64) -> f64 {
         asked_hz * (1.0 + self.error)
     }
 
-    /// Its line in the budget of a figure that changes by `per_ppm` with the clock.
+    /// Adds the clock to the budget of a figure that changes by `per_ppm` with the clock.
     pub(super) fn in_budget(&self, budget: Budget, per_ppm: f64) -> Budget {
         let name = match self.basis {
             Basis::Pulses => "sample clock, by 1PPS",
@@ -124,7 +127,7 @@ impl ClockTerms {
         budget.b(name, self.u_ppm, "ppm", per_ppm)
     }
 
-    /// What a reader of the figure needs to know of it.
+    /// Returns what a reader of the figure needs to know of the clock.
     pub(super) fn details(&self) -> serde_json::Value {
         let basis = match self.basis {
             Basis::Pulses => "1PPS of the receiver, in an item before this one; its error is taken out",
@@ -139,7 +142,7 @@ fn with_drift(clock: &BoardClock) -> f64 {
     clock.u_ppm.hypot(drift_ppm())
 }
 
-/// Standard uncertainty of what a clock drifts between two measurements.
+/// Standard uncertainty of a clock's drift between two measurements.
 pub(super) fn drift_ppm() -> f64 {
     DRIFT_PPM / 3.0_f64.sqrt()
 }
@@ -148,10 +151,10 @@ fn measured(earlier: &[(String, Findings)]) -> Option<BoardClock> {
     earlier.iter().rev().find_map(|(_, findings)| BOARD_CLOCK.of(&findings.details))
 }
 
-/// Every capture has its samples on the grid of the board's own time.
+/// Checks that the samples of every capture lie on the grid of the board's own time.
 pub(super) fn check(captures: &[Capture]) -> Result<(), FigureError> {
     for capture in captures {
-        // What is missing is told as such.
+        // Missing samples have their own error.
         if !capture.losses.any() {
             let unfit = |fault| FigureError::Clock { label: capture.about.label.clone(), fault };
             capture.check_clock().map_err(unfit)?;
@@ -160,8 +163,8 @@ pub(super) fn check(captures: &[Capture]) -> Result<(), FigureError> {
     Ok(())
 }
 
-/// The rate of the samples against true time, relative to the rate that was asked for: by 1PPS, else by the host's clock
-/// over the capture that tells it best.
+/// Returns the rate of the samples against true time, relative to the rate that was asked for: by 1PPS, else by the
+/// host's clock over the capture with the smallest uncertainty.
 #[must_use]
 pub fn sample_rate_error<'h>(
     earlier: &[(String, Findings)],

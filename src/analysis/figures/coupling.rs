@@ -1,5 +1,5 @@
-//! Coupling that calibration leaves: calibration q judged with the coefficients of the first. With its own it would be
-//! zero by construction.
+//! The coupling that calibration leaves. Calibration q is evaluated with the coefficients of the first calibration.
+//! With its own coefficients the coupling would be zero by construction.
 
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
@@ -52,13 +52,13 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// Couplings of both triads come before their angles, as in the catalogue.
+/// Sorts the couplings of both triads before their angles, as in the catalogue.
 fn sort_by_catalogue(measured: &mut [(String, Value)]) {
     let spec = gnc_executive::catalogue::ItemId::CrossCoupling.spec();
     measured.sort_by_key(|(name, _)| spec.measurements.iter().position(|other| other.name == name));
 }
 
-/// The calibrations after the first, with its coefficients.
+/// The calibrations after the first, evaluated with its coefficients.
 struct Judged<'s> {
     series: &'s CalibrationSeries,
     left: Vec<Matrix3<f64>>,
@@ -72,14 +72,14 @@ impl<'s> Judged<'s> {
         Ok(Self { series, left: responses[1..].iter().map(|response| response * inverse).collect() })
     }
 
-    /// The calibration (from 1: that after the first) whose figure is farthest from 0, and the figure.
+    /// Returns the calibration whose figure is farthest from 0 (1 is the one after the first), and the figure.
     fn largest(&self, figure: impl Fn(&Matrix3<f64>) -> f64) -> (usize, f64) {
         let figures = self.left.iter().map(figure).enumerate().map(|(q, value)| (q + 1, value));
         figures.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((1, f64::NAN))
     }
 
-    /// Both calibrations are uncertain; what they share, as the attitude of a table that is oriented anew, is counted as
-    /// if it were not shared.
+    /// Returns the budget of a coupling. Both calibrations are uncertain. A common part, such as the attitude of a
+    /// table that is oriented anew, counts as if it were not common.
     fn budget(&self, q: usize, i: usize, j: usize) -> Budget {
         let of = |k: usize| match self.series {
             CalibrationSeries::Accel(solved) => solved.get(k).map(|solved| solved.response_budget(i, j)),

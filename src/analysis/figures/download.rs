@@ -6,7 +6,7 @@ use serde_json::json;
 use super::calibration::{COEFFICIENTS, ModuleCalibration, ModuleCoefficients};
 use super::{AnalysisInput, FigureError, Findings};
 
-/// What the items before found, as the module takes it. Writing and reading back is the procedure's.
+/// Returns the findings of the items before, in the form of the module. The procedure writes them and reads them back.
 pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let calibration = ModuleCalibration::of(question.earlier)?;
     let coefficients = ModuleCoefficients::of(&calibration)?;

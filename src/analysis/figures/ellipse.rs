@@ -19,7 +19,7 @@ use super::{AnalysisInput, FigureError, Findings, thin};
 use crate::capture::{Capture, Pose};
 use crate::details::calibrating::{self as details, FIELD, SPINS};
 
-/// A table that turns more slowly or faster than this (relative) did not do what it was told.
+/// Largest relative departure of the table's rate. Beyond it the table did not do what was commanded.
 const RATE_TOLERANCE: f64 = 0.02;
 /// Least number of turns.
 const TURNS: f64 = 3.0;
@@ -27,15 +27,15 @@ const TURNS: f64 = 3.0;
 /// One spin.
 struct Spin<'c> {
     capture: &'c Capture,
-    /// Rate that the table was told, rad/s, right-handed.
+    /// Rate commanded to the table, rad/s, right-handed.
     told_rps: f64,
     found: Ellipse,
     roll: Roll,
-    /// Its figures block by block.
+    /// Figures of the spin, block by block.
     blocks: Vec<[f64; FIGURES]>,
-    /// With the print's correction from extremes.
+    /// Roll with the print's correction from extremes.
     as_printed: Roll,
-    /// Some of its points for a picture, gauss: raw.
+    /// Some raw points of the spin for a picture, gauss.
     shown: Vec<(f64, f64)>,
 }
 
@@ -97,7 +97,7 @@ impl<'c> Spin<'c> {
         if capture.losses.any() {
             return Err(FigureError::Lost { label: label(), losses: capture.losses });
         }
-        // X and Y are used; the gyroscopes are out of their range here, and Z does not count.
+        // X and Y are used. The gyroscopes are out of their range here, and Z does not count.
         let [x, y] = [0, 1].map(|axis| -> Vec<f64> {
             captures::channel(capture, Triad::Mag, axis).iter().map(|code| code / MAG_LSB_PER_GAUSS).collect()
         });
@@ -136,7 +136,7 @@ impl<'c> Spin<'c> {
 /// Name of the type A contribution.
 const NOISE: &str = "noise, white and slow";
 
-/// A figure of a spin, at its place among those of the blocks.
+/// A figure of a spin, in the order of the figures of the blocks.
 #[derive(Clone, Copy)]
 enum Figure {
     ZeroX,
@@ -146,22 +146,22 @@ enum Figure {
     Radius,
 }
 
-/// What the budgets rest on.
+/// The data of the budgets.
 struct Known {
-    /// Of the figures of one spin.
+    /// Variances of the figures of one spin.
     noise: [MeanVariance; FIGURES],
     fixture: BenchImperfections,
     /// Change of the sensor's temperature over all spins, K.
     drift_k: f64,
-    /// The field along the axis of the turn, and the one across it, gauss.
+    /// The field along the axis of the turn, and the field across it, gauss.
     axial_gauss: f64,
     across_gauss: f64,
 }
 
-/// The strongest field of the earth: what the field may be where the bench file gives none.
+/// The strongest field of the earth, used where the bench file gives no field.
 const STRONGEST_GAUSS: f64 = 0.67;
 
-/// Zero of a magnetoresistive sensor per kelvin, as data sheets give it for parts with set and reset.
+/// Change of the zero of a magnetoresistive sensor per kelvin, from data sheets of parts with set and reset.
 const ZERO_PER_K_GAUSS: f64 = 20e-6;
 
 /// Standard uncertainty of rounding to one count.
@@ -181,7 +181,7 @@ impl Known {
         }
     }
 
-    /// Puts the mean over the spins with its budget, and gives it.
+    /// Adds the mean over the spins with its budget, and returns the mean.
     fn put(
         &self,
         findings: &mut Findings,
@@ -204,12 +204,12 @@ impl Known {
         mean
     }
 
-    /// Adds what the bench does to a figure and the record cannot show.
+    /// Adds the effects of the bench on a figure that the record cannot show.
     fn disturbed(&self, figure: Figure, budget: Budget) -> Budget {
         let fixture = &self.fixture;
         let [about_x, about_y, _] = fixture.mounting_rad.unwrap_or_default();
-        // A tilt in step with the turn makes a circle an ellipse: one component of it lengthens x and shortens y, the
-        // other one does so along the diagonals.
+        // A tilt in step with the turn makes a circle an ellipse. One component of the tilt lengthens x and shortens y,
+        // the other one does so along the diagonals.
         let runout = 2.0 * self.axial_gauss / self.across_gauss;
         match figure {
             Figure::ZeroX => self.of_zero(budget, about_y, 1.0),
@@ -223,8 +223,8 @@ impl Known {
         }
     }
 
-    /// Of a figure that a zero changes by `per_gauss`. The axis of the turn is not quite that of the module: a part of the
-    /// field along it stays on x and y.
+    /// Adds the effects on a figure that a zero changes by `per_gauss`. The axis of the turn is not exactly that of the
+    /// module, so a part of the field along it stays on x and y.
     fn of_zero(&self, budget: Budget, known_rad: f64, per_gauss: f64) -> Budget {
         let axial = self.axial_gauss * per_gauss;
         budget
@@ -235,22 +235,23 @@ impl Known {
             .b("quantisation", QUANTUM_GAUSS, "gauss", per_gauss)
     }
 
-    /// Of the roll error once a turn, deg: an error of either zero turns the angle by that part of the radius.
+    /// Adds the effects on the roll error once a turn, deg. An error of either zero turns the angle by its part of the
+    /// radius.
     fn of_roll_once(&self, budget: Budget) -> Budget {
         let [about_x, about_y, _] = self.fixture.mounting_rad.unwrap_or_default();
         let known_rad = about_x.hypot(about_y) / 2.0_f64.sqrt();
         self.of_zero(budget, known_rad, self.across_gauss.recip().to_degrees())
     }
 
-    /// Of the roll error twice a turn, deg: half the errors of ky and alpha. The fit takes the runout for the sensor's
-    /// own, so that the angle of the record does not show it.
+    /// Adds the effects on the roll error twice a turn, deg: half the errors of ky and alpha. The fit takes the runout
+    /// for the sensor's own error, so that the angle of the record does not show it.
     fn of_roll_twice(&self, budget: Budget) -> Budget {
         let tilt = self.axial_gauss / self.across_gauss;
         budget.b("runout of the axis", self.fixture.runout_u_rad, "rad", tilt.to_degrees())
     }
 }
 
-/// Variances of one spin by the fits, which know white noise alone: all that a spin of a few turns tells.
+/// Variances of one spin from the fits, which contain only white noise. A spin of a few turns shows no more.
 fn of_fits(spins: &[Spin<'_>]) -> [MeanVariance; FIGURES] {
     let dof = spins.iter().map(|spin| spin.found.dof as f64).sum();
     let pick = [
@@ -266,8 +267,9 @@ fn of_fits(spins: &[Spin<'_>]) -> [MeanVariance; FIGURES] {
     })
 }
 
-/// Mean over the spins, the name of its type A contribution, its standard uncertainty and degrees of freedom: that of the
-/// noise within the spins, or of the scatter between them where chance gives such a scatter once in a thousand times.
+/// Mean over the spins, the name of its type A contribution, its standard uncertainty and degrees of freedom. The
+/// uncertainty comes from the noise within the spins, or from the scatter between them where chance gives such a
+/// scatter once in a thousand times.
 fn average(values: &[f64], noise: &MeanVariance) -> (f64, &'static str, f64, f64) {
     let n = values.len() as f64;
     let (mean, sd) = if values.len() > 1 { stats::mean_sd(values) } else { (values[0], 0.0) };
@@ -278,12 +280,12 @@ fn average(values: &[f64], noise: &MeanVariance) -> (f64, &'static str, f64, f64
     (mean, NOISE, noise.sd() / n.sqrt(), noise.dof)
 }
 
-/// Alpha and a sampling skew between X and Y, told apart by the rates: a Y that is sampled `skew` later looks like
+/// Alpha and a sampling skew between X and Y. The rates separate them: a Y that is sampled `skew` later looks like
 /// `alpha - rate * skew`.
 struct Skew {
     alpha: f64,
     alpha_sd: f64,
-    /// Value and standard uncertainty, s; `None` where all rates are alike.
+    /// Value and standard uncertainty, s; `None` where all rates are equal.
     skew_s: Option<(f64, f64)>,
     dof: f64,
 }
@@ -347,7 +349,7 @@ impl Spin<'_> {
         }
     }
 
-    /// The field that the ellipse was fitted to, thinned.
+    /// The field to which the ellipse was fitted, thinned.
     fn field(&self) -> details::FieldPoints {
         details::FieldPoints {
             capture: self.capture.about.label.clone(),

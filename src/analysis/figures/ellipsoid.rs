@@ -15,7 +15,7 @@ use super::still_fit::rare_ratio;
 use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::Capture;
 
-/// Parts of each attitude, whose means are fitted.
+/// Parts of each attitude. Their means are fitted.
 const PARTS: usize = 20;
 
 pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
@@ -39,7 +39,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         "label": "the frame of the field alone: it differs from a correction that keeps an axis by a constant of roll",
     }));
     let quantum = 1.0 / MAG_LSB_PER_GAUSS / 12.0_f64.sqrt();
-    // `place` is that of the figure in the covariance of the fit, `factor` turns gauss into the unit.
+    // `place` is the place of the figure in the covariance of the fit, `factor` turns gauss into the unit.
     let budget = |place: usize, unit: Unit, factor: f64| noise.in_budget(unit, field.per_gauss(place) * factor);
     for (i, axis) in AXES.iter().enumerate() {
         let budget = budget(i, Unit::Gauss, 1.0).b("field of the fixture", fixture.field_u_gauss, "gauss", 1.0).b(
@@ -56,7 +56,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         findings.figure(format!("soft_iron_{}{}", AXES[i], AXES[j]), value * 1e6, &budget, probability);
     }
     let of_field = |unit: Unit, factor: f64| {
-        // What all attitudes have in common.
+        // The error that all attitudes have in common.
         budget(9, unit, factor).b("ambient field", fixture.ambient_u_gauss, "gauss", factor)
     };
     findings.figure("field", found.field, &of_field(Unit::Gauss, 1.0), probability);
@@ -84,9 +84,9 @@ fn attitude(capture: &Capture) -> Attitude {
 
 /// Errors of the attitudes that are independent of each other.
 enum Noise {
-    /// Noise within the attitudes, and the ambient field as the bench file says.
+    /// Noise within the attitudes, and the ambient field from the bench file.
     Known { noise: MeanVariance, ambient_u_gauss: f64 },
-    /// The attitudes scatter by more than that explains; their scatter holds both.
+    /// The attitudes scatter by more than these two explain; their scatter contains both.
     Seen(MeanVariance),
 }
 
@@ -103,7 +103,7 @@ impl Noise {
         }
     }
 
-    /// The budget of a figure that changes by `per_gauss` where each attitude errs by one gauss.
+    /// Returns the budget of a figure that changes by `per_gauss` where each attitude has an error of one gauss.
     fn in_budget(&self, unit: Unit, per_gauss: f64) -> Budget {
         match self {
             Self::Known { noise, ambient_u_gauss } => Budget::new(unit)

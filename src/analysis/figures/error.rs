@@ -1,4 +1,4 @@
-//! Why no figure comes from captures.
+//! The reasons why no figure comes from captures.
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::plan::ParamError;
@@ -6,7 +6,7 @@ use gnc_metrology::Refusal;
 use gnc_metrology::sample_clock::ClockFault;
 use gnc_protocol::stream::Losses;
 
-/// Why no figure comes from captures. What can be tried stands apart, in [`FigureError::try_this`].
+/// The reason why no figure comes from captures. [`FigureError::try_this`] says what the operator can try.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FigureError {
     /// The item has no figures from captures.
@@ -21,9 +21,9 @@ pub enum FigureError {
     /// The method refuses the record.
     #[error("{place}: {refusal}")]
     Refused {
-        /// The capture, or what was worked out.
+        /// The capture, or the figure.
         place: String,
-        /// Why.
+        /// The method's reason.
         refusal: Refusal,
     },
     /// Samples are missing inside a window that a figure needs.
@@ -31,7 +31,7 @@ pub enum FigureError {
     Lost {
         /// The capture.
         label: String,
-        /// What is missing.
+        /// The missing samples.
         losses: Losses,
     },
     /// The samples are not on the grid of the board's own clock, so that no rate is known.
@@ -39,21 +39,21 @@ pub enum FigureError {
     Clock {
         /// The capture.
         label: String,
-        /// What is wrong with its times.
+        /// The fault in the times of the capture.
         fault: ClockFault,
     },
-    /// A capture that the figure needs is not there.
+    /// A capture that the figure needs is missing.
     #[error("no capture of {what}")]
     Missing {
-        /// What it would be of.
+        /// What the missing capture should be of.
         what: String,
     },
-    /// A capture that does not belong there.
+    /// A capture does not fit the item.
     #[error("{label} does not fit: {why}")]
     Unfit {
         /// The capture.
         label: String,
-        /// In which way.
+        /// The reason why it does not fit.
         why: String,
     },
     /// A capture is shorter than the plan says.
@@ -61,7 +61,7 @@ pub enum FigureError {
     Short {
         /// The capture.
         label: String,
-        /// Its samples.
+        /// Samples of the capture.
         samples: usize,
         /// Samples by the plan.
         needed: usize,
@@ -83,7 +83,7 @@ pub enum FigureError {
         label: String,
         /// The channel.
         channel: String,
-        /// Its code.
+        /// Code of that value.
         code: i32,
     },
     /// The module moved where it should lie still.
@@ -95,21 +95,21 @@ pub enum FigureError {
         channel: String,
         /// Largest minus smallest block mean, deg/s or g.
         spread: f64,
-        /// What is allowed.
+        /// Limit of the spread.
         limit: f64,
     },
-    /// Attitudes whose field differs from that of the others.
+    /// Some attitudes have a field that differs from that of the others.
     #[error(
         "the field differs from that of the other attitudes, where noise and the bench explain {limit_mgauss:.3} mgauss: {}",
         list(attitudes)
     )]
     Disturbed {
-        /// Their captures, and by how much, mgauss.
+        /// Captures of these attitudes, and their differences, mgauss.
         attitudes: Vec<(String, f64)>,
-        /// What is allowed.
+        /// Limit of the difference, mgauss.
         limit_mgauss: f64,
     },
-    /// The stream is coarser than the step that is to be seen.
+    /// The stream is coarser than the step that it should show.
     #[error("{channel}: the stream has {bits:.1} bits over the range, and resolution needs at least 18")]
     Coarse {
         /// The channel.
@@ -117,24 +117,24 @@ pub enum FigureError {
         /// Bits that its codes show.
         bits: f64,
     },
-    /// No item before this one found the calibration that it works with.
+    /// No item before this one found the calibration that this item works with.
     #[error("no calibration from {item}")]
     NotCalibrated {
         /// The item to run first.
         item: ItemId,
     },
-    /// What an item before this one found cannot be read.
+    /// The findings of an item before this one cannot be read.
     #[error("the calibration of {item} cannot be read: {why}")]
     BadCalibration {
         /// Name of the item.
         item: String,
-        /// Why.
+        /// The reason.
         why: String,
     },
-    /// The bench file does not say where the bench stands.
+    /// The bench file does not give the place of the bench.
     #[error("the place of the bench is not known")]
     NoPlace,
-    /// The receiver said nothing that could be used.
+    /// The receiver gave no usable output.
     #[error("{got} epochs with a fix, needs at least {needed}")]
     FewEpochs {
         /// Epochs with a fix.
@@ -144,19 +144,19 @@ pub enum FigureError {
     },
 }
 
-/// Attitudes with what they are off by.
+/// Lists the attitudes with their differences.
 fn list(attitudes: &[(String, f64)]) -> String {
     attitudes.iter().map(|(label, off)| format!("{label} by {off:+.3} mgauss")).collect::<Vec<_>>().join(", ")
 }
 
 impl FigureError {
-    /// A refusal with its place.
+    /// Returns a function that gives a refusal its place.
     pub(super) fn refused(place: impl Into<String>) -> impl FnOnce(Refusal) -> Self {
         let place = place.into();
         move |refusal| Self::Refused { place, refusal }
     }
 
-    /// What the operator can try.
+    /// Returns what the operator can try.
     #[must_use]
     pub fn try_this(&self) -> &'static str {
         match self {

@@ -15,7 +15,7 @@ use crate::details::performance::{FixScatter, MEAN_ERROR_M, MeanError, SCATTER};
 /// WGS-84: semi-major axis and first eccentricity squared (NIMA TR8350.2, table 3.1).
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
-/// Epochs below which a standard deviation means nothing.
+/// Least number of epochs for a standard deviation that means something.
 const LEAST: usize = 10;
 /// Step of the board's capture timer.
 const TIMER_NS: f64 = 10.0;
@@ -83,7 +83,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// Why there is no height above the ellipsoid.
+/// Returns the reason why there is no height above the ellipsoid.
 fn no_height(fixes: &[&Epoch]) -> String {
     let [above_sea, heights] = [|epoch: &Epoch| epoch.altitude_m, |epoch: &Epoch| epoch.height_m]
         .map(|pick| fixes.iter().filter(|epoch| pick(epoch).is_some()).count());
@@ -94,7 +94,7 @@ fn no_height(fixes: &[&Epoch]) -> String {
     }
 }
 
-/// Errors over the epochs, thinned evenly, with the epoch farthest off in any case.
+/// Thins the errors over the epochs evenly, and always keeps the epoch farthest off.
 fn scatter(errors: &[[f64; 3]]) -> FixScatter {
     let every = thin::stride(errors.len());
     let off = |error: &[f64; 3]| error[0].hypot(error[1]);
@@ -105,7 +105,7 @@ fn scatter(errors: &[[f64; 3]]) -> FixScatter {
     FixScatter { every, east_m: of(0), north_m: of(1), up_m, epoch: kept }
 }
 
-/// A root mean square with its interval: chi-square, and what the surveyed place may be off.
+/// A root mean square with its interval: chi-square, and the uncertainty of the surveyed place.
 fn spread(rms: f64, dof: f64, survey_u: f64, unit: Unit, probability: f64) -> Value {
     let (low, high) = stats::sd_interval(rms, dof, probability);
     let off = stats::normal_quantile(0.5 + probability / 2.0) * survey_u;
@@ -130,7 +130,7 @@ fn east_north_up(epoch: &Epoch, place: &SitePlace) -> [f64; 3] {
     [east_deg.to_radians() * parallel, north_deg.to_radians() * meridian, up_m]
 }
 
-/// The board's clock against the pulses.
+/// The board's clock compared with the pulses.
 fn board_clock(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f64) {
     let pulses: Vec<u64> = question.captures.iter().flat_map(|capture| capture.receiver.pulses_ns.clone()).collect();
     match BoardClock::of_pulses(&pulses) {
@@ -142,7 +142,7 @@ fn board_clock(question: &AnalysisInput<'_>, findings: &mut Findings, probabilit
     }
 }
 
-/// Standard deviation of the intervals between pulses, on the board's clock: its rate drops out with the mean.
+/// Standard deviation of the intervals between pulses, on the board's clock. The mean removes the rate of that clock.
 fn pulses(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f64) {
     let intervals: Vec<f64> = question
         .captures
@@ -155,7 +155,7 @@ fn pulses(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f6
         return;
     }
     let (mean_ns, sd_ns) = stats::mean_sd(&whole);
-    // Intervals share their edges: of white edges two thirds of the degrees of freedom are left.
+    // Intervals share their edges: for white edges two thirds of the degrees of freedom are left.
     let (low, high) = stats::sd_interval(sd_ns, (whole.len() - 1) as f64 * 2.0 / 3.0, probability);
     // Both edges of an interval are rounded to the timer's step.
     let rounding_ns = TIMER_NS / 6.0_f64.sqrt();

@@ -1,4 +1,4 @@
-//! Bias of the gyroscopes that calibration leaves.
+//! The bias that calibration leaves in the gyroscopes.
 
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
@@ -14,11 +14,11 @@ use super::mean::{self, BLOCKS};
 use super::{AnalysisInput, FigureError, Findings, place};
 use crate::capture::Pose;
 
-/// What is taken out of the rotation of the earth, and what is left.
+/// The part of the earth's rotation that is subtracted, and the part that is left.
 struct Earth {
     removed_rps: Vector3<f64>,
     label: &'static str,
-    /// Bound of what is left, each axis, rad/s.
+    /// Bound of the part that is left, each axis, rad/s.
     left_rps: f64,
     /// Change for a turn of the heading, rad/s per rad.
     per_heading: Vector3<f64>,

@@ -17,7 +17,7 @@ use super::still_fit::{Attitude, Design, attitudes, rare_ratio, scatter};
 use super::{AnalysisInput, FigureError, Findings, place};
 use crate::details::calibrating::{RATE_RESIDUALS, RateResidual};
 
-/// Before a rotation the scale factors and axes are known to this part only.
+/// Relative bound of the errors of scale factors and axes before a rotation.
 const NOMINAL_BAND: f64 = 0.01;
 pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let own = question.params.source("of")?.is_none();
@@ -58,14 +58,14 @@ fn nominal() -> Matrix3<f64> {
     Matrix3::identity() * (GYRO_LSB_PER_DPS * 1.0_f64.to_degrees())
 }
 
-/// What is known of the place.
+/// The known figures of the place.
 #[derive(Debug, Clone, Copy)]
 struct Site {
     gravity_mps2: f64,
     latitude_deg: f64,
     /// Horizontal earth rate, rad/s.
     north_rps: f64,
-    /// `None`: headings are unknown.
+    /// Standard uncertainty of the headings; `None` where the headings are unknown.
     heading_u_rad: Option<f64>,
 }
 
@@ -81,7 +81,7 @@ impl Site {
     }
 }
 
-/// What the budgets rest on. Rates in rad/s.
+/// The data of the budgets. Rates in rad/s.
 struct Fit {
     design: Design,
     noise: [MeanVariance; 3],
@@ -137,7 +137,7 @@ impl Fit {
         let noise = (self.noise[i].variance * self.design.cofactor[(parameter, parameter)]).sqrt() * factor;
         let budget = Budget::new(unit).a("noise of the positions' means", noise, self.noise[i].dof);
         let budget = match self.site.heading_u_rad {
-            // The zero of all headings is the same.
+            // All headings share one zero.
             Some(heading_u) => {
                 let shift = self.design.shift(parameter, |p| self.site.north_rps * self.east[p][i]);
                 budget.b("zero of the headings", heading_u, "rad", shift * factor)
@@ -176,7 +176,7 @@ fn findings(
         let budget = fit.budget(i, 3, Unit::DegreePerSecond, 1.0_f64.to_degrees());
         findings.figure(format!("bias_{axis}"), found.bias_rps[i].to_degrees(), &budget, probability);
     }
-    // (rad/s) per (m/s^2) in deg/h per g.
+    // Factor from (rad/s) per (m/s^2) to deg/h per g.
     let dph_per_g = 3600.0 * 1.0_f64.to_degrees() * earth::STANDARD_GRAVITY_MPS2;
     for (i, sensor) in AXES.iter().enumerate() {
         for (j, axis) in AXES.iter().enumerate() {

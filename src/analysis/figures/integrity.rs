@@ -1,8 +1,9 @@
-//! The data gate on captures: which samples are no measurements, as measurements of the module and its link, and what
-//! stands in their place.
+//! The data gate on captures. It finds the samples that are no measurements, measures their share as a property of the
+//! module and its link, and replaces them.
 //!
-//! A sample that is left out is replaced from its neighbours, so that none of the others moves in time: in a still capture
-//! by noise like that beside it, in a moving one by the line between them. How many there were is measured.
+//! A sample that is left out is replaced from its neighbours, so that the other samples keep their times. In a still
+//! capture noise like that beside it replaces the sample, in a moving capture the line between the neighbours. The
+//! number of such samples is measured.
 
 use std::borrow::Cow;
 
@@ -24,11 +25,11 @@ pub const NAMES: [&str; 3] = [FAILED_READS.name, STALE_SAMPLES.name, SPIKES.name
 /// Key of the details.
 pub const KEY: &str = "gate";
 
-/// What the gate made of a set of captures.
+/// The result of the gate on a set of captures.
 pub(super) struct Integrity<'c> {
-    /// As they are analysed.
+    /// The captures as they are analysed.
     pub(super) captures: Cow<'c, [Capture]>,
-    /// Of the first capture that cannot be used.
+    /// The refusal of the first capture that cannot be used.
     pub(super) refused: Option<FigureError>,
     left_out: LeftOut,
     samples: usize,
@@ -36,14 +37,14 @@ pub(super) struct Integrity<'c> {
     first: Option<(String, usize)>,
 }
 
-/// Shares of bad samples in the captures of an item, judged beside a refusal: a fault of the module stays its fault where
-/// no figure can be had.
+/// Returns the shares of bad samples in the captures of an item. They are judged also beside a refusal: a fault of the
+/// module stays its fault where there is no figure.
 #[must_use]
 pub fn integrity(item: ItemId, question: &AnalysisInput<'_>) -> Vec<(String, Value)> {
     Integrity::of(item, question).measured()
 }
 
-/// Shares of bad samples, percent, in the order of [`NAMES`].
+/// Returns the shares of bad samples, percent, in the order of [`NAMES`].
 fn shares(left_out: &LeftOut, samples: usize) -> [f64; 3] {
     [left_out.failed_reads, left_out.stale, left_out.spikes].map(|count| count as f64 * 100.0 / samples.max(1) as f64)
 }
@@ -110,7 +111,7 @@ impl<'c> Integrity<'c> {
         }
     }
 
-    /// The three shares; none where nothing was captured.
+    /// Returns the three shares; nothing where nothing was captured.
     pub(super) fn measured(&self) -> Vec<(String, Value)> {
         if self.samples == 0 {
             return Vec::new();
@@ -123,7 +124,7 @@ impl<'c> Integrity<'c> {
             .collect()
     }
 
-    /// Adds shares and counts to what an analysis found.
+    /// Adds shares and counts to the findings of an analysis.
     pub(super) fn file(&self, findings: &mut Findings) {
         findings.measured.extend(self.measured());
         if self.samples == 0 {
@@ -141,7 +142,7 @@ impl<'c> Integrity<'c> {
     }
 }
 
-/// The triads of a capture that an item works with.
+/// Returns the triads of a capture that an item works with.
 fn used(item: ItemId, question: &AnalysisInput<'_>, capture: &Capture) -> Vec<Triad> {
     let wanted = |sensor: &str| question.params.choices("sensors").is_ok_and(|list| list.contains(&sensor));
     let still = matches!(capture.about.pose, Pose::Still { .. });
@@ -149,7 +150,7 @@ fn used(item: ItemId, question: &AnalysisInput<'_>, capture: &Capture) -> Vec<Tr
         ItemId::SixPosition | ItemId::AccelBias => vec![Triad::Accel],
         ItemId::GyroStill | ItemId::Rotation => vec![Triad::Gyro],
         ItemId::GyroBias => vec![Triad::Gyro, Triad::Accel],
-        // The gyroscopes' g-sensitivity is taken out with the force that the accelerometers measure.
+        // The gyroscopes' g-sensitivity is subtracted with the force that the accelerometers measure.
         ItemId::BiasStability | ItemId::BiasRepeatability | ItemId::Resolution | ItemId::Allan | ItemId::Psd => {
             if wanted("gyro") {
                 vec![Triad::Gyro, Triad::Accel]
@@ -167,9 +168,9 @@ fn used(item: ItemId, question: &AnalysisInput<'_>, capture: &Capture) -> Vec<Tr
     }
 }
 
-/// Samples at rest without those in which gyroscopes or accelerometers are no measurements, and the shares of bad samples,
-/// percent, in the order of [`NAMES`]. The magnetometer's count too; one that never changes is not there, or dead, and has no
-/// share: what it measures is for the items that turn it.
+/// Returns the samples at rest without those in which gyroscopes or accelerometers are bad, and the shares of bad
+/// samples, percent, in the order of [`NAMES`]. The magnetometer's bad samples count too. A magnetometer that never
+/// changes is missing or dead, and has no share; the items that turn it report it.
 #[must_use]
 pub fn sound_at_rest(samples: &[ImuSample]) -> (Vec<ImuSample>, [f64; 3]) {
     let [gyro, accel] = [Triad::Gyro, Triad::Accel].map(|triad| screen(samples, triad, true));
@@ -181,7 +182,7 @@ pub fn sound_at_rest(samples: &[ImuSample]) -> (Vec<ImuSample>, [f64; 3]) {
     (sound, shares(whole.left_out(), samples.len()))
 }
 
-/// A clipped sample stays: what is cut is told by the channel's saturation and noise.
+/// Whether a sample is left out. A clipped sample stays, since saturation and noise of the channel report it.
 fn left_out(fault: Option<RowFault>) -> bool {
     !matches!(fault, None | Some(RowFault::Clipped))
 }
@@ -198,7 +199,7 @@ fn screen_channels(channels: &[Vec<f64>; 3], still: bool, range_end: Option<f64>
     Screening::of(&AXES, &[&channels[0], &channels[1], &channels[2]], &layout)
 }
 
-/// Values of one channel with what stands in place of samples that are left out.
+/// Returns the values of one channel, with replacements for samples that are left out.
 fn mended(axis: usize, values: &[f64], part: &Screening, still: bool) -> Result<Vec<f64>, Refusal> {
     let blocks = one_stretch(values.len());
     if still { Ok(part.refilled(values, &blocks)) } else { part.bridged(AXES[axis], values, &blocks) }
@@ -216,7 +217,7 @@ fn mend(samples: &mut [ImuSample], triad: Triad, part: &Screening, still: bool) 
     Ok(())
 }
 
-/// What the board itself made of its samples.
+/// A compensated output of the board.
 #[derive(Debug, Clone, Copy)]
 enum Output {
     Rate,

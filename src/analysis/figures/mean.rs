@@ -1,22 +1,22 @@
-//! How well the mean of a record is known, whose neighbours are not independent.
+//! The uncertainty of the mean of a record whose neighbours are not independent.
 //!
 //! The variance of a mean is the sum of the autocovariances (a spectrum at zero frequency), taken here from block means
-//! with a flat-topped window of lags (Politis and Romano 1995), and freed from what removing the mean takes out of it.
-//! Records of like kind are pooled. By simulation (6000 records of white noise with a Gauss-Markov bias of correlation
-//! times up to a twentieth of the record) the interval of six pooled records holds the truth in 94 to 96 % of cases, of
-//! one record in 93 to 94 %.
+//! with a flat-topped window of lags (Politis and Romano 1995), and corrected for the part that the removal of the mean
+//! takes out. Records of like kind are pooled. By simulation (6000 records of white noise with a Gauss-Markov bias of
+//! correlation times up to a twentieth of the record) the interval of six pooled records holds the truth in 94 to 96 %
+//! of cases, of one record in 93 to 94 %.
 
 use gnc_metrology::stats;
 
 /// Blocks of a record.
 pub(super) const BLOCKS: usize = 48;
-/// Records from which more lags are afforded.
+/// Number of records from which on more lags are used.
 const MANY: usize = 4;
 
 /// Variance of the mean of one of the records.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MeanVariance {
-    /// In the square of the record's unit.
+    /// Variance in the square of the record's unit.
     pub(super) variance: f64,
     /// Effective degrees of freedom.
     pub(super) dof: f64,
@@ -28,19 +28,19 @@ impl MeanVariance {
     }
 }
 
-/// From block means of equally long records; at least 8 blocks each.
+/// Computes the variance from block means of equally long records, with at least 8 blocks each.
 pub(super) fn variance(records: &[Vec<f64>]) -> MeanVariance {
     let (share, dof_each) = if records.len() >= MANY { (4, 2.5) } else { (6, 3.8) };
     let used: Vec<&Vec<f64>> = records.iter().filter(|record| record.len() >= 8).collect();
     let count = used.len().max(1) as f64;
     let each: Vec<(f64, f64)> = used.iter().map(|record| of_one(record, record.len() / share)).collect();
     let variance = each.iter().map(|(long, _)| long).sum::<f64>() / count;
-    // Never below what independent blocks would give by a half: an estimate near zero is chance.
+    // The deviation is at least half of that of independent blocks: an estimate near zero is chance.
     let floor = each.iter().map(|(_, white)| white).sum::<f64>() / count / 4.0;
     MeanVariance { variance: variance.max(floor), dof: dof_each * count }
 }
 
-/// With lags up to `lags`, and as if the blocks were independent.
+/// Variance with lags up to `lags`, and variance as if the blocks were independent.
 fn of_one(blocks: &[f64], lags: usize) -> (f64, f64) {
     let n = blocks.len();
     let mean = stats::mean(blocks);

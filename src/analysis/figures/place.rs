@@ -1,4 +1,4 @@
-//! Gravity and rotation of the earth at the bench, and where a module looks.
+//! Gravity and rotation of the earth at the bench, and the heading of a module.
 
 use gnc_executive::bench::BenchSite;
 use gnc_metrology::earth;
@@ -10,11 +10,11 @@ use super::FigureError;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Gravity {
     pub(super) mps2: f64,
-    /// Where it is from, for the details.
+    /// Source of the value, for the details.
     pub(super) from: &'static str,
 }
 
-/// As measured on the bench, or normal gravity of its place.
+/// Returns gravity as measured on the bench, or normal gravity of its place.
 pub(super) fn gravity(site: Option<&BenchSite>) -> Result<Gravity, FigureError> {
     let site = site.ok_or(FigureError::NoPlace)?;
     if let Some(mps2) = site.gravity_mps2 {
@@ -26,19 +26,19 @@ pub(super) fn gravity(site: Option<&BenchSite>) -> Result<Gravity, FigureError> 
     Ok(Gravity { mps2, from: "WGS-84 normal gravity of latitude and height" })
 }
 
-/// Rotation of the earth, rad/s: along up and along north.
+/// Returns the rotation of the earth, rad/s: along up and along north.
 pub(super) fn earth_rate(site: Option<&BenchSite>) -> Result<(f64, f64), FigureError> {
     let latitude_deg = latitude(site)?;
     let rate = |rate: Result<f64, gnc_metrology::Refusal>| rate.map_err(FigureError::refused("latitude"));
     Ok((rate(earth::vertical_rate_rps(latitude_deg))?, rate(earth::north_rate_rps(latitude_deg))?))
 }
 
-/// Latitude of the bench.
+/// Returns the latitude of the bench.
 pub(super) fn latitude(site: Option<&BenchSite>) -> Result<f64, FigureError> {
     Ok(site.and_then(|site| site.place).ok_or(FigureError::NoPlace)?.latitude_deg)
 }
 
-/// North and east, level, in the axes of a module at rest.
+/// Returns north and east, level, in the axes of a module at rest.
 ///
 /// The reference axis, the one after the axis that is most nearly vertical, points at `heading_deg` clockwise from
 /// north; east of up is north x up.

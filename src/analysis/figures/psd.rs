@@ -13,7 +13,7 @@ use super::stability::{self, Compensation};
 use super::{AnalysisInput, FigureError, Findings};
 use crate::details::performance::{self as details, SPECTRA};
 
-/// Neighbouring frequencies that a line is compared with.
+/// Number of neighbouring frequencies with which a line is compared.
 const NEIGHBOURS: usize = 32;
 
 pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
@@ -49,7 +49,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// From deg/h (mg) per root hertz.
+/// Unit of a density, and the factor from deg/h (mg) per root hertz.
 fn density_unit(triad: Triad) -> (Unit, f64) {
     match triad {
         Triad::Gyro => (Unit::DegreePerSecondPerRootHertz, 1.0 / 3600.0),
@@ -73,7 +73,7 @@ fn density(level: Option<psd::Plateau>, triad: Triad, probability: f64) -> Value
 fn strongest_line(found: &psd::SpectralDensity) -> (f64, f64) {
     let n = found.density.len();
     let mut best = (0.0, 0.0);
-    // The lowest bins hold the wander of the bias and what is left of the mean.
+    // The lowest bins hold the wander of the bias and the rest of the mean.
     for k in 4..n.saturating_sub(1) {
         let from = k.saturating_sub(NEIGHBOURS / 2).max(2);
         let mut near = found.density[from..(from + NEIGHBOURS).min(n - 1)].to_vec();
@@ -85,7 +85,7 @@ fn strongest_line(found: &psd::SpectralDensity) -> (f64, f64) {
     best
 }
 
-/// Its densities are those of 0, 1, 2 ... times the step.
+/// Returns the details of a spectrum. Its densities are those of 0, 1, 2 ... times the step.
 fn spectrum(
     found: &psd::SpectralDensity,
     unit: Unit,

@@ -108,7 +108,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             let ppm = 1e6 / found.mean;
             let low_ppm = match series.triad() {
-                // What the clock drifts between the calibrations scatters with the scale factors.
+                // The drift of the clock between the calibrations scatters with the scale factors.
                 Triad::Gyro => ((low * ppm).powi(2) - clock_ppm * clock_ppm).max(0.0).sqrt(),
                 Triad::Accel | Triad::Mag => low * ppm,
             };

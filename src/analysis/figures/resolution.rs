@@ -1,4 +1,4 @@
-//! Resolution: does the mean follow a step of the published size, in both senses?
+//! Resolution: whether the mean follows a step of the published size in both directions.
 
 use gnc_executive::quantity::Unit;
 use gnc_metrology::{earth, stats};
@@ -13,10 +13,10 @@ use super::{AnalysisInput, FigureError, Findings, place};
 use crate::capture::{Capture, Pose};
 use crate::details::performance::{STEPS, StepResponse};
 
-/// Fewest steps of a sense, so that their scatter says something.
+/// Fewest steps of a direction, so that their scatter means something.
 const FEWEST: usize = 2;
-/// A stream shows the published resolutions from so many bits: with 16 over the published ranges its steps are
-/// 0.0122 deg/s and 1.53 mg.
+/// Least number of bits with which a stream shows the published resolutions. With 16 bits over the published ranges its
+/// steps are 0.0122 deg/s and 1.53 mg.
 const BITS: f64 = 18.0;
 /// Published ranges, deg/s, g and gauss; codes reach a little farther.
 const RANGES: [(Triad, f64); 3] = [(Triad::Gyro, 400.0), (Triad::Accel, 50.0), (Triad::Mag, 6.0)];
@@ -43,7 +43,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         for (axis, name) in AXES.iter().enumerate() {
             let Steps { step, up, down } = steps(question, &compensation, *triad, axis)?;
             let worse = if up.mean < down.mean { &up } else { &down };
-            // A step of tilt lies between two attitudes; a rate needs none.
+            // A step of tilt lies between two attitudes; a step of rate does not depend on attitudes.
             let pose_mg = if *triad == Triad::Accel { 1e3 * 2.0_f64.sqrt() } else { 0.0 };
             let budget = Budget::new(Unit::Percent).a("scatter of the steps", worse.sd * 100.0, worse.dof).b(
                 "attitudes",
@@ -73,7 +73,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// Bits over the range that the codes of a channel show: their common step against all codes.
+/// Checks the bits over the range that the codes of a channel show: their common step against all codes.
 fn fine_enough(captures: &[Capture], triad: Triad, axis: usize) -> Result<(), FigureError> {
     let mut step = 0_u64;
     let mut first = None;
@@ -96,20 +96,20 @@ fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// What the steps of a channel showed.
+/// The result of the steps of a channel.
 struct Steps {
-    /// In the unit of the triad, deg/h or mg.
+    /// Size of the step in the unit of the triad, deg/h or mg.
     step: f64,
     up: Response,
     down: Response,
 }
 
-/// Response to the steps of one sense, each against the mean of the levels before and after it, so that a bias that
-/// wanders is taken out.
+/// Response to the steps of one direction. Each step is compared with the mean of the levels before and after it, which
+/// removes a wander of the bias.
 struct Response {
     /// Mean response over step.
     mean: f64,
-    /// Standard deviation of that mean, by the scatter of the steps.
+    /// Standard deviation of that mean, from the scatter of the steps.
     sd: f64,
     dof: f64,
 }
@@ -120,7 +120,7 @@ fn steps(
     triad: Triad,
     axis: usize,
 ) -> Result<Steps, FigureError> {
-    // In the unit of the figure, and as the program was told.
+    // The step in the unit of the figure, and as the program states it.
     let (step, told) = match triad {
         Triad::Gyro => {
             let step = question.params.quantity("gyro_step", Unit::DegreePerHour)?;
@@ -128,7 +128,7 @@ fn steps(
         }
         _ => {
             let step_g = question.params.quantity("accel_step", Unit::Gravity)?;
-            // The tilt is one of the local gravity.
+            // The step of tilt is a part of the local gravity.
             (step_g * place::gravity(question.site)?.mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3, step_g)
         }
     };

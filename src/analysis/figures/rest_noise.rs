@@ -1,8 +1,8 @@
 //! Noise of gyroscopes within a turn, from their rest before and after it.
 //!
-//! Two parts tell it. *Short*: how the means of blocks of rest scatter, so that samples that a low-pass has made alike
-//! count as what they are worth. *Slow*: a turn ends at the heading where it began, so that both rests see the same
-//! rotation of the earth; what their means differ by beyond the short noise, the bias has wandered by.
+//! The noise has two parts. *Short*: the scatter of the means of blocks of rest, so that samples that a low-pass has
+//! made alike do not count as independent. *Slow*: a turn ends at the heading where it began, so that both rests see
+//! the same rotation of the earth. Their means differ by the short noise and by the wander of the bias.
 
 use gnc_metrology::stats;
 use nalgebra::Vector3;
@@ -23,13 +23,14 @@ pub(super) struct RestNoise {
     /// Variance of a mean times the time over which it is taken, s.
     density_s: f64,
     density_dof: f64,
-    /// Variance of what the bias adds to the mean of one turn.
+    /// Variance of the part that the bias adds to the mean of one turn.
     slow: f64,
     slow_dof: f64,
 }
 
 impl RestNoise {
-    /// Of the three sensors, from the rests of one turn or more; `None` where they are too short for two blocks.
+    /// Returns the noise of the three sensors, from the rests of one turn or more; `None` where the rests are too short
+    /// for two blocks.
     pub(super) fn of(rests: &[Rest], rate_hz: f64) -> Option<[Self; 3]> {
         let block = ((BLOCK_S * rate_hz).round() as usize).max(1);
         let [x, y, z] = [0, 1, 2].map(|axis| Self::of_axis(rests, axis, block, rate_hz));
@@ -63,12 +64,12 @@ impl RestNoise {
         Some(Self { density_s, density_dof, slow, slow_dof })
     }
 
-    /// Standard deviation of a mean over `span_s`, and its degrees of freedom: short noise.
+    /// Returns the standard deviation of a mean over `span_s`, and its degrees of freedom: short noise.
     pub(super) fn short(&self, span_s: f64) -> (f64, f64) {
         ((self.density_s / span_s).sqrt(), self.density_dof)
     }
 
-    /// Standard deviation of what the bias adds to the mean of a turn, and its degrees of freedom.
+    /// Returns the standard deviation of the part that the bias adds to the mean of a turn, and its degrees of freedom.
     pub(super) fn slow(&self) -> (f64, f64) {
         (self.slow.sqrt(), self.slow_dof.max(1.0))
     }
@@ -79,8 +80,8 @@ mod tests {
     use super::super::tests::world::Dice;
     use super::*;
 
-    /// Noise behind a low-pass of 10 Hz at 1 kHz has the density of the white noise before it, though neighbours differ by
-    /// a fortieth of it; a bias that steps by 3 between the rests has a variance of 4.5 for one of them.
+    /// Noise behind a low-pass of 10 Hz at 1 kHz has the density of the white noise before it, although neighbours
+    /// differ by a fortieth of it. A bias that steps by 3 between the rests has a variance of 4.5 for one of them.
     #[test]
     fn density_and_wander_are_found() {
         let mut dice = Dice::new(3);

@@ -1,18 +1,18 @@
-//! Roll angle from a corrected field, against a table that turns steadily.
+//! Roll angle from a corrected field, compared with a table that turns steadily.
 //!
-//! What the sensor's noise, white and slow, does to the harmonics of the angle shows in their scatter from block to block
-//! ([`mean::variance`]). What an error of the correction does to the angle is in the harmonics themselves.
+//! The effect of the sensor's noise, white and slow, on the harmonics of the angle shows in their scatter from block to
+//! block ([`mean::variance`]). The effect of an error of the correction is in the harmonics themselves.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::mean::{self, BLOCKS, MeanVariance};
 
-/// Roll of a spin: what is left of it beside a steady turn.
+/// Roll of a spin: the errors beside a steady turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Roll {
     /// Rate of the steady turn, rad/s, right-handed.
     pub(super) rate_rps: f64,
-    /// Turns in the record, with their sense.
+    /// Turns in the record, with their sign.
     pub(super) turns: f64,
     /// Amplitude of the error once and twice a turn, rad.
     pub(super) harmonics_rad: [f64; 2],
@@ -20,11 +20,11 @@ pub(super) struct Roll {
     pub(super) noise: [MeanVariance; 2],
 }
 
-/// Fewest blocks that say how the harmonics scatter.
+/// Fewest blocks that show the scatter of the harmonics.
 const FEWEST: usize = 8;
 
-/// `roll = atan2(-y', x')`: the field turns against the module. `points` are corrected, `step_rad` is the turn expected
-/// from sample to sample.
+/// Computes the roll, `roll = atan2(-y', x')`: the field turns against the module. `points` are corrected, `step_rad`
+/// is the turn expected from sample to sample.
 pub(super) fn analyse(points: impl Iterator<Item = (f64, f64)>, step_rad: f64, rate_hz: f64) -> Roll {
     let mut before: Option<f64> = None;
     let unwrapped: Vec<f64> = points
@@ -43,7 +43,7 @@ pub(super) fn analyse(points: impl Iterator<Item = (f64, f64)>, step_rad: f64, r
         .collect();
     let n = unwrapped.len() as f64;
     let first = unwrapped.first().copied().unwrap_or(0.0);
-    // Time from -1 to 1 and the mean rate taken out, so that the normal equations are well scaled.
+    // Time runs from -1 to 1 and the mean rate is removed, so that the normal equations are well scaled.
     let slope = (unwrapped.last().copied().unwrap_or(0.0) - first) / (n - 1.0);
     let row = |k: usize, angle: f64| {
         let (sin, cos) = angle.sin_cos();
@@ -72,7 +72,8 @@ pub(super) fn analyse(points: impl Iterator<Item = (f64, f64)>, step_rad: f64, r
     }
 }
 
-/// Variances of the harmonics' components from the angles and what is left of them; too few blocks know white noise alone.
+/// Variances of the harmonics' components from the angles and their residuals. With too few blocks only white noise is
+/// known.
 fn noise(residuals: &[(f64, f64)], step_rad: f64) -> [MeanVariance; 2] {
     // In less than a turn the harmonics look alike.
     let turn = (std::f64::consts::TAU / step_rad.abs()).ceil() as usize;
@@ -89,7 +90,7 @@ fn noise(residuals: &[(f64, f64)], step_rad: f64) -> [MeanVariance; 2] {
     })
 }
 
-/// Cosine and sine of the first harmonic, then of the second.
+/// Returns cosine and sine of the first harmonic, then of the second.
 fn of_block(residuals: &[(f64, f64)]) -> Option<[f64; 4]> {
     let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), SVector::<f64, 5>::zeros());
     for (angle, left) in residuals {

@@ -19,7 +19,7 @@ use super::{AnalysisInput, FigureError, Findings, clock, place, thin};
 use crate::capture::{Capture, Pose};
 use crate::details::calibrating::{TURNS, TableTurn, TurnWindow, WINDOWS};
 
-/// What the budgets need from the plan.
+/// The terms of the plan that the budgets need.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RotationTerms {
     angle_rad: f64,
@@ -42,7 +42,7 @@ impl RotationTerms {
     }
 }
 
-/// A calibration with what its budgets rest on.
+/// A calibration with the data of its budgets.
 #[derive(Debug)]
 pub(super) struct RotationSolution {
     pub(super) found: rotation::RotationCalibration,
@@ -50,12 +50,12 @@ pub(super) struct RotationSolution {
     /// Time of the longest window, s.
     window_s: f64,
     along: Along,
-    /// Noise of the sensors at rest, counts; `None` where the residuals of the fit tell it.
+    /// Noise of the sensors at rest, counts; `None` where the residuals of the fit give it.
     noise: Option<[RestNoise; 3]>,
     known: RotationTerms,
 }
 
-/// A turn among captures: axis, angle, where the axis points.
+/// Returns the turn of a capture: axis, angle, direction of the axis.
 fn turn_of(capture: &Capture) -> Option<(usize, f64, Along)> {
     match capture.about.pose {
         Pose::Rotating { axis, angle_deg, along, .. } => Some((usize::from(axis), angle_deg, along)),
@@ -63,7 +63,7 @@ fn turn_of(capture: &Capture) -> Option<(usize, f64, Along)> {
     }
 }
 
-/// Calibrates from the turns among the captures.
+/// Computes the calibration from the turns among the captures.
 pub(super) fn solve<'c>(
     captures: impl IntoIterator<Item = &'c Capture>,
     known: RotationTerms,
@@ -114,7 +114,7 @@ pub(super) fn solve<'c>(
         nominal: Some((nominal(), known.band_percent)),
     };
     let found = rotation::calibrate(&runs, &options).map_err(FigureError::refused("gyroscope calibration"))?;
-    // A vertical axis spends all data on parameters: what is left is the rest.
+    // A vertical axis uses all data for parameters, so that only the rest shows the noise.
     let noise = match along {
         Along::Up => RestNoise::of(&rests(&data, &found.windows), options.rate_hz),
         Along::Polar | Along::North => None,
@@ -124,7 +124,7 @@ pub(super) fn solve<'c>(
     Ok(RotationSolution { found, turned_rad: angle_deg.to_radians(), window_s, along, noise, known })
 }
 
-/// What lies before and after the window of each turn.
+/// Returns the rests before and after the window of each turn.
 fn rests(data: &[(String, [Vec<f64>; 3])], windows: &[rotation::RotationWindow]) -> Vec<Rest> {
     let turns = data
         .iter()
@@ -145,15 +145,16 @@ fn nominal() -> f64 {
 }
 
 impl RotationSolution {
-    /// Of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale factor.
+    /// Returns the budget of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale
+    /// factor.
     pub(super) fn response_budget(&self, i: usize, j: usize) -> Budget {
         let own = self.found.response[(i, i)];
         let residual_ppm = self.found.response_sd[(i, j)] / own * 1e6;
-        // Two windows of opposite senses: the noise of their difference over twice the angle.
+        // Two windows of opposite directions: the noise of their difference over twice the angle.
         let per_mean = self.window_s / self.turned_rad / 2.0_f64.sqrt() / own * 1e6;
         let budget = self.noise_in(Budget::new(Unit::PartsPerMillion), i, residual_ppm, per_mean);
         if i == j {
-            // What both senses share cannot be seen in the record.
+            // The record cannot show an error that both directions share.
             let budget = budget.b("angle of the table", self.known.angle_rad, "rad", 1e6 / self.turned_rad);
             self.known.clock.in_budget(budget, 1.0)
         } else {
@@ -161,8 +162,8 @@ impl RotationSolution {
         }
     }
 
-    /// Adds the noise of sensor `i` to the budget of a figure that changes by `per_mean` with the mean of a window, counts;
-    /// `residual` is what the residuals say, where they say it.
+    /// Adds the noise of sensor `i` to the budget of a figure that changes by `per_mean` with the mean of a window,
+    /// counts. `residual` is the value from the residuals, where they give one.
     fn noise_in(&self, budget: Budget, i: usize, residual: f64, per_mean: f64) -> Budget {
         let Some(noise) = self.noise.map(|noise| noise[i]) else {
             return budget.a("scatter of the residuals", residual, self.found.dof);
@@ -214,7 +215,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// The rate about the turned axis over time, thinned, of every turn.
+/// Returns the rate about the turned axis over time, thinned, for every turn.
 fn turns(captures: &[Capture]) -> Vec<TableTurn> {
     let turns = captures.iter().filter_map(|capture| turn_of(capture).map(|(axis, ..)| (capture, axis)));
     turns
@@ -233,7 +234,7 @@ fn turns(captures: &[Capture]) -> Vec<TableTurn> {
         .collect()
 }
 
-/// The span over which each turn was summed.
+/// Returns the span over which each turn was summed.
 fn windows(captures: &[Capture], found: &rotation::RotationCalibration) -> Vec<TurnWindow> {
     let rate_hz = captures.first().map_or(f64::NAN, |capture| f64::from(capture.about.rate_hz));
     let window = |window: &rotation::RotationWindow| TurnWindow {

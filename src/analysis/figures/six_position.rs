@@ -20,7 +20,7 @@ use super::{AnalysisInput, FigureError, Findings};
 use crate::capture::Capture;
 use crate::details::calibrating::{FORCE_RESIDUALS, ForceResidual};
 
-/// What the budgets need from the plan.
+/// The terms of the plan that the budgets need.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SixPositionTerms {
     pub(super) gravity: Gravity,
@@ -38,21 +38,21 @@ impl SixPositionTerms {
     }
 }
 
-/// A calibration with what its budgets rest on.
+/// A calibration with the data of its budgets.
 #[derive(Debug)]
 pub(super) struct SixPositionSolution {
     pub(super) found: six_position::SixPositionCalibration,
     design: Design,
-    /// Of the mean of a position, square counts.
+    /// Variance of the mean of a position, square counts.
     noise: [MeanVariance; 3],
     known: SixPositionTerms,
     /// Sum of squared residuals over its expectation.
     residual_ratio: f64,
-    /// The residuals are larger than noise and attitudes explain, so their own scatter is taken.
+    /// Whether the residuals are larger than noise and attitudes explain. Then their own scatter is used.
     pub(super) excess: bool,
 }
 
-/// Calibrates from still captures; `expected` as for [`attitudes`].
+/// Computes the calibration from still captures; `expected` as for [`attitudes`].
 pub(super) fn solve<'c>(
     captures: impl IntoIterator<Item = &'c Capture>,
     expected: Option<usize>,
@@ -76,7 +76,7 @@ pub(super) fn solve<'c>(
     Ok(solved)
 }
 
-/// A capture as the method takes it.
+/// Returns a capture in the form that the method takes.
 pub(super) fn position(attitude: &Attitude<'_>, triad: Triad) -> Position {
     Position {
         label: attitude.capture.about.label.clone(),
@@ -111,8 +111,8 @@ impl SixPositionSolution {
         }
     }
 
-    /// Budget of a parameter of sensor `i` over its own response: 0 to 2 a relative response, 3 the offset in m/s^2.
-    /// `factor` turns it into the unit.
+    /// Returns the budget of a parameter of sensor `i` over its own response: 0 to 2 a relative response, 3 the offset
+    /// in m/s^2. `factor` turns it into the unit.
     fn budget(&self, i: usize, parameter: usize, unit: Unit, factor: f64) -> Budget {
         let cofactor = self.design.cofactor[(parameter, parameter)];
         let noise = (self.noise[i].variance * cofactor).sqrt() / self.own(i) * factor;
@@ -120,10 +120,10 @@ impl SixPositionSolution {
         let per_rad = if self.known.pose_rad > 0.0 && !self.excess {
             self.design.variance(parameter, pose).sqrt() / self.known.pose_rad * factor
         } else {
-            // The scatter of the residuals already holds the attitudes.
+            // The scatter of the residuals already includes the attitudes.
             0.0
         };
-        // One count is spread evenly over its step, and the noise spreads the means over many.
+        // One count is spread evenly over its step, and the noise spreads the means over many steps.
         let quantisation = 1.0 / 12.0_f64.sqrt() / self.own(i) * cofactor.sqrt() * factor / 100.0;
         Budget::new(unit)
             .a(
@@ -135,18 +135,19 @@ impl SixPositionSolution {
             .b("quantisation", quantisation, unit.symbol(), 1.0)
     }
 
-    /// Of the bias of axis `i`, in mg.
+    /// Returns the budget of the bias of axis `i`, in mg.
     pub(super) fn bias_budget(&self, i: usize) -> Budget {
         self.budget(i, 3, Unit::Milligravity, 1e3 / earth::STANDARD_GRAVITY_MPS2)
     }
 
-    /// Of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale factor.
+    /// Returns the budget of the response of sensor `i` to axis `j` over its own, ppm. With `i == j`: of the scale
+    /// factor.
     pub(super) fn response_budget(&self, i: usize, j: usize) -> Budget {
         let budget = self.budget(i, j, Unit::PartsPerMillion, 1e6);
         if i == j { budget.b("gravity", self.known.gravity_ppm, "ppm", 1.0) } else { budget }
     }
 
-    /// Scale factor over the nominal one, less 1.
+    /// Returns the scale factor over the nominal one, less 1.
     pub(super) fn scale_error(&self, i: usize) -> f64 {
         self.own(i) / (ACCEL_LSB_PER_G / earth::STANDARD_GRAVITY_MPS2) - 1.0
     }
@@ -185,7 +186,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     Ok(findings)
 }
 
-/// Mean temperature and its drift.
+/// Adds the mean temperature and its drift.
 pub(super) fn temperatures(findings: &mut Findings, captures: &[Capture], triad: Triad) {
     let (mean_c, drift_k) = captures::temperature(captures, triad);
     findings.number("temperature", mean_c, Unit::DegreeCelsius);

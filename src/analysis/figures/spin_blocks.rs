@@ -1,11 +1,11 @@
-//! What changes slowly within a spin of the magnetometer: its figures block by block.
+//! Slow changes within a spin of the magnetometer: its figures block by block.
 //!
-//! A fit to the whole spin knows white noise alone. Here each block of the corrected points says by how much its own
-//! figures depart from those of the spin. Their distances from the circle of radius R are, as the fit sees them (it knows
-//! no angle of the table, so that noise along the circle does not count),
-//! `r - R = p + cx cos t + cy sin t + c cos 2t + s sin 2t` with t the direction of the point: p and (cx, cy) are errors of radius
-//! and centre, `2 c / R` is that of ky, `2 s / R` that of alpha. The scatter of the blocks, with the correlation of
-//! neighbours, is the type A uncertainty of the spin's figures ([`mean::variance`]).
+//! A fit to the whole spin contains only white noise. Here each block of the corrected points shows how much its own
+//! figures depart from those of the spin. The distances from the circle of radius R are
+//! `r - R = p + cx cos t + cy sin t + c cos 2t + s sin 2t` with t the direction of the point. (The fit does not use the
+//! angle of the table, so that noise along the circle does not count.) p and (cx, cy) are errors of radius and centre,
+//! `2 c / R` is that of ky, `2 s / R` that of alpha. The scatter of the blocks, with the correlation of neighbours, is
+//! the type A uncertainty of the spin's figures ([`mean::variance`]).
 
 use nalgebra::{SMatrix, SVector};
 
@@ -14,8 +14,9 @@ use super::mean::{self, BLOCKS, MeanVariance};
 /// Departures of a block, in this order: centre of x and y, ky, sine of alpha, radius.
 pub(super) const FIGURES: usize = 5;
 
-/// Departures of the blocks of a spin whose points were corrected to a circle about 0; it turns steadily at `step_rad` a
-/// sample. A block is a turn at least: in less the harmonics look alike. The tail is dropped.
+/// Departures of the blocks of a spin whose points were corrected to a circle about 0. The spin turns steadily at
+/// `step_rad` a sample. A block is at least a turn, since in less than a turn the harmonics look alike. The tail is
+/// dropped.
 pub(super) fn of_spin(corrected: &[(f64, f64)], radius: f64, step_rad: f64) -> Vec<[f64; FIGURES]> {
     let turn = (std::f64::consts::TAU / step_rad.abs()).ceil() as usize;
     let samples = (corrected.len() / BLOCKS).max(turn).max(1);
@@ -37,10 +38,11 @@ fn of_block(block: &[(f64, f64)], radius: f64) -> Option<[f64; FIGURES]> {
     Some([cx, cy, 2.0 * c / radius, 2.0 * s / radius, p + c])
 }
 
-/// Fewest blocks of a spin that say how its figures scatter.
+/// Fewest blocks of a spin that show the scatter of its figures.
 const FEWEST: usize = 8;
 
-/// Variance of each figure of one spin, from the blocks of all spins that have enough of them; `None` where none has.
+/// Variance of each figure of one spin, from the blocks of all spins with enough blocks; `None` where no spin has
+/// enough.
 pub(super) fn variances(spins: &[&[[f64; FIGURES]]]) -> Option<[MeanVariance; FIGURES]> {
     if spins.iter().all(|blocks| blocks.len() < FEWEST) {
         return None;
@@ -56,7 +58,7 @@ pub(super) fn variances(spins: &[&[[f64; FIGURES]]]) -> Option<[MeanVariance; FI
 mod tests {
     use super::*;
 
-    /// A circle with small errors written down by hand: its blocks show them, to the square of their size.
+    /// Small errors of a circle are written down by hand. Its blocks show them, to the square of their size.
     #[test]
     fn blocks_show_the_errors_of_a_circle() {
         let (radius, centre, ky, alpha) = (0.42_f64, [1e-5, -2e-5], 1e-4, 3e-4);

@@ -1,4 +1,4 @@
-//! How far biases wander: within an hour, and from power-on to power-on. On compensated data.
+//! The wander of biases: within an hour, and from power-on to power-on. On compensated data.
 
 use std::collections::BTreeMap;
 
@@ -35,12 +35,13 @@ impl Compensation {
         Ok(Self { force: calibration.force()?, rate, triads })
     }
 
-    /// Triads whose samples count: g-sensitivity is taken out with the accelerometers.
+    /// Returns the triads whose samples count. The accelerometers count for the gyroscopes' g-sensitivity.
     pub(super) fn used(&self) -> &[Triad] {
         if self.rate.is_some() { &[Triad::Gyro, Triad::Accel] } else { &[Triad::Accel] }
     }
 
-    /// The one capture of an item at rest: nothing is missing from it, and the triads that are used work and lay still.
+    /// Returns the single capture of an item at rest. Nothing may be missing from it, and the triads that are used must
+    /// work and lie still.
     pub(super) fn at_rest<'q>(&self, question: &'q AnalysisInput<'_>) -> Result<&'q Capture, FigureError> {
         let capture = question.one("duration")?;
         captures::sound([capture], self.used())?;
@@ -48,7 +49,7 @@ impl Compensation {
         Ok(capture)
     }
 
-    /// Compensated output in the unit of [`unit`], of raw outputs or of their means.
+    /// Returns the compensated output in the unit of [`unit`], from raw outputs or from their means.
     pub(super) fn apply(&self, triad: Triad, gyro: &Vector3<f64>, accel: &Vector3<f64>) -> Vector3<f64> {
         match (triad, &self.rate) {
             (Triad::Gyro, Some(rate)) => rate.of(gyro, accel) * (3600.0 * 1.0_f64.to_degrees()),
@@ -56,7 +57,7 @@ impl Compensation {
         }
     }
 
-    /// Compensated means of parts of so many samples; the tail is dropped.
+    /// Returns compensated means of parts of `samples` samples. The tail is dropped.
     pub(super) fn blocks(&self, capture: &Capture, triad: Triad, samples: usize) -> Vec<Vector3<f64>> {
         captures::block_means(capture, Triad::Gyro, samples)
             .iter()
@@ -71,7 +72,7 @@ pub(super) fn unit(triad: Triad) -> Unit {
     if triad == Triad::Gyro { Unit::DegreePerHour } else { Unit::Milligravity }
 }
 
-/// Standard deviation (n - 1) of disjoint means, tail dropped, no detrending.
+/// Computes the standard deviation (n - 1) of disjoint means, tail dropped, no detrending.
 pub(super) fn stability(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;
@@ -117,7 +118,7 @@ pub(super) fn stability(question: &AnalysisInput<'_>) -> Result<Findings, Figure
     Ok(findings)
 }
 
-/// Standard deviation (n - 1) of the means of runs, each after its own power-on.
+/// Computes the standard deviation (n - 1) of the means of runs, each after its own power-on.
 pub(super) fn repeatability(question: &AnalysisInput<'_>) -> Result<Findings, FigureError> {
     let probability = question.probability()?;
     let compensation = Compensation::of(question)?;

@@ -1,4 +1,4 @@
-//! Still attitudes, and what errors of positions do to parameters fitted to them.
+//! Still attitudes, and the effect of errors of positions on the parameters fitted to them.
 
 use gnc_metrology::stats;
 use nalgebra::{DMatrix, Matrix4, Vector3};
@@ -14,12 +14,12 @@ pub(super) struct Attitude<'c> {
     pub(super) capture: &'c Capture,
     /// Unit vector that points up, in module axes.
     pub(super) up: Vector3<f64>,
-    /// Of the reference axis.
+    /// Heading of the reference axis.
     pub(super) heading_deg: f64,
 }
 
-/// The still attitudes among the captures, sound and still. `expected`: 6, 12 or 24, each axis up and down equally often
-/// and each attitude once; `None` for any.
+/// Returns the still attitudes among the captures, and checks that they are sound and still. `expected` is 6, 12 or 24,
+/// with each axis up and down equally often and each attitude once; `None` for any.
 pub(super) fn attitudes<'c>(
     captures: impl IntoIterator<Item = &'c Capture>,
     expected: Option<usize>,
@@ -65,7 +65,7 @@ fn complete(found: &[Attitude<'_>], expected: usize) -> Result<(), FigureError> 
     Ok(())
 }
 
-/// The design of `output = response * (gravity * up) + offset`: parameters 0 to 2 are a row of the response, 3 is the
+/// The design of `output = response * (gravity * up) + offset`. Parameters 0 to 2 are a row of the response, 3 is the
 /// offset.
 #[derive(Debug)]
 pub(super) struct Design {
@@ -77,7 +77,7 @@ pub(super) struct Design {
 }
 
 impl Design {
-    /// `None` where the attitudes do not determine the parameters.
+    /// Creates the design; `None` where the attitudes do not determine the parameters.
     pub(super) fn new(ups: Vec<Vector3<f64>>, gravity_mps2: f64) -> Option<Self> {
         let rows = DMatrix::from_fn(ups.len(), 4, |p, k| if k < 3 { gravity_mps2 * ups[p][k] } else { 1.0 });
         let normal: Matrix4<f64> = (rows.transpose() * &rows).fixed_view::<4, 4>(0, 0).into();
@@ -86,17 +86,17 @@ impl Design {
         Some(Self { hat, rows, cofactor, ups })
     }
 
-    /// Variance of a parameter from errors of the positions that are independent of each other.
+    /// Returns the variance of a parameter from independent errors of the positions.
     pub(super) fn variance(&self, parameter: usize, of_position: impl Fn(usize) -> f64) -> f64 {
         (0..self.ups.len()).map(|p| self.hat[(parameter, p)].powi(2) * of_position(p)).sum()
     }
 
-    /// Change of a parameter from known errors of the positions.
+    /// Returns the change of a parameter from known errors of the positions.
     pub(super) fn shift(&self, parameter: usize, of_position: impl Fn(usize) -> f64) -> f64 {
         (0..self.ups.len()).map(|p| self.hat[(parameter, p)] * of_position(p)).sum()
     }
 
-    /// Expected sum of squared residuals of one sensor, for independent variances of the positions.
+    /// Returns the expected sum of squared residuals of one sensor, for independent variances of the positions.
     pub(super) fn left_over(&self, of_position: impl Fn(usize) -> f64) -> f64 {
         // Residuals are (1 - X hat) errors.
         let n = self.ups.len();
@@ -108,8 +108,8 @@ impl Design {
             .sum()
     }
 
-    /// Variance of what axis `i` reads in a position, in (m/s^2)^2, from errors of attitude of `pose_rad` about each
-    /// axis: nothing (to first order) on the axis that is vertical.
+    /// Returns the variance of axis `i` in a position, in (m/s^2)^2, from errors of attitude of `pose_rad` about each
+    /// axis. It is 0 (to first order) on the axis that is vertical.
     pub(super) fn of_pose(&self, i: usize, gravity_mps2: f64, pose_rad: f64) -> impl Fn(usize) -> f64 + '_ {
         move |p| (gravity_mps2 * pose_rad).powi(2) * (1.0 - self.ups[p][i].powi(2)).max(0.0)
     }
@@ -128,8 +128,8 @@ pub(super) fn scatter(attitudes: &[Attitude<'_>], triad: Triad) -> [MeanVariance
     })
 }
 
-/// Residuals over their expectation that chance gives once in a thousand good calibrations: the quantile of F for the
-/// degrees of freedom of the residuals and of the noise that they are compared with (Wilson and Hilferty).
+/// Ratio of residuals to their expectation that chance gives once in a thousand good calibrations: the quantile of F
+/// for the degrees of freedom of the residuals and of the noise that they are compared with (Wilson and Hilferty).
 pub(super) fn rare_ratio(dof: f64, noise: &[MeanVariance]) -> f64 {
     const RARE: f64 = 0.999;
     let z = stats::normal_quantile(RARE);

@@ -1,4 +1,4 @@
-//! Figures against the truth of an independent small world.
+//! Figures compared with the truth of an independent small world.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may end with a panic")]
 
@@ -36,13 +36,13 @@ fn params(item: ItemId, params: &str) -> Params {
         text += &format!("[[item]]\nid = \"{before}\"\nphase = \"setup\"\n");
     }
     text += &format!("[[item]]\nid = \"{item}\"\nname = \"this\"\nphase = \"setup\"\nparams = {{ {params} }}\n");
-    // What this item needs stands before it, whichever it is.
+    // The items that this item needs stand before it.
     let plan = Plan::read("t.toml", text.into_bytes(), &mut |_| Err("no includes".into()));
     let plan = plan.unwrap_or_else(|mistakes| panic!("{mistakes}"));
     plan.items().iter().find(|other| other.name == "this").unwrap().params.clone()
 }
 
-/// A bench without errors of its own, so that what is left is the method's.
+/// A bench without errors of its own, so that the remaining error is the method's.
 const PERFECT: BenchImperfections = BenchImperfections {
     mounting_rad: None,
     mounting_u_rad: 0.0,
@@ -81,7 +81,8 @@ fn figure(findings: &Findings, name: &str) -> (f64, Unit, Uncertainty) {
     }
 }
 
-/// The figure lies within twice its expanded uncertainty (once in 10,000 it does not), and that is no more than `most`.
+/// Checks that the figure lies within twice its expanded uncertainty (once in 10,000 it does not), and that this is at
+/// most `most`.
 fn close(findings: &Findings, name: &str, truth: f64, most: f64) {
     let (value, unit, known) = figure(findings, name);
     let expanded = known.expanded().unwrap();
@@ -89,7 +90,8 @@ fn close(findings: &Findings, name: &str, truth: f64, most: f64) {
     assert!(expanded <= most, "{name}: U {expanded} {unit}, at most {most} expected");
 }
 
-/// Every measurement of the catalogue comes, in its order and of its dimension, and the details survive a file.
+/// Checks that every measurement of the catalogue comes, in order and with its dimension, and that a file keeps the
+/// details.
 fn complete(item: ItemId, params: &Params, findings: &Findings) {
     let expected: Vec<&str> =
         item.spec().measurements.iter().filter(|spec| params.switch_on(spec.when)).map(|spec| spec.name).collect();

@@ -1,9 +1,10 @@
-//! Dense records thinned for pictures: the details of an item hold what the report draws, not what was captured.
+//! Dense records thinned for pictures. The details of an item hold the points that the report draws, not the whole
+//! capture.
 
-/// Points kept of one curve; a picture of a page's width shows no more.
+/// Most points of one curve. A picture of a page's width shows no more.
 pub(super) const MOST_POINTS: usize = 400;
 
-/// Places of the smallest and the largest value of each part of a record, in their order: what sticks out stays.
+/// Places of the smallest and the largest value of each part of a record, in their order, so that outliers stay.
 pub(super) fn extremes(values: &[f64]) -> Vec<usize> {
     if values.len() <= MOST_POINTS {
         return (0..values.len()).collect();
@@ -41,12 +42,12 @@ pub(super) fn rim(points: &[(f64, f64)]) -> Vec<usize> {
     kept
 }
 
-/// Every so many, so that no more than [`MOST_POINTS`] are kept.
+/// Stride with which at most [`MOST_POINTS`] points are kept.
 pub(super) fn stride(length: usize) -> usize {
     length.div_ceil(MOST_POINTS).max(1)
 }
 
-/// Numbers for a picture, with so many decimals: those of a whole `f64` would only fill the record.
+/// Numbers for a picture, rounded to `decimals` decimals. All digits of an `f64` would only fill the record.
 pub(super) fn rounded(values: impl IntoIterator<Item = f64>, decimals: i32) -> Vec<f64> {
     let scale = 10_f64.powi(decimals);
     values.into_iter().map(|value| (value * scale).round() / scale).collect()
@@ -56,7 +57,7 @@ pub(super) fn rounded(values: impl IntoIterator<Item = f64>, decimals: i32) -> V
 mod tests {
     use super::*;
 
-    /// One spike among a million samples, wherever it is, is still seen.
+    /// One spike among a million samples, at any place, is still visible.
     #[test]
     fn what_sticks_out_stays() {
         for place in [0, 1, 499_999, 999_998, 999_999] {

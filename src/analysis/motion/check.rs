@@ -1,4 +1,4 @@
-//! Whether a program can be what is wanted: turns within the range of the gyroscopes, time enough for all of it.
+//! Checks of a motion program: turns within the range of the gyroscopes, and time enough for all steps.
 
 use gnc_executive::plan::{Params, PlanItem};
 use gnc_executive::quantity::Unit;
@@ -9,7 +9,7 @@ use crate::capture::Pose;
 /// Published range of the gyroscopes.
 const RANGE_DPS: f64 = 400.0;
 
-/// What is wrong with the motion of an item, and what to try.
+/// Returns the mistakes in the motion of an item, each with what to try.
 #[must_use]
 pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
     // An item without these parameters has no motion to check.
@@ -48,11 +48,12 @@ pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
     found
 }
 
-/// Fewest samples of a turn: two turns of the field's second harmonic need four, and a third as many again tell it from
-/// noise.
+/// Fewest samples of a turn. Two turns of the field's second harmonic need four, and half as many again separate it
+/// from noise.
 const SAMPLES_A_TURN: f64 = 6.0;
 
-/// A trapezoid of the rate: both ramps together are one of them at full rate, so that the peak is angle / (span - ramp).
+/// The rate is a trapezoid: both ramps together count as one of them at full rate, so that the peak is angle / (span -
+/// ramp).
 fn too_fast(params: &Params) -> Option<(String, &'static str)> {
     let angle_deg = params.quantity("angle", Unit::Degree).ok()?;
     let span_s = params.quantity("span", Unit::Second).ok()?;

@@ -9,13 +9,13 @@ use gnc_rig::{Along, Orientation};
 use super::{MotionProgram, MotionStep, Uses};
 use crate::capture::{CaptureHead, Pose};
 
-/// Time without power where an item has none of its own: capacitors are empty and every register is forgotten.
+/// Time without power where an item does not state its own: capacitors are empty and all registers lose their contents.
 pub const OFF_S: f64 = 10.0;
 
-/// The program of an item; `None` if it moves and captures nothing, or uses the captures of another one.
+/// Returns the program of an item; `None` if the item moves and captures nothing, or uses the captures of another item.
 ///
 /// # Errors
-/// The catalogue has no such parameter: a mistake in this program.
+/// An error means that the catalogue has no such parameter: a mistake in this program.
 pub fn program(item: ItemId, params: &Params) -> Result<Option<MotionProgram>, ParamError> {
     if matches!(item, ItemId::GyroStill | ItemId::CrossCoupling | ItemId::Allan | ItemId::Psd)
         && params.source("of")?.is_some()
@@ -48,7 +48,7 @@ fn hertz(params: &Params, name: &str) -> Result<u16, ParamError> {
     Ok(params.quantity(name, Unit::Hertz)?.round() as u16)
 }
 
-/// The module lies with an axis up or down.
+/// Returns the orientation with an axis up or down.
 fn orientation(axis: usize, positive: bool, heading_deg: f64) -> (Orientation, Pose) {
     let mut up = [0.0; 3];
     up[axis % 3] = if positive { 1.0 } else { -1.0 };
@@ -56,7 +56,7 @@ fn orientation(axis: usize, positive: bool, heading_deg: f64) -> (Orientation, P
     (orientation, Pose::Still { up, heading_deg })
 }
 
-/// A capture in an attitude: laid down, settled, captured.
+/// Returns a capture in an attitude: lay down, settle, capture.
 fn still(
     params: &Params,
     (orientation, pose): (Orientation, Pose),
@@ -95,7 +95,7 @@ fn positions(params: &Params, series: u32, prefix: &str, uses: Uses) -> Result<V
     Ok(steps)
 }
 
-/// Each axis along the table's, turned forth and back.
+/// Each axis along the table's, turned in both directions.
 fn rotations(params: &Params, series: u32, prefix: &str) -> Result<Vec<MotionStep>, ParamError> {
     let along = match params.choice("geometry")? {
         "polar" => Along::Polar,
@@ -132,17 +132,17 @@ fn turn(
     Ok(MotionStep::Turn { about, rest_s: seconds(params, "rest")?, uses: Uses::Gyro })
 }
 
-/// Z up for so long as a parameter says.
+/// Z up for the time that a parameter states.
 fn level(params: &Params, span: &str) -> Result<Vec<MotionStep>, ParamError> {
     Ok(still(params, orientation(2, true, 0.0), "still".into(), 1, seconds(params, span)?)?.into())
 }
 
-/// Each axis level, and again after the module was turned upside down about the third axis, which stays where it is.
+/// Each axis level, and again after the module was turned upside down about the third axis, which keeps its direction.
 fn accel_bias(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let dwell_s = seconds(params, "dwell")?;
     let mut steps = Vec::new();
     for name in params.choices("axes")? {
-        // The axis that is up, and the heading of the one after it, before and after.
+        // The axis that is up, and the heading of the axis after it, before and after.
         let (up, after_deg) = match *name {
             // About Y: X, which follows Z, goes to the opposite side.
             "x" => (2, 180.0),
@@ -167,7 +167,7 @@ fn bias_repeatability(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
         if run == 1 {
             steps.push(lay);
         }
-        // The first one too, so that all begin alike.
+        // The first one has a power cycle too, so that all runs begin in the same way.
         steps.extend([MotionStep::PowerCycle { off_s }, settle, capture]);
     }
     Ok(steps)
@@ -189,8 +189,8 @@ fn calibrations(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     Ok(steps)
 }
 
-/// Each gyroscope at small rates in both senses in turn, each accelerometer tilted a little both ways, and before and
-/// after each step the same without it.
+/// Each gyroscope at small rates in both directions in turn, each accelerometer tilted a little both ways. Before and
+/// after each step there is a capture without it.
 fn resolution(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let sensors = params.choices("sensors")?;
     let mut steps = Vec::new();
@@ -207,7 +207,7 @@ fn resolution(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     Ok(steps)
 }
 
-/// Levels of a channel: none, one way, none, the other way, none, ...
+/// Levels of a channel: zero, one way, zero, the other way, zero, ...
 fn levels(params: &Params, cycles: &str) -> Result<impl Iterator<Item = (usize, f64, char)>, ParamError> {
     let count = 4 * usize::try_from(params.integer(cycles)?).unwrap_or(0) + 1;
     Ok((1..=count).map(|number| match number % 4 {
@@ -248,7 +248,7 @@ fn tilt_steps(steps: &mut Vec<MotionStep>, params: &Params, axis: usize, name: &
     Ok(())
 }
 
-/// Z to the north, spinning about it, slow and fast, in each sense.
+/// Z to the north, spinning about it, slow and fast, in each direction.
 fn spins(params: &Params) -> Result<Vec<MotionStep>, ParamError> {
     let rate_hz = hertz(params, "turn_rate")?;
     let (span_s, settle_s) = (seconds(params, "duration")?, seconds(params, "settle")?);

@@ -1,19 +1,19 @@
-//! What is left of a program whose first captures were made before.
+//! The rest of a program whose first captures were made before.
 
 use super::{MotionProgram, MotionStep};
 use crate::capture::CaptureHead;
 
-/// What becomes of a step.
+/// What happens to a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ResumeAction<'a> {
-    /// It is carried out.
+    /// The station carries it out.
     Do(&'a MotionStep),
-    /// Its capture is there already.
+    /// Its capture exists already.
     Take(&'a MotionStep),
 }
 
 impl<'a> ResumeAction<'a> {
-    /// The step.
+    /// Returns the step.
     #[must_use]
     pub fn step(self) -> &'a MotionStep {
         let (Self::Do(step) | Self::Take(step)) = self;
@@ -22,9 +22,9 @@ impl<'a> ResumeAction<'a> {
 }
 
 impl MotionProgram {
-    /// The actions that are left where `has` knows of captures. They are taken up to the first that is missing; from
-    /// there on the module is laid down again, and where it is switched off between series, the series that broke off
-    /// begins anew: its captures belong to one power-on.
+    /// Returns the actions that are left where `has` knows of captures. The captures are taken up to the first missing
+    /// one. From there on the module is laid down again. Where the program switches the module off between series, the
+    /// interrupted series begins anew, since its captures must belong to one power-on.
     pub fn after(&self, has: impl Fn(&CaptureHead) -> bool) -> Vec<ResumeAction<'_>> {
         let missing = self.steps.iter().position(|step| step.about().is_some_and(|about| !has(about)));
         let Some(missing) = missing else {
@@ -37,7 +37,7 @@ impl MotionProgram {
         let start = cycle.or(last(is_lay)).unwrap_or(0);
         let (done, left) = self.steps.split_at(start);
         let taken = done.iter().filter(|step| step.about().is_some()).map(ResumeAction::Take);
-        // Nobody knows how the module lies now.
+        // The present orientation of the module is unknown.
         let lay = done.iter().rfind(|step| is_lay(step)).filter(|_| start > 0 && !left.first().is_some_and(is_lay));
         let left = left.iter().map(|step| match step.about() {
             Some(about) if cycle.is_none() && has(about) => ResumeAction::Take(step),

@@ -10,10 +10,10 @@ fn params(id: &str, params: &str) -> Params {
     plan(id, params).items()[3].params.clone()
 }
 
-/// The plan with such an item behind what it needs.
+/// A plan with this item behind the items that it needs.
 fn plan(id: &str, params: &str) -> Plan {
     let item = |id: &str, more: &str| format!("[[item]]\nid = \"{id}\"\nphase = \"setup\"\n{more}\n");
-    // What the others work with comes first.
+    // The items that the others need come first.
     let before = ["six-position", "gyro-still", "rotation"].map(|id| item(id, "")).concat();
     let it = item(id, &format!("name = \"it\"\nparams = {{ {params} }}"));
     let text = format!("name = \"p\"\nversion = \"1\"\n{before}{it}");
@@ -71,7 +71,7 @@ fn a_turn_is_the_one_of_the_parameters() {
     assert_eq!(turns[5].label, "z- rotation");
 }
 
-/// The module turns about the third axis: that one stays where it is, and the other two change sides.
+/// The module turns about the third axis. This axis keeps its direction, and the other two change sides.
 #[test]
 fn accelerometers_are_turned_about_the_third_axis() {
     // Axes in the local frame (north, west, up) for an axis that is up or down and the heading of the next one.
@@ -141,7 +141,7 @@ fn a_step_of_a_milli_g_is_a_tilt_of_that_sine() {
     assert_eq!(ups.len(), 27);
     for (index, up) in ups.iter().enumerate() {
         assert!((up.iter().map(|part| part * part).sum::<f64>() - 1.0).abs() < 1e-12, "{up:?} is no unit vector");
-        // Level before and after each step.
+        // The module is level before and after each step.
         assert_eq!(up[index / 9], [0.0, 0.001, 0.0, -0.001][index % 9 % 4], "{up:?}");
     }
 }
@@ -176,7 +176,7 @@ fn a_module_that_is_moved_is_noticed_within_a_second() {
 
 #[test]
 fn only_what_is_used_may_not_saturate() {
-    // Six in a row are saturation; five may be reads that failed.
+    // Six in a row are saturation; five may be failed reads.
     let look = |uses, sample: &ImuSample, rows: usize| Watch::new(uses, false, 1000).look(&vec![sample.clone(); rows]);
     let mut sample = still(1).remove(0);
     sample.gyro[2] = -SATURATION - 1;
@@ -189,7 +189,7 @@ fn only_what_is_used_may_not_saturate() {
     assert_eq!(look(Uses::Magnetometer, &sample, 9), Err((5, Spoilt::Saturated { channel: "mag_x".into() })));
 }
 
-/// One read in 50 gives 0 where 1 g lies: a finding of the data gate, and no motion.
+/// One read in 50 gives 0 in place of 1 g: a finding of the data gate, not a motion.
 #[test]
 fn failed_reads_are_no_motion() {
     let mut samples = still(2000);
@@ -199,7 +199,7 @@ fn failed_reads_are_no_motion() {
     assert_eq!(Watch::new(Uses::Inertial, true, 200).look(&samples), Ok(()));
 }
 
-/// Stillness in which so many reads of a hundred fail, here and there: by the finaliser of SplitMix64.
+/// Samples at rest in which `percent` of a hundred reads fail at scattered places, by the finaliser of SplitMix64.
 fn with_failed_reads(count: usize, percent: u64, fails: fn(&mut ImuSample)) -> Vec<ImuSample> {
     let drawn = |row: u64| {
         let mut z = (row + 7).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -212,7 +212,7 @@ fn with_failed_reads(count: usize, percent: u64, fails: fn(&mut ImuSample)) -> V
     samples
 }
 
-/// As often as the data gate leaves them out, and somewhat more often: it is the gate that speaks of them.
+/// Faults as often as the data gate leaves them out, and somewhat more often: only the gate reports them.
 #[test]
 fn scattered_spikes_and_failed_reads_are_no_motion() {
     let faults: [fn(&mut ImuSample); 6] = [
@@ -231,7 +231,7 @@ fn scattered_spikes_and_failed_reads_are_no_motion() {
     }
 }
 
-/// What really moves is noticed in the block in which it begins, whether reads fail or not.
+/// A real motion is noticed in the block in which it begins, whether reads fail or not.
 #[test]
 fn motion_among_failed_reads_is_noticed_at_once() {
     let check = |percent, moves: fn(&mut [ImuSample]), channel: &str| {
@@ -242,7 +242,7 @@ fn motion_among_failed_reads_is_noticed_at_once() {
         assert_eq!((index, told.as_str()), (1199, channel));
     };
     for percent in [0, 5] {
-        // A tilt of 0.7 degrees, which stays.
+        // A tilt of 0.7 degrees that stays.
         check(percent, |after| after.iter_mut().for_each(|sample| sample.accel[1] += 1_955), "accel_y");
         // A turn of 90 deg/s for 50 ms: 4.5 degrees.
         check(percent, |after| after[50..60].iter_mut().for_each(|sample| sample.gyro[2] += 90 * 20_000), "gyro_z");
@@ -260,7 +260,7 @@ fn the_angle_of_a_turn_is_seen_without_the_bias() {
     assert!((seen_deg - 360.0).abs() < 1e-9, "{seen_deg}");
 }
 
-/// The turn of the last test, seen in frames of 12 samples: its end is found in the first tenth of a second after it.
+/// The turn of the last test, in frames of 12 samples. Its end is found in the first tenth of a second after it.
 #[test]
 fn the_end_of_a_turn_is_seen_in_the_samples() {
     let mut samples = vec![ImuSample { gyro: [0, 0, 40_000], ..ImuSample::default() }; 3000];
@@ -299,7 +299,7 @@ fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
     );
 }
 
-/// By hand: what a program still does when some of its captures are there.
+/// By hand: the rest of a program when some of its captures exist.
 #[test]
 fn a_program_goes_on_where_it_broke_off() {
     let left = |program: &MotionProgram, labels: &[&str]| -> Vec<String> {

@@ -1,6 +1,6 @@
-//! Watches samples as they come, so that a spoilt capture ends at once and says why: no figure may come from it.
+//! Watches samples as they come, so that a spoilt capture ends at once with a reason: no figure may come from it.
 //!
-//! Nominal scale is enough here: what is looked for is a hand on the table, not a bias.
+//! Nominal scale is enough here, since the watch looks for a hand on the table, not for a bias.
 
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION};
 
@@ -8,18 +8,19 @@ use super::Uses;
 
 /// Time of each mean that is compared with the first one.
 const BLOCK_S: f64 = 1.0;
-/// Fewest samples of a mean, so that noise is no motion at low rates either.
+/// Fewest samples of a mean, so that noise does not count as motion at low rates either.
 const BLOCK_SAMPLES: f64 = 50.0;
-/// A mean rate that departs by more is motion: a bias wanders by thousandths of it in an hour, a socket that is
-/// touched turns faster.
+/// A mean rate that departs by more than this is motion. A bias wanders by thousandths of it in an hour; a socket that
+/// is touched turns faster.
 const RATE_DPS: f64 = 0.3;
-/// Samples in a row far from the level, or at the end of the range, that are motion or saturation. Fewer are failed reads or
-/// spikes, which the data gate counts: one read in ten may fail before six in a row do so by chance.
+/// Number of consecutive samples, far from the level or at the end of the range, that count as motion or saturation.
+/// Fewer are failed reads or spikes, which the data gate counts: one read in ten may fail before six in a row do so by
+/// chance.
 const LASTING: usize = 6;
-/// A sample is far from the level beyond so many times what a mean may depart. Nearer ones may stay in the mean: one in ten
-/// of them does not move it by more than it may.
+/// A sample is far from the level if it departs by more than this many times the limit of a mean. Nearer samples may
+/// stay in the mean: one in ten of them does not move it beyond its limit.
 const FAR: f64 = 10.0;
-/// A mean force that departs by more is motion: 10 mg are a tilt of 0.6 degrees.
+/// A mean force that departs by more than this is motion: 10 mg are a tilt of 0.6 degrees.
 const FORCE_G: f64 = 0.01;
 
 /// What is wrong with a capture.
@@ -28,9 +29,9 @@ pub enum Spoilt {
     /// The module moved.
     #[error("the module moved: {channel} departs by {by} from its first second")]
     Moved {
-        /// The channel that tells.
+        /// The channel that shows the motion.
         channel: String,
-        /// By how much, with its unit.
+        /// Size of the departure, with its unit.
         by: String,
     },
     /// A channel that counts is out of its range.
@@ -41,7 +42,7 @@ pub enum Spoilt {
     },
 }
 
-/// Looks at samples of one capture.
+/// A watch over the samples of one capture.
 #[derive(Debug)]
 pub struct Watch {
     uses: Uses,
@@ -50,12 +51,12 @@ pub struct Watch {
     first: Option<[f64; 6]>,
     /// Samples of the block so far, by channel.
     values: [Vec<i32>; 6],
-    /// Samples in a row at the end of the range, by channel of the triads that count.
+    /// Consecutive samples at the end of the range, by channel of the triads that count.
     at_end: [usize; 6],
 }
 
 impl Watch {
-    /// A watch over a capture; `still` if nothing may move.
+    /// Creates a watch over a capture; `still` if nothing may move.
     #[must_use]
     pub fn new(uses: Uses, still: bool, rate_hz: u16) -> Self {
         let samples = (BLOCK_S * f64::from(rate_hz)).round().max(BLOCK_SAMPLES) as u32;
@@ -65,7 +66,7 @@ impl Watch {
     /// Looks at the next samples.
     ///
     /// # Errors
-    /// The index of the sample at which it is noticed, and what is wrong.
+    /// The index of the sample at which the fault is noticed, and the fault.
     pub fn look(&mut self, samples: &[ImuSample]) -> Result<(), (usize, Spoilt)> {
         for (index, sample) in samples.iter().enumerate() {
             self.saturated(sample).map_err(|spoilt| (index, spoilt))?;
@@ -122,15 +123,15 @@ impl Watch {
 /// What a channel measures.
 struct Kind {
     sensor: &'static str,
-    /// Counts of a unit.
+    /// Counts per unit.
     scale: f64,
-    /// A mean that departs by more is motion.
+    /// A mean that departs by more than this is motion.
     limit: f64,
     unit: &'static str,
 }
 
 impl Kind {
-    /// Of one of six channels: gyroscopes, then accelerometers.
+    /// Returns the kind of one of six channels: gyroscopes, then accelerometers.
     fn of(index: usize) -> Self {
         match index {
             0..3 => Self { sensor: "gyro", scale: GYRO_LSB_PER_DPS, limit: RATE_DPS, unit: "deg/s" },
@@ -139,7 +140,7 @@ impl Kind {
     }
 }
 
-/// Mean without the samples that are further from the median than `far` and have too few such neighbours to be motion.
+/// Mean without the samples that are farther from the median than `far` and have too few such neighbours to be motion.
 fn lasting_mean(values: &[i32], far: f64) -> f64 {
     let mut sorted = values.to_vec();
     let middle = sorted.len() / 2;
@@ -159,9 +160,9 @@ fn channel(sensor: &str, axis: usize) -> String {
     format!("{sensor}_{}", gnc_metrology::AXES[axis % 3])
 }
 
-/// Time of each mean rate that tells whether a turn goes on.
+/// Time of each mean rate that shows whether a turn goes on.
 const TURN_BLOCK_S: f64 = 0.1;
-/// A mean rate above this is a turn: far above noise, far below any turn.
+/// A mean rate above this is a turn. It is far above noise and far below any turn.
 const TURNING_DPS: f64 = 2.0;
 
 /// Finds the end of a turn in the samples.
@@ -176,7 +177,7 @@ pub struct TurnWatch {
 }
 
 impl TurnWatch {
-    /// A watch over the turn about an axis; `before` are the samples of stillness before it.
+    /// Creates a watch over the turn about an axis; `before` are the samples at rest before the turn.
     #[must_use]
     pub fn new(axis: u8, rate_hz: u16, before: &[ImuSample]) -> Self {
         let axis = usize::from(axis) % 3;
@@ -185,7 +186,8 @@ impl TurnWatch {
         Self { axis, bias, block, next: before.len(), turned: false, still: None }
     }
 
-    /// The index of the first sample of stillness after the turn, among all samples so far; `None` if it is not over.
+    /// Returns the index of the first sample at rest after the turn, among all samples so far; `None` if the turn is
+    /// not over.
     pub fn look(&mut self, samples: &[ImuSample]) -> Option<usize> {
         while self.still.is_none()
             && let Some(block) = samples.get(self.next..self.next + self.block)
@@ -205,11 +207,11 @@ fn mean(samples: &[ImuSample], axis: usize) -> f64 {
     samples.iter().map(|sample| f64::from(sample.gyro[axis])).sum::<f64>() / samples.len().max(1) as f64
 }
 
-/// Largest part of a turn's angle by which a gyroscope at its nominal scale may disagree: sensors keep a few percent.
+/// Largest part of a turn's angle by which a gyroscope at its nominal scale may differ. Sensors keep a few percent.
 pub const TURN_PART: f64 = 0.1;
 
-/// The angle about an axis that its gyroscope saw, degrees, at nominal scale. The rate before the turn is taken for the
-/// bias.
+/// Returns the angle about an axis from its gyroscope, degrees, at nominal scale. The rate before the turn counts as
+/// the bias.
 #[must_use]
 pub fn turned_deg(samples: &[ImuSample], axis: u8, rate_hz: u16, before: usize) -> f64 {
     let counts = || samples.iter().map(|sample| f64::from(sample.gyro[usize::from(axis) % 3]));

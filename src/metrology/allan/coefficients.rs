@@ -26,16 +26,16 @@ pub enum MissingCoefficient {
     Rejected {
         /// Chi-square of the nearest fit.
         chi_square: f64,
-        /// Its degrees of freedom.
+        /// Degrees of freedom of the fit.
         dof: usize,
         /// Probability of a larger one.
         p: f64,
     },
-    /// The deviations lie on a curve without any scatter: one event makes all of them.
+    /// The deviations lie on a curve without any scatter: a single event causes all of them.
     OneEvent {
         /// Chi-square of the fit.
         chi_square: f64,
-        /// Its degrees of freedom.
+        /// Degrees of freedom of the fit.
         dof: usize,
     },
     /// The spectrum's plateau contradicts N.
@@ -49,17 +49,17 @@ pub enum MissingCoefficient {
     NotNeeded,
     /// The term carries too little of the variance at each averaging time.
     Hidden {
-        /// Its largest share.
+        /// Largest share of the term.
         share: f64,
     },
-    /// Chance makes as much of it.
+    /// Chance alone gives a coefficient of this size.
     Chance {
-        /// The square of the coefficient over what chance makes of it.
+        /// The square of the coefficient over the square that chance gives.
         odds: f64,
     },
     /// Other terms in its place fit nearly as well.
     Rivalled {
-        /// What they fit worse by, in chi-square.
+        /// How much worse the other terms fit, in chi-square.
         gain: f64,
     },
     /// Its whole interval exceeds what the lowest deviation allows.
@@ -132,7 +132,7 @@ pub struct NoiseCoefficients {
     pub q: Result<Coefficient, MissingCoefficient>,
     /// Random walk of the integral (angle, velocity), u sqrt(s): `dev` at 1 s.
     pub n: Result<Coefficient, MissingCoefficient>,
-    /// Bias instability, u: flat part / 0.664. Only where a flat part is seen.
+    /// Bias instability, u: flat part / 0.664. Given only where a flat part is seen.
     pub b: Result<Coefficient, MissingCoefficient>,
     /// Random walk of the rate, u / sqrt(s): `dev` at 3 s.
     pub k: Result<Coefficient, MissingCoefficient>,
@@ -150,7 +150,7 @@ impl NoiseCoefficients {
 }
 
 impl Default for NoiseCoefficients {
-    /// Those of a deviation that has none.
+    /// The coefficients of a deviation that has none.
     fn default() -> Self {
         Self::absent(MissingCoefficient::OtherDeviation, None)
     }
@@ -163,7 +163,7 @@ pub struct FitQuality {
     pub holds: bool,
     /// Chi-square of the deviations used, which are correlated.
     pub chi_square: f64,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of chi-square.
     pub dof: usize,
     /// Probability of a larger one.
     pub p: f64,
@@ -179,16 +179,18 @@ pub struct FitQuality {
     pub lines: Vec<Sinusoid>,
 }
 
-/// A term must carry this part of the variance at some averaging time to be called seen ...
+/// A term is seen if it carries this part of the variance at some averaging time ...
 const SEEN: f64 = 0.5;
-/// ... and exceed this many times what chance makes of it where it is absent. (Not its own standard deviation: a long
-/// averaging time has few degrees of freedom, so that this is always large, though the record may leave no doubt.)
+/// ... and exceeds this many times what chance gives where the term is absent. (The comparison is not with the term's
+/// own standard deviation. That is always large, since a long averaging time has few degrees of freedom, even where the
+/// record leaves no doubt.)
 const CHANCE: f64 = 4.0;
-/// B must improve chi-square by this: the beginning of a walk is easily taken for a flat part.
+/// B must improve chi-square by this much, since the beginning of a walk looks much like a flat part.
 const RIVALLED: f64 = 4.0;
-/// N of the deviations and of the spectrum contradict each other beyond so many standard deviations ...
+/// N of the deviations and N of the spectrum contradict each other if they differ by more than this many standard
+/// deviations ...
 const CONTRADICTION: f64 = 5.0;
-/// ... and this part of it, for the plateau may bend a little.
+/// ... and by more than this part of N, since the plateau may bend a little.
 const BENT: f64 = 0.05;
 
 /// Coefficients of a fit at these averaging times, or why there are none.
@@ -222,7 +224,7 @@ pub(super) fn of(
         if solved.start == 0 { seen(Q) } else { Err(MissingCoefficient::LeftOut { used_from_s: tau_s[solved.start] }) };
     let found = NoiseCoefficients { q, n: seen(N), b, k: seen(K), r: seen(R), b_upper_bound };
     match (found.n, plateau) {
-        // One event would be in all of them.
+        // A single event would appear in all coefficients.
         (Ok(n), Some(plateau)) if contradict(n, plateau.n()) => {
             let why = MissingCoefficient::Contradicted { curve: n.value, spectrum: plateau.n().value };
             NoiseCoefficients::absent(why, b_upper_bound)
@@ -242,14 +244,14 @@ fn seen(solved: &Solved, term: usize, tau_s: &[f64]) -> Result<Coefficient, Miss
     if odds <= CHANCE {
         return Err(MissingCoefficient::Chance { odds });
     }
-    // A square of so many degrees of freedom has this scatter.
+    // A square with this many degrees of freedom has this scatter.
     let value = square.sqrt();
     let (low, high) = stats::sd_interval(value, 2.0 * (square / sd).powi(2), stats::ONE_SIGMA);
     Ok(Coefficient { value, low, high })
 }
 
-/// Whether a fit holds from averaging times on at which the white noise of the sensor shows (up to `memory_s`), and its N
-/// does not contradict the plateau.
+/// Whether a fit holds from averaging times on at which the white noise of the sensor shows (up to `memory_s`), and the
+/// N of the fit does not contradict the plateau.
 pub(super) fn reaches_white(search: &Search, tau_s: &[f64], plateau: Option<&Plateau>, memory_s: f64) -> bool {
     let Search::Holds(solved) = search else { return !matches!(search, Search::Rejected(_)) };
     let agrees = match (seen(solved, N, tau_s), plateau) {
@@ -264,7 +266,7 @@ fn contradict(a: Coefficient, b: Coefficient) -> bool {
     (a.value - b.value).abs() > CONTRADICTION * sd + BENT * a.value.min(b.value)
 }
 
-/// What is told of a search; `None` where there were too few averaging times.
+/// The quality of the fit that a search found; `None` where there were too few averaging times.
 pub(super) fn fit(
     search: &Search,
     tau_s: &[f64],
@@ -300,7 +302,7 @@ pub(super) fn fit(
     })
 }
 
-/// Upper bound of B from one deviation with so many degrees of freedom.
+/// Upper bound of B from one deviation with `edf` degrees of freedom.
 pub(super) fn bound(dev: f64, edf: f64) -> f64 {
     stats::sd_interval(dev, edf, 0.95).1 / FLAT
 }

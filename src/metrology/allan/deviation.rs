@@ -7,7 +7,7 @@ use crate::stats;
 
 const BLOCK: usize = 1024;
 
-/// Mean of the values, first value removed before the sum, on several threads. Not finite where a value is not.
+/// Mean of the values, on several threads. The first value is removed before the sum. Not finite where a value is not.
 pub(super) fn mean(values: &[f64], threads: usize) -> f64 {
     let Some(&first) = values.first() else { return f64::NAN };
     let parts = on_threads(values.chunks(share(values.len(), threads)), |part| stats::sum(part, |v| v - first));
@@ -16,12 +16,12 @@ pub(super) fn mean(values: &[f64], threads: usize) -> f64 {
 
 /// Integral of the rates less their mean: one value more than rates, the first 0.
 ///
-/// Rounding: within a block of 1024 the sum runs from 0, the blocks' offsets are summed with compensation; so each phase
-/// is good to its own rounding instead of to that of all before it.
+/// Rounding: within a block of 1024 the sum runs from 0, and the offsets of the blocks are summed with compensation. So
+/// each phase carries only its own rounding, not that of all phases before it.
 pub(super) fn integrate(rates: &[f64], mean: f64, dt_s: f64, threads: usize) -> Vec<f64> {
     let mut phase = vec![0.0; rates.len() + 1];
     let share = share(rates.len(), threads);
-    // Where each thread's stretch begins is known before it is summed, so that every phase is written once.
+    // The start of each thread's stretch is known before the stretch is summed, so that every phase is written once.
     let ends = on_threads(rates.chunks(share), |part| {
         let mut end = Compensated::default();
         part.chunks(BLOCK).for_each(|block| end.add(stats::sum(block, |r| (r - mean) * dt_s)));
@@ -91,7 +91,7 @@ pub(super) fn count(phases: usize, m: usize, kind: DeviationKind) -> usize {
     }
 }
 
-/// For each averaging factor the variance times tau^2, and the number of differences in it.
+/// The variance times tau^2 for each averaging factor, and the number of differences in it.
 pub(super) fn mean_squares(phase: &[f64], factors: &[usize], kind: DeviationKind, threads: usize) -> Vec<(f64, usize)> {
     let sums = match kind {
         DeviationKind::Oadev => overlapping::sums::<2>(phase, factors, threads),

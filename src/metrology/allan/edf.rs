@@ -10,7 +10,8 @@ const J_MAX: f64 = 100.0;
 
 /// Equivalent degrees of freedom of a variance at averaging factor `m` from a number of phases.
 pub(super) fn edf(kind: DeviationKind, noise: PowerLawNoise, m: usize, phases: usize) -> f64 {
-    // Beyond the exponents for which the variance converges its chi-square does not exist; the nearest one serves.
+    // Beyond the exponents for which the variance converges, its chi-square does not exist; the nearest exponent takes
+    // their place.
     let alpha = if kind.order() == 3 { noise.alpha() } else { noise.alpha().max(-2) };
     let ratio = (phases - 1) as f64 / m as f64;
     if let (DeviationKind::Totdev, Some(&(b, c))) = (kind, TOTAL.get(usize::try_from(-alpha).unwrap_or(usize::MAX)))
@@ -24,8 +25,9 @@ pub(super) fn edf(kind: DeviationKind, noise: PowerLawNoise, m: usize, phases: u
     Filter { alpha, d: kind.order(), m: m as f64, modified, overlapping }.edf(phases as f64)
 }
 
-/// Above this T / tau the ends that the total variance adds no longer count: it is the overlapping Allan variance. (The
-/// formula of the table goes on to more degrees of freedom than there are samples.) The two meet within 5 % here.
+/// Above this T / tau the total variance counts as the overlapping Allan variance, since the ends that it adds no
+/// longer matter. (The formula of the table goes on to more degrees of freedom than there are samples.) The two meet
+/// within 5 % here.
 const TOTAL_RATIO: f64 = 16.0;
 
 /// `edf = b T / tau - c` of the total variance for alpha 0, -1, -2 (SP 1065, table 7).
@@ -68,8 +70,9 @@ impl Filter {
             }
         } else if self.alpha <= 0 {
             if terms <= J_MAX {
-                // With a long filter the phase is as good as continuous. That of white rate is a sum of independent samples at
-                // any length, and smoothing it, as the paper does, would make 17 % too many at one sample.
+                // With a long filter the phase is as good as continuous. The phase of white rate is a sum of
+                // independent samples at any length. The paper smooths it as well, which would give 17 % too many
+                // degrees of freedom at one sample.
                 let smooth = self.alpha < 0 && m * (d + 1.0) <= J_MAX;
                 self.sum(terms, count, s, if smooth { m } else { f64::INFINITY })
             } else if r > d + 1.0 {

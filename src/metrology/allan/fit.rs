@@ -4,12 +4,12 @@
 //! covariance under the fitted curve. The fit holds where chi-square does not reject it.
 //!
 //! A low-pass, a hold or any other short memory of the sensor takes a constant off the variance of the angle: for white
-//! noise of coefficient N with memory, `var(angle) = N^2 t - C` as soon as the memory is over, and the deviation follows as
-//! `dev^2 = N^2 / tau - 3 C / (2 tau^2)`. So a band limit is a quantisation term of the other sign, whatever its order. Within
-//! the memory the curve differs by what is left of it, which falls exponentially: at twice the time it is squared. So one
-//! octave more than chi-square asks for is left out, and nothing remains of it. Chance may hide the memory that is left in the
-//! first of these points, and then N absorbs it. Every memory lowers the first deviation, so that deviation must also show that
-//! the memory is over.
+//! noise of coefficient N with memory, `var(angle) = N^2 t - C` as soon as the memory is over, and the deviation
+//! follows as `dev^2 = N^2 / tau - 3 C / (2 tau^2)`. So a band limit is a quantisation term of the other sign, whatever
+//! its order. Within the memory the curve differs by the rest of the memory, which falls exponentially: at twice the
+//! time it is squared. So the fit leaves out one octave more than chi-square asks for, and nothing of the memory
+//! remains. Chance may hide the rest of the memory in the first of these points, and then N absorbs it. Every memory
+//! lowers the first deviation, so that deviation must also show that the memory is over.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -32,22 +32,23 @@ pub(super) const FLAT: f64 = 0.664_282;
 const HOLDS: f64 = 0.001;
 /// A point belongs to the curve behind it unless it raises chi-square by more than chance does with this probability.
 const BELONGS: f64 = 0.02;
-/// Points that are asked whether they belong, one after the other.
+/// Number of points that are tested, one after the other, for whether they belong to the curve.
 const ASKED: usize = 3;
-/// Below this probability the points lie closer to a curve than noise can: one event makes all of them.
+/// Below this probability the points lie closer to a curve than noise can: a single event causes all of them.
 const TOO_GOOD: f64 = 1e-6;
-/// Where no fit holds by chance alone, the model itself is given this relative standard deviation at each point.
+/// Relative standard deviation of the model's own error at each point, used where no fit holds by chance alone.
 const MODEL_ERROR: f64 = 0.03;
-/// A band limit is fitted from this many standard deviations on: where one is missed, it bends N.
+/// A band limit is fitted from this many standard deviations on, since a band limit that is missed bends N.
 const BAND_LIMIT: f64 = 1.5;
-/// Most of the sensor's memory, as of a low-pass of the first order, that may be left at a fit's first point, in standard
-/// deviations of that point. (A steeper one forgets sooner than one of the first order with the same deviation at one sample.)
+/// Largest rest of the sensor's memory at a fit's first point, taken as that of a low-pass of the first order, in
+/// standard deviations of that point. (A steeper low-pass forgets sooner than one of the first order with the same
+/// deviation at one sample.)
 const REMEMBERED: f64 = 3.0;
-/// Quantisation is fitted from this many on.
+/// Quantisation is fitted from this many standard deviations on.
 const QUANTISATION: f64 = 3.0;
-/// What a term must improve chi-square by to be fitted. (At 2, after Akaike, a weak walk is taken for a flat part.)
+/// A term is fitted if it improves chi-square by this much. (At 2, after Akaike, a weak walk is taken for a flat part.)
 const TERM_COST: f64 = 1.6;
-/// Too few degrees of freedom to be believed.
+/// A fit with fewer degrees of freedom than this is not believed.
 const FEWEST_DOF: usize = 3;
 
 /// Coefficients of the terms, for a correlation time of the Gauss-Markov noise (0: there is none).
@@ -63,7 +64,7 @@ fn markov(tau_s: f64, markov_s: f64) -> f64 {
     }
     let x = tau_s / markov_s;
     if x < 0.01 {
-        // The first terms of the series: the difference above loses its digits here.
+        // The first terms of the series, since the difference below loses its digits here.
         return x * (2.0 / 3.0 - x * (0.5 - x * 7.0 / 30.0));
     }
     2.0 / x * (1.0 - (3.0 - 4.0 * (-x).exp() + (-2.0 * x).exp()) / (2.0 * x))
@@ -74,7 +75,8 @@ pub(super) struct DeviationCurve {
     pub(super) tau_s: Vec<f64>,
     pub(super) square: Vec<f64>,
     pub(super) scatter: Scatter,
-    /// How much more than white noise the record scatters at each averaging time by its spectrum, within a band limit.
+    /// Factor by which the record scatters more than white noise at each averaging time, from its spectrum, within a
+    /// band limit.
     pub(super) memory: Vec<f64>,
 }
 
@@ -93,9 +95,9 @@ pub(super) struct Solved {
     pub(super) markov_s: f64,
     /// Square of N and its standard deviation over the choices of slow terms.
     walk: Option<(f64, f64)>,
-    /// What the best fit without a flat part is worse by, in chi-square.
+    /// How much worse the best fit without a flat part is, in chi-square.
     pub(super) flat_gain: f64,
-    /// How they follow from the squared deviations used.
+    /// How the squares of the coefficients follow from the squared deviations used.
     estimator: DMatrix<f64>,
     /// Covariance of the squared deviations used.
     points: DMatrix<f64>,
@@ -107,7 +109,7 @@ pub(super) struct Solved {
     pub(super) p: f64,
 }
 
-/// What the search found.
+/// The result of the search.
 pub(super) enum Search {
     Holds(Solved),
     /// The nearest fit, which chi-square rejects.
@@ -117,8 +119,9 @@ pub(super) enum Search {
     TooFew,
 }
 
-/// The simplest fit that holds: from the first point on; with quantisation; with a band limit, from the first point that
-/// belongs to the curve behind it and one octave more; the same again with an error of the model.
+/// Finds the simplest fit that holds, in this order: from the first point on; with quantisation; with a band limit,
+/// from the first point that belongs to the curve behind it and one octave more; the same again with an error of the
+/// model.
 pub(super) fn search(curve: &DeviationCurve) -> Search {
     let mut nearest: Option<Solved> = None;
     for model_error in [0.0, MODEL_ERROR] {
@@ -134,8 +137,9 @@ pub(super) fn search(curve: &DeviationCurve) -> Search {
     nearest.map_or(Search::TooFew, Search::Rejected)
 }
 
-/// The fit with a Gauss-Markov noise beside the other terms, of the likeliest correlation time: what a slow, bounded wander
-/// of the bias looks like, as of a sensor that is warmed in turns. `None` where none holds.
+/// Finds the fit with a Gauss-Markov noise beside the other terms, of the likeliest correlation time. Such noise
+/// looks like a slow, bounded wander of the bias, as of a sensor that is warmed in turns. `None` where no such fit
+/// holds.
 pub(super) fn search_with_markov(curve: &DeviationCurve) -> Option<Solved> {
     let candidates: Vec<f64> = curve.correlation_times().flat_map(|t| [t, t * std::f64::consts::SQRT_2]).collect();
     [0.0, MODEL_ERROR].into_iter().find_map(|model_error| {
@@ -147,23 +151,23 @@ pub(super) fn search_with_markov(curve: &DeviationCurve) -> Option<Solved> {
     })
 }
 
-/// Points from one of which on a fit with a Gauss-Markov noise begins: the sensor's memory is over by then.
+/// A fit with a Gauss-Markov noise begins at one of this many first points: the sensor's memory is over by then.
 const EARLY: usize = 7;
 
-/// Probability of chi-square from which on a fit with a Gauss-Markov noise takes the place of one without.
+/// From this probability of chi-square on, a fit with a Gauss-Markov noise takes the place of a fit without it.
 const LIKELY: f64 = 0.02;
 
 /// A choice of slow terms.
 struct Choice {
-    /// Weighted sum of squares, and what its terms cost.
+    /// Weighted sum of squares, and the cost of its terms.
     cost: f64,
-    /// Whether it has a flat part.
+    /// Whether the choice has a flat part.
     flat: bool,
     /// Square of N and its variance.
     walk: Option<(f64, f64)>,
 }
 
-/// What is common to the fits of a search.
+/// What all fits of a search have in common.
 struct Model {
     markov_s: f64,
     model_error: f64,
@@ -196,7 +200,8 @@ impl DeviationCurve {
             }
         }
         let banded = fits(true, starts);
-        // Chance makes a band limit of one white record in fifteen: where all points follow without one, it is in doubt.
+        // Chance makes a band limit of one white record in fifteen. So a band limit is in doubt where all points follow
+        // a fit without it.
         let doubt = plain.first().filter(|_| belongs(&plain));
         if let Some(first) = banded.first().filter(|_| belongs(&banded) && odds >= QUANTISATION) {
             return self.holds(first, true, doubt);
@@ -214,10 +219,11 @@ impl DeviationCurve {
         all.max_by(|a, b| a.p.total_cmp(&b.p)).map_or(Search::TooFew, Search::Rejected)
     }
 
-    /// With N as the mean over every choice of slow terms, weighted by how well each follows the points (Buckland, Burnham
-    /// and Augustin, *Model Selection: An Integral Part of Inference*, 1997): one that is there but too weak to be chosen would
-    /// bend N, and the spread over the choices is the uncertainty of choosing. Among the choices are those of a fit without
-    /// the memory, where it holds as well: beside it, Q and each point left out cost as a term does.
+    /// The fit with N as the mean over every choice of slow terms, weighted by how well each follows the points
+    /// (Buckland, Burnham and Augustin, *Model Selection: An Integral Part of Inference*, 1997). A term that is there
+    /// but too weak to be chosen would bend N, and the spread over the choices is the uncertainty of choosing. The
+    /// choices include those of a fit without the memory, where it holds as well: beside it, Q and each point left out
+    /// cost as much as a term.
     fn holds(&self, chosen: &Solved, banded: bool, plain: Option<&Solved>) -> Search {
         let mut solved = chosen.clone();
         let mut choices = self.choices(chosen, banded);
@@ -247,7 +253,7 @@ impl DeviationCurve {
         Search::Holds(solved)
     }
 
-    /// Every choice of slow terms that fits from the first point of a fit on, under its scatter.
+    /// Every choice of slow terms that fits from the first point of `chosen` on, under its scatter.
     fn choices(&self, chosen: &Solved, banded: bool) -> Vec<Choice> {
         let of = |markov_s: f64| {
             let (design, square) = self.from(chosen.start, markov_s);
@@ -256,7 +262,7 @@ impl DeviationCurve {
         };
         let mut fits = of(chosen.markov_s);
         if chosen.markov_s == 0.0 {
-            // A bounded wander of any correlation time, which costs as a term does.
+            // A bounded wander of any correlation time costs as much as a term.
             for markov_s in self.correlation_times() {
                 let wandering = of(markov_s).into_iter().filter(|fit| fit.columns.contains(&G));
                 fits.extend(wandering.map(|fit| Constrained { cost: fit.cost + TERM_COST, ..fit }));
@@ -294,8 +300,8 @@ impl DeviationCurve {
         }
         let (design, square) = self.from(start, markov_s);
         let mut allowed = allowed(banded, markov_s);
-        // The scatter is that of the fitted curve, so that points that happen to be low do not weigh more. It begins
-        // with that of white noise through the points.
+        // The scatter is that of the fitted curve, so that points that happen to be low do not weigh more. The first
+        // round uses the scatter of white noise through the points.
         let mut parts: Vec<Parts> = self.square.iter().map(|s| [0.0, *s, 0.0, 0.0]).collect();
         let mut solved = None;
         for round in 0..ROUNDS {
@@ -338,14 +344,15 @@ impl DeviationCurve {
             covariance = covariance.map_with_location(|a, b, c| c * memory[a] * memory[b]);
         }
         for (r, parts) in parts[start..].iter().enumerate() {
-            // Twice the relative error of a deviation is that of its square.
+            // The relative error of a squared deviation is twice that of the deviation.
             covariance[(r, r)] += (2.0 * model_error * parts.iter().sum::<f64>()).powi(2);
         }
         covariance
     }
 }
 
-/// Rounds of reweighting, and the one in which the terms are chosen: before it all take part, after it the chosen ones.
+/// Rounds of reweighting, and the round that chooses the terms: before it all terms take part, after it only the chosen
+/// ones.
 const ROUNDS: usize = 9;
 const CHOICE: usize = 3;
 
@@ -355,15 +362,15 @@ impl Solved {
         self.start > 0 || self.squares[Q] < 0.0
     }
 
-    /// Whether the first points lack what is added behind them: a low-pass only takes off.
+    /// Whether the first points lack what the memory adds behind them. A low-pass only takes off.
     pub(super) fn adds(&self) -> bool {
         self.start > 0 && self.odds(Q).is_some_and(|odds| odds >= QUANTISATION)
     }
 
-    /// What a low-pass of the first order leaves of its memory at the first point used, in standard deviations of that
-    /// point. Its coefficient a from sample to sample follows from the deviation at one sample, of which it leaves
-    /// `(1 - a)^2 / (1 + a)` of white noise; at m samples it leaves `1 - 3 c / 2 m` with `c = 2 a / (1 - a^2)`, and `2 c a^m / m`
-    /// until it is over.
+    /// The rest of the memory of a low-pass of the first order at the first point used, in standard deviations of that
+    /// point. Its coefficient a from sample to sample follows from the deviation at one sample: the low-pass leaves
+    /// `(1 - a)^2 / (1 + a)` of white noise there. At m samples it leaves `1 - 3 c / 2 m` with `c = 2 a / (1 - a^2)`,
+    /// and `2 c a^m / m` until it is over.
     fn remembers(&self, curve: &DeviationCurve) -> f64 {
         let (Some(dt_s), Some(first)) = (curve.tau_s.first(), curve.square.first()) else { return 0.0 };
         let left = first * dt_s / self.squares[N];
@@ -372,7 +379,7 @@ impl Solved {
         }
         let a = (2.0 + left - (left * (left + 8.0)).sqrt()) / 2.0;
         let (c, m) = (2.0 * a / (1.0 - a * a), curve.tau_s[self.start] / dt_s);
-        // The memory of a slower one would take more than there is.
+        // The memory of a slower low-pass would take off more than there is.
         let level = (1.0 - 1.5 * c / m).max(0.0);
         2.0 * c * a.powf(m) / m / level * self.model(curve.tau_s[self.start]) / self.points[(0, 0)].sqrt()
     }
@@ -402,7 +409,7 @@ impl Solved {
         tau_s[self.start..].iter().map(|t| self.part(term, *t)).fold(0.0, f64::max)
     }
 
-    /// The square of the coefficient over what chance makes of it where the term is absent.
+    /// The square of the coefficient over the square that chance gives where the term is absent.
     pub(super) fn over_chance(&self, term: usize, tau_s: &[f64]) -> Option<f64> {
         let row = self.row(term)?;
         let weights = DVector::from_fn(self.estimator.ncols(), |r, _| {
@@ -421,13 +428,13 @@ impl Solved {
         terms(tau_s, self.markov_s).iter().zip(self.squares).map(|(t, s)| t * s).sum()
     }
 
-    /// Parts of the noises in it.
+    /// Parts of the noises in the fitted square at an averaging time.
     pub(super) fn parts(&self, tau_s: f64) -> Parts {
         parts(&self.squares, tau_s, self.markov_s)
     }
 }
 
-/// Parts of the noises in the fitted square. A band limit makes white noise less; a ramp counts as a walk, which scatters
+/// Parts of the noises in the fitted square. A band limit reduces white noise; a ramp counts as a walk, which scatters
 /// most. A Gauss-Markov noise is a walk below its correlation time and white above it.
 fn parts(squares: &[f64; TERMS], tau_s: f64, markov_s: f64) -> Parts {
     let t = terms(tau_s, markov_s);
@@ -442,8 +449,8 @@ fn parts(squares: &[f64; TERMS], tau_s: f64, markov_s: f64) -> Parts {
 /// frequency to which the Allan window answers most, `1 / (2 tau)`, against the corner `1 / (2 pi T)`.
 const TURN: f64 = std::f64::consts::PI * std::f64::consts::PI;
 
-/// Chi-square of the points about the model. A squared deviation of few degrees of freedom is far from normal; its cube
-/// root is not (Wilson and Hilferty 1931).
+/// Chi-square of the points about the model. A squared deviation of few degrees of freedom is far from normal, but its
+/// cube root is nearly normal (Wilson and Hilferty 1931).
 fn chi_square(square: &DVector<f64>, model: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<f64> {
     let n = square.len();
     let sd: Vec<f64> = (0..n).map(|r| covariance[(r, r)].sqrt()).collect();
@@ -456,14 +463,14 @@ fn chi_square(square: &DVector<f64>, model: &DVector<f64>, covariance: &DMatrix<
     Some(z.dot(&solved)).filter(|c| c.is_finite())
 }
 
-/// Terms that may take part.
+/// Columns of the terms that may take part.
 fn allowed(banded: bool, markov_s: f64) -> Vec<usize> {
     (usize::from(!banded)..if markov_s > 0.0 { TERMS } else { G }).collect()
 }
 
 /// A fit with some of the terms.
 struct Constrained {
-    /// Weighted sum of squares, and what its terms cost.
+    /// Weighted sum of squares, and the cost of its terms.
     cost: f64,
     squares: [f64; TERMS],
     columns: Vec<usize>,
@@ -471,7 +478,7 @@ struct Constrained {
 }
 
 impl Constrained {
-    /// The best of them.
+    /// The fit with the least cost.
     fn fit(
         design: &DMatrix<f64>,
         square: &DVector<f64>,
@@ -482,8 +489,8 @@ impl Constrained {
         Self::all(design, square, covariance, allowed, cost)?.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// Least squares with solution >= 0, but for Q, which may have either sign and is always fitted where it is
-    /// allowed: every subset of the columns that has such a solution. With five of them that is the plainest way.
+    /// Least squares with a solution >= 0, for every subset of the columns that has one. Q is the exception: it may
+    /// have either sign and is always fitted where it is allowed. With five columns this is the plainest way.
     fn all(
         design: &DMatrix<f64>,
         square: &DVector<f64>,
@@ -514,14 +521,14 @@ impl Constrained {
             if (0..design.nrows()).any(|r| (0..TERMS).map(|c| design[(r, c)] * solution[c]).sum::<f64>() <= 0.0) {
                 continue;
             }
-            // From whitened data; those themselves are `lower^-1` times the squared deviations.
+            // The rows act on whitened data, which are `lower^-1` times the squared deviations.
             let estimator = (lower.tr_solve_lower_triangular(&(part * fit.cofactor))?).transpose();
             fits.push(Self { cost, squares: solution, columns, estimator });
         }
         Some(fits)
     }
 
-    /// Where the fit is none, before its first point, the points speak for themselves.
+    /// Before the first point of a fit there is no curve, so the parts there come from the points themselves.
     fn parts(&self, tau_s: f64, square: f64, markov_s: f64) -> Parts {
         let parts = parts(&self.squares, tau_s, markov_s);
         if parts.iter().all(|p| *p >= 0.0) { parts } else { [0.0, square, 0.0, 0.0] }
@@ -532,7 +539,7 @@ impl Constrained {
 mod tests {
     use super::*;
 
-    /// From its definition: half the mean square of the difference of two neighbouring means, with the covariance
+    /// Checks the definition: half the mean square of the difference of two neighbouring means, with the covariance
     /// `e^-|t|` of the noise summed over a fine grid.
     #[test]
     fn deviation_of_a_gauss_markov_noise() {
@@ -549,7 +556,7 @@ mod tests {
             let found = markov(tau_s, markov_s);
             assert!((found / (sum / 2.0) - 1.0).abs() < 0.01, "{tau_s}: {found} {}", sum / 2.0);
         }
-        // Both forms of the sum meet where one takes over.
+        // Both forms of the sum meet where the code changes from one to the other.
         assert!((markov(0.01 - 1e-9, 1.0) / markov(0.01 + 1e-9, 1.0) - 1.0).abs() < 1e-6);
     }
 }

@@ -1,4 +1,4 @@
-//! Degrees of freedom of a deviation, from the noises of which the fit makes it.
+//! Degrees of freedom of a deviation, from the noises of the fit.
 
 use super::fit::Solved;
 use super::lines::Sinusoid;
@@ -61,15 +61,15 @@ impl Known<'_> {
         (noise, 2.0 / variance)
     }
 
-    /// Relative variance of a squared deviation of noise and lines: the lines themselves do not scatter, only the noise
-    /// beside them does, `(2 / n) S(f) (A^2 / 2) H^2` each.
+    /// Relative variance of a squared deviation of noise and lines. The lines themselves do not scatter; the noise
+    /// beside each line does, by `(2 / n) S(f) (A^2 / 2) H^2`.
     fn with_lines(&self, spectrum: &RobustSpectrum, m: usize, square: f64, variance: f64) -> f64 {
         let (mut total, mut scatter) = (square, variance * square * square);
         for line in self.lines {
             let h = window(m, line.frequency_hz / self.rate_hz);
             let power = line.amplitude * line.amplitude / 2.0;
             let bin = (line.frequency_hz / spectrum.step_hz).round() as usize;
-            // One ordinate scatters by half of itself; so does an interval that rests on it.
+            // One ordinate scatters by half of itself, and an interval that rests on one ordinate does so too.
             let end = spectrum.density.len().min(bin + BESIDE_LINE + 1);
             let near = spectrum.density.get(bin.saturating_sub(BESIDE_LINE).max(1)..end).unwrap_or(&[]);
             let density = if near.is_empty() { 0.0 } else { stats::mean(near) * self.rate_hz };
@@ -80,7 +80,7 @@ impl Known<'_> {
     }
 }
 
-/// Ordinates on each side of a line that say how the noise is there.
+/// Ordinates on each side of a line that show the noise there.
 const BESIDE_LINE: usize = 8;
 
 fn dominant(parts: &Parts) -> PowerLawNoise {

@@ -17,10 +17,10 @@ pub struct Sinusoid {
 
 /// Lines taken off at most.
 const MOST: usize = 8;
-/// Rounds of the fit of one line: its frequency settles quadratically.
+/// Rounds of the fit of one line. Its frequency settles quadratically.
 const ROUNDS: usize = 6;
 
-/// Takes the lines off the record, the strongest first, and gives them.
+/// Takes the lines off the record, the strongest first, and returns them.
 pub(super) fn take_off(values: &mut [f64], rate_hz: f64) -> Vec<Sinusoid> {
     let mut lines = Vec::new();
     while lines.len() < MOST
@@ -34,13 +34,14 @@ pub(super) fn take_off(values: &mut [f64], rate_hz: f64) -> Vec<Sinusoid> {
     lines
 }
 
-/// Fits a sinusoid of a frequency near the one given (cycles a sample), and takes it off.
+/// Fits a sinusoid with a frequency near `near` (cycles a sample), and takes it off.
 fn take_one(values: &mut [f64], near: f64, width: f64) -> Option<(f64, f64)> {
     let mut frequency = peak(values, near, width)?;
     let (n, mean) = (values.len() as f64, stats::mean(values));
     let mut solution = Vector4::zeros();
     for round in 0..ROUNDS {
-        // `a cos + b sin + u (c cos + d sin)` with u from -1 to 1 over the record: c and d say how far the frequency is off.
+        // `a cos + b sin + u (c cos + d sin)` with u from -1 to 1 over the record: c and d show how far the frequency
+        // is off.
         let (mut normal, mut data) = (Matrix4::zeros(), Vector4::zeros());
         each(values.len(), frequency, |i, u, cos, sin| {
             let row = Vector4::new(cos, sin, u * cos, u * sin);
@@ -63,7 +64,7 @@ fn take_one(values: &mut [f64], near: f64, width: f64) -> Option<(f64, f64)> {
     Some((frequency, solution[0].hypot(solution[1])))
 }
 
-/// Every sample's place from -1 to 1 and the sinusoid there, its phase zero in the middle.
+/// The place of every sample from -1 to 1, and the sinusoid there with phase zero in the middle.
 fn each(n: usize, frequency: f64, mut work: impl FnMut(usize, f64, f64, f64)) {
     let middle = (n as f64 - 1.0) / 2.0;
     for i in 0..n {
@@ -73,7 +74,7 @@ fn each(n: usize, frequency: f64, mut work: impl FnMut(usize, f64, f64, f64)) {
     }
 }
 
-/// Frequency of the largest ordinate of the whole record's periodogram near the one given, in cycles a sample.
+/// Frequency of the largest ordinate of the whole record's periodogram near `near`, in cycles a sample.
 fn peak(values: &[f64], near: f64, width: f64) -> Option<f64> {
     let n = values.len();
     let mean = stats::mean(values);

@@ -59,25 +59,26 @@ impl fmt::Display for PowerLawNoise {
     }
 }
 
-/// Below this many decimated phases nothing can be told.
+/// Fewer decimated phases than this do not show the noise.
 const LEAST: usize = 32;
-/// More decimated phases than this add nothing to a whole-numbered answer.
+/// More decimated phases than this do not improve a whole-numbered answer.
 const MOST: usize = 1 << 14;
-/// Standard deviations of a lag-1 correlation within which a name is not contradicted.
+/// Standard deviations of a lag-1 correlation within which it does not contradict a name.
 const DOUBT: f64 = 3.0;
 
-/// What the lag-1 correlation says of the noise at an averaging time.
+/// The noises that the lag-1 correlation allows at an averaging time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Evidence {
     likely: PowerLawNoise,
-    /// Names that three standard deviations of the correlation do not exclude.
+    /// Bluest name that three standard deviations of the correlation do not exclude.
     bluest: PowerLawNoise,
     reddest: PowerLawNoise,
 }
 
 /// Lag-1 autocorrelation method (Riley and Greenhall, *Power law noise identification using the lag 1 autocorrelation*,
-/// 2004): the phase, decimated by m, is differenced until it is nearly stationary; the exponent follows from how often,
-/// and from what correlation is left. Each difference has its mean removed, which takes out offset and drift.
+/// 2004): the phase, decimated by m, is differenced until it is nearly stationary; the exponent follows from the number
+/// of differences and from the correlation that is left. Each difference has its mean removed, which takes out offset
+/// and drift.
 pub(super) fn identify(phase: &[f64], m: usize, order: usize) -> Option<Evidence> {
     let length = phase.len().div_ceil(m).min(MOST);
     if length < LEAST {
@@ -102,7 +103,7 @@ pub(super) fn identify(phase: &[f64], m: usize, order: usize) -> Option<Evidence
     Some(Evidence { likely: name(0.0), bluest: name(-doubt), reddest: name(doubt) })
 }
 
-/// The noise of which the correlations of the first, second ... differences, all shifted by so much, speak.
+/// The noise that the correlations of the first, second ... differences name, all of them shifted by `shift`.
 fn named(correlations: &[f64], shift: f64) -> PowerLawNoise {
     let order = correlations.len();
     for (before, r1) in correlations.iter().enumerate() {
@@ -119,9 +120,9 @@ fn named(correlations: &[f64], shift: f64) -> PowerLawNoise {
     PowerLawNoise::WhiteRate
 }
 
-/// Names along rising averaging times. Between 32 and 200 decimated phases a correlation scatters by more than a name is
-/// wide, so a name goes on until the record excludes it, and the colour turns no bluer than white unless the shortest
-/// averaging times show noise of the phase.
+/// Names of the noise along rising averaging times. Between 32 and 200 decimated phases a correlation scatters by more
+/// than a name is wide, so a name goes on until the record excludes it, and the colour turns no bluer than white unless
+/// the shortest averaging times show noise of the phase.
 pub(super) fn names(evidence: &[Option<Evidence>]) -> Vec<Option<PowerLawNoise>> {
     let first = evidence.iter().flatten().next().map(|e| e.likely);
     let bluest = first.filter(|f| f.alpha() > 0).unwrap_or(PowerLawNoise::WhiteRate);
@@ -140,10 +141,10 @@ pub(super) fn names(evidence: &[Option<Evidence>]) -> Vec<Option<PowerLawNoise>>
         .collect()
 }
 
-/// The rate noise of second differences of a decimated phase. The method's `alpha = 2 - 2 (delta + 2)` holds for samples;
-/// here they are means over the averaging time, whose correlation is -0.50 for white, -0.22 for flicker and +0.25 for
-/// random walk of the rate (-0.50, -0.33 and 0 for samples). The borders lie between both sets: the method's own, -0.43
-/// and -0.20, would call most flicker a random walk.
+/// The rate noise that the correlation of second differences of a decimated phase names. The method's
+/// `alpha = 2 - 2 (delta + 2)` holds for samples. Here the values are means over the averaging time, whose correlation
+/// is -0.50 for white, -0.22 for flicker and +0.25 for random walk of the rate (-0.50, -0.33 and 0 for samples). The
+/// borders lie between both sets: the method's own, -0.43 and -0.20, would call most flicker a random walk.
 fn of_second_differences(r1: f64) -> PowerLawNoise {
     match r1 {
         _ if r1 < -0.4 => PowerLawNoise::WhiteRate,

@@ -1,17 +1,17 @@
-//! Sums over all overlapping differences of the phase: the bulk of the work of a long record.
+//! Sums over all overlapping differences of the phase: most of the work of a long record.
 //!
-//! Averaging factors that double are worked on together, since the middle of one difference is the end of another:
-//! four factors need six phases where they would need twelve one by one. Short factors walk along the record in tiles
-//! that stay in the cache. Long ones walk across it: all start points that are a multiple of the shortest factor apart
-//! come one after the other, so that the few stretches of the record that they share stay in the cache too.
+//! Averaging factors that double are worked on together, since the middle of one difference is the end of another: four
+//! factors together need six phases, and twelve one by one. Short factors walk along the record in tiles that stay in
+//! the cache. Long factors walk across the record: they take all start points that are a multiple of the shortest
+//! factor apart one after the other, so that the few stretches of the record that these share stay in the cache too.
 
 use wide::f64x4;
 
 use super::parallel::on_threads;
 
-/// Start points of a tile. With the phases of the short factors behind it, it fits a core's nearest cache.
+/// Start points of a tile. A tile and the phases of the short factors behind it fit a core's nearest cache.
 const TILE: usize = 2048;
-/// From this averaging factor on the record is walked across: the shifted phases no longer lie in a core's cache.
+/// From this averaging factor on the code walks across the record: the shifted phases no longer lie in a core's cache.
 const LONG: usize = 1 << 14;
 /// Phases of all stretches that are in use at a time when walking across: half a megabyte.
 const ACROSS: usize = 1 << 16;
@@ -19,7 +19,7 @@ const ACROSS: usize = 1 << 16;
 const CHAIN: usize = 4;
 const LANES: usize = 4;
 
-/// Averaging factors `m, 2 m, 4 m, ...` and where they stand among the factors asked for.
+/// Averaging factors `m, 2 m, 4 m, ...` and their places among the factors asked for.
 struct Chain {
     first: usize,
     m: usize,
@@ -56,7 +56,7 @@ pub(super) fn sums<const ORDER: usize>(phase: &[f64], factors: &[usize], threads
     (0..factors.len()).map(|k| parts.iter().map(|part| part[k]).sum()).collect()
 }
 
-/// The share of a thread of `0..total`, in whole tiles.
+/// A thread's share of `0..total`, in whole tiles.
 fn part(total: usize, thread: usize, threads: usize, tile: usize) -> Part {
     let share = total.div_ceil(threads.max(1)).next_multiple_of(tile);
     (thread * share).min(total)..((thread + 1) * share).min(total)
@@ -66,7 +66,7 @@ fn chains<const ORDER: usize>(factors: &[usize]) -> Vec<Chain> {
     let mut chains: Vec<Chain> = Vec::new();
     for (k, &m) in factors.iter().enumerate() {
         match chains.last_mut() {
-            // A third difference shares less with that of twice its factor.
+            // A third difference has fewer phases in common with the difference at twice its factor.
             Some(chain) if ORDER == 2 && chain.length < CHAIN && m == chain.m << chain.length => chain.length += 1,
             _ => chains.push(Chain { first: k, m, length: 1 }),
         }
@@ -82,7 +82,7 @@ impl Chain {
             sums[0] += third(phase, clipped(phase, &starts, 3 * self.m), self.m);
             return;
         }
-        // What all factors have in common, then what only the shorter ones reach.
+        // First the starts that all factors have in common, then those that only the shorter factors reach.
         let common = clipped(phase, &starts, 2 * (self.m << (self.length - 1)));
         match self.length {
             1 => second::<1>(phase, &common, self.m, sums),
@@ -102,14 +102,15 @@ fn clipped(phase: &[f64], starts: &Part, span: usize) -> Part {
     starts.start..starts.end.min(phase.len().saturating_sub(span)).max(starts.start)
 }
 
-/// Second differences at `m, 2 m, 4 m, ...`, K factors. Written out, since only then the sums stay in registers.
+/// Second differences at `m, 2 m, 4 m, ...`, K factors. The sums are written out, since only then they stay in
+/// registers.
 fn second<const K: usize>(x: &[f64], starts: &Part, m: usize, sums: &mut [f64]) {
     let n = starts.len();
     if n == 0 {
         return;
     }
     let at = |shift: usize| x[starts.start + shift..starts.end + shift].as_chunks::<LANES>().0;
-    // Phases that a shorter chain does not use stand for themselves.
+    // A shorter chain leaves the last phases unused. They are read at shift 0.
     let [a, b, c, d, e, f]: [&[[f64; LANES]]; CHAIN + 2] =
         std::array::from_fn(|k| if k <= K + 1 { at(if k == 0 { 0 } else { m << (k - 1) }) } else { at(0) });
     let [mut one, mut two, mut three, mut four] = [f64x4::ZERO; CHAIN];

@@ -1,8 +1,8 @@
-//! Work that is dealt to threads, with results in the order of the work.
+//! Work that is divided among threads, with results in the order of the work.
 
 use std::thread;
 
-/// Runs `work` on each part, on a thread of its own, and gives the results in order.
+/// Runs `work` on each part, on a thread of its own, and returns the results in order.
 pub(super) fn on_threads<T: Send, R: Send>(parts: impl IntoIterator<Item = T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
     let work = &work;
     thread::scope(|scope| {
@@ -12,7 +12,7 @@ pub(super) fn on_threads<T: Send, R: Send>(parts: impl IntoIterator<Item = T>, w
     })
 }
 
-/// Runs `work` for each factor, the factors dealt to the threads in turn.
+/// Runs `work` for each factor. The threads take the factors in turn.
 pub(super) fn spread<R: Copy + Send>(factors: &[usize], threads: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let threads = threads.clamp(1, factors.len().max(1));
     let lanes = on_threads(0..threads, |lane| -> Vec<R> {

@@ -1,8 +1,8 @@
 //! Whether a record resolves the sensor's noise.
 //!
-//! Rounding to codes a step q apart adds `q^2 / 12` to the variance of noise as long as its standard deviation is not far
-//! below q (Widrow and Kollár, *Quantization Noise*, chapter 4). Smaller noise hides within a code or toggles between two,
-//! and the record says where the mean lies in a code rather than how large the noise is.
+//! Rounding to codes a step q apart adds `q^2 / 12` to the variance of noise as long as its standard deviation is not
+//! far below q (Widrow and Kollár, *Quantization Noise*, chapter 4). Smaller noise hides within a code or toggles
+//! between two codes. Then the record shows where the mean lies in a code, not how large the noise is.
 
 use crate::{quantisation::least_step, stats};
 
@@ -15,16 +15,16 @@ pub(super) struct Unresolved {
     pub(super) sd: f64,
 }
 
-/// Standard deviations in a step from which on noise is below the resolution. A record that toggles between two codes has
-/// half a step at most; noise of 0.5 steps shows 0.58 with the rounding.
+/// Noise is below the resolution if a step is at least this many standard deviations wide. A record that toggles
+/// between two codes has a standard deviation of half a step at most; noise of 0.5 steps shows 0.58 with the rounding.
 const WIDEST_STEP: f64 = 1.95;
 /// Samples of a neighbourhood.
 const NEIGHBOURS: usize = 256;
-/// Differences below this part of the values are errors of arithmetic.
+/// Differences below this part of the values are rounding errors.
 const ARITHMETIC: f64 = 1e-12;
 
-/// The step and the noise of a record of rates, where the step is too wide for the noise. Most neighbourhoods decide, so that
-/// neither a spike nor a slow wandering stands for noise.
+/// The step and the noise of a record of rates, where the step is too wide for the noise. Most neighbourhoods decide,
+/// so that neither a spike nor a slow wander counts as noise.
 pub(super) fn unresolved(rates: &[f64]) -> Option<Unresolved> {
     let (low, high) = stats::range(rates);
     let floor = ARITHMETIC * low.abs().max(high.abs());

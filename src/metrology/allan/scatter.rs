@@ -1,26 +1,26 @@
-//! How the squared deviations of one record scatter, and what those of different averaging times have in common.
+//! The scatter of the squared deviations of one record, and the covariance of those of different averaging times.
 //!
 //! A squared overlapping Allan deviation is the periodogram of the record under the window
 //! `H_m(f) = 2 sin^4(pi f m) / (m sin(pi f))^2` (f in cycles a sample), and the ordinates of a periodogram are
-//! independent, so that for a record of n samples `cov(a, b) = (1 / n) int S^2 H_a H_b df` (Percival and Walden, *Spectral
-//! Analysis for Physical Applications*, chapter 8; for white noise at m = 1 this is the known `3 sigma^4 / n`). The ends
-//! of the record, which the integral does not see, enter by the degrees of freedom of Greenhall and Riley: the
-//! variances of pure noises are theirs.
+//! independent, so that for a record of n samples `cov(a, b) = (1 / n) int S^2 H_a H_b df` (Percival and Walden,
+//! *Spectral Analysis for Physical Applications*, chapter 8; for white noise at m = 1 this is the known
+//! `3 sigma^4 / n`). The integral leaves out the ends of the record. They enter by the degrees of freedom of Greenhall
+//! and Riley, which give the variances of pure noises.
 
 use nalgebra::DMatrix;
 
 use super::{DeviationKind, PowerLawNoise, edf};
 use crate::psd::RobustSpectrum;
 
-/// The noises of which a curve is made, bluest first.
+/// The noises that make up a curve, bluest first.
 pub(super) const BASIS: [PowerLawNoise; 4] =
     [PowerLawNoise::WhitePhase, PowerLawNoise::WhiteRate, PowerLawNoise::FlickerRate, PowerLawNoise::RateRandomWalk];
-/// The part of each of them in a squared deviation.
+/// The part of each noise in a squared deviation.
 pub(super) type Parts = [f64; BASIS.len()];
 
 /// Pairs of the noises.
 const PAIRS: usize = BASIS.len() * (BASIS.len() + 1) / 2;
-/// Frequencies of an octave at which the integrals are taken: their error is below 1 %.
+/// Frequencies of an octave at which the integrals are taken. Their error is below 1 %.
 const FREQUENCIES: f64 = 24.0;
 
 /// Window of a squared Allan deviation at m samples and a frequency in cycles a sample.
@@ -29,8 +29,8 @@ pub(super) fn window(m: usize, frequency: f64) -> f64 {
     2.0 * (x * m as f64).sin().powi(4) / (m as f64 * x.sin()).powi(2)
 }
 
-/// Squared deviation and its relative variance by a measured spectrum: `(1 / n) int S^2 H^2 / (int S H)^2`. `None` where its
-/// frequencies are too far apart to show the window of an averaging factor.
+/// Squared deviation and its relative variance from a measured spectrum: `(1 / n) int S^2 H^2 / (int S H)^2`. `None`
+/// where the frequencies of the spectrum are too far apart to show the window of an averaging factor.
 pub(super) fn measured(spectrum: &RobustSpectrum, rate_hz: f64, samples: usize, m: usize) -> Option<(f64, f64)> {
     let segment = 2 * (spectrum.density.len() - 1);
     if m * OF_SEGMENT > segment {
@@ -43,7 +43,7 @@ pub(super) fn measured(spectrum: &RobustSpectrum, rate_hz: f64, samples: usize, 
         level += sh * step;
         squares += sh * sh * step;
     }
-    // The square of a density that scatters is too large by its variance.
+    // The square of a density that scatters is too large by the variance of the density.
     squares /= 1.0 + spectrum.relative_sd.powi(2);
     Some((level, squares / samples as f64 / (level * level)))
 }
@@ -69,7 +69,7 @@ impl Scatter {
         for i in 0..count {
             let frequency = 0.5 * step.powf(-(i as f64 + 0.5));
             let width = frequency * step.ln();
-            // Power-law densities of the rate as sums and differences of white noise have them.
+            // Power-law densities of the rate, as sums and differences of white noise give them.
             let w2 = 4.0 * (std::f64::consts::PI * frequency).sin().powi(2);
             let density = [w2, 1.0, 1.0 / w2.sqrt(), 1.0 / w2];
             let windows: Vec<f64> = factors.iter().map(|m| window(*m, frequency)).collect();
@@ -94,8 +94,8 @@ impl Scatter {
                 }
             }
         }
-        // What the ends of the record add to the variance of a point, to the power of 1/4: once for each of the two
-        // noises and each of the two points of a covariance.
+        // What the ends of the record add to the variance of a point, to the power of 1/4: a covariance takes it once
+        // for each of the two noises and each of the two points.
         let ends: Vec<[f64; BASIS.len()]> = factors
             .iter()
             .enumerate()
@@ -120,7 +120,7 @@ impl Scatter {
         Self { points: n, common }
     }
 
-    /// Covariance of the squared deviations from point `start` on, each of which is the sum of its parts.
+    /// Covariance of the squared deviations from point `start` on. Each squared deviation is the sum of its parts.
     pub(super) fn covariance(&self, start: usize, parts: &[Parts]) -> DMatrix<f64> {
         let n = self.points;
         let roots: Vec<Parts> = parts.iter().map(|p| p.map(|v| v.max(0.0).sqrt())).collect();
@@ -147,7 +147,7 @@ mod tests {
 
     /// White noise: the squared deviations at 1 and 2 samples are sums over products of differences with the weights
     /// (-1, 1) and (-1, -1, 1, 1) / 2. Their covariances at all lags, squared and added up, are 6, 1.75 and 1.5 for the
-    /// pairs (1, 1), (2, 2), (1, 2), of which variance and covariance of the squares are half over n.
+    /// pairs (1, 1), (2, 2), (1, 2). The variances and the covariance of the squares are half of these over n.
     #[test]
     fn covariance_of_white_noise_is_that_of_its_differences() {
         let n = 100_000;

@@ -1,5 +1,6 @@
-//! Spoilt records of each method, kind and share, 1,000 each: the interval covers or the record is refused. One thread.
-//! `cargo bench -p gnc-metrology --bench contamination [-- RECORDS METHOD ...]`; ends with 1 when a bound is broken.
+//! Spoilt records of each method, kind and share, 1,000 each: the interval covers the truth or the record is refused.
+//! One thread. `cargo bench -p gnc-metrology --bench contamination [-- RECORDS METHOD ...]`; exits with 1 when a bound
+//! is broken.
 
 #![allow(clippy::print_stdout, missing_docs, dead_code, reason = "a benchmark prints its figures")]
 

@@ -1,6 +1,6 @@
-//! Time and memory of the dear methods, with their bounds: `cargo bench -p gnc-metrology --bench speed`; ends with 1
-//! when a bound is broken. Each figure is the best of several, since other programs share the machine; the least processor
-//! time (of all threads) stands beside it. `-- allan`, `-- gate` or `-- ellip` runs a part.
+//! Time and memory of the expensive methods, with their bounds: `cargo bench -p gnc-metrology --bench speed`; exits
+//! with 1 when a bound is broken. Each figure is the best of several, since other programs share the machine. The least
+//! processor time (of all threads) stands beside it. `-- allan`, `-- gate` or `-- ellip` runs a part.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
@@ -58,7 +58,7 @@ fn allan(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
     judge("  memory beyond the input", status_mb("VmHWM:") - before, 40.0, "MB", "");
 }
 
-/// One channel of an hour at 1 kHz: white noise about 0 with a slow walk, in codes and in units of its own.
+/// One channel of an hour at 1 kHz: white noise about 0 with a slow walk, in codes and in its own unit.
 fn gate(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
     let mut dice = Dice::new(9);
     let mut walk = 0.0;
@@ -105,7 +105,7 @@ fn surfaces(judge: &mut impl FnMut(&str, f64, f64, &str, &str)) {
     });
 }
 
-/// Least wall time of several turns, and least processor time, s.
+/// Least wall time of several runs, and least processor time, s.
 fn best(times: usize, mut work: impl FnMut()) -> (f64, f64) {
     let processor = || {
         let t = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).unwrap();

@@ -1,5 +1,5 @@
 //! Truth recovery, 10,000 simulated calibrations of each method, with the bounds beside the figures. One thread.
-//! `cargo bench -p gnc-metrology --bench truth [-- TRIALS]`; ends with 1 when a bound is broken.
+//! `cargo bench -p gnc-metrology --bench truth [-- TRIALS]`; exits with 1 when a bound is broken.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, dead_code)]
 

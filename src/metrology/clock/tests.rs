@@ -1,4 +1,4 @@
-//! Stamps whose truth is known: the grid, its rate, what was taken out and where.
+//! Stamps with a known truth: the grid, its rate, and the samples that were taken out.
 
 use super::*;
 
@@ -102,7 +102,8 @@ fn another_rate_than_stated_is_refused_beyond_the_tolerance() {
     reads(&slow, at(100.0, 50e-6), 100.0 / (1.0 + 30e-6));
 }
 
-/// Samples are taken out of every place, from clean and jittered stamps and from packets: the gap is found where it is.
+/// Samples are taken out at every place, from clean and jittered stamps and from packets. The check finds the gap at
+/// its place.
 #[test]
 fn lost_samples_are_found_and_late_stamps_are_none() {
     let mut dice = Dice(3);
@@ -112,7 +113,7 @@ fn lost_samples_are_found_and_late_stamps_are_none() {
             let stamps: Vec<f64> = (0..600)
                 .map(|k| f64::from(if k >= at { k + loses } else { k }) * 0.01 + jitter * dice.normal())
                 .collect();
-            // At the very end of a jittered record one stamp may as well be late.
+            // At the very end of a jittered record a lost sample looks like a late stamp.
             if jitter > 0.001 && !(10..590).contains(&at) {
                 continue;
             }
@@ -124,13 +125,13 @@ fn lost_samples_are_found_and_late_stamps_are_none() {
             }
         }
     }
-    // Single samples, lost from stamps with a fifth of a step of jitter.
+    // Single samples are lost from stamps with a fifth of a step of jitter.
     for at in [50, 200, 333, 500] {
         let stamps: Vec<f64> =
             (0..600).map(|k| f64::from(if k >= at { k + 1 } else { k }) * 0.01 + 0.002 * dice.normal()).collect();
         assert!(matches!(one(&stamps, None), Err(Refusal::Gap { .. })), "{at}");
     }
-    // A host that was busy: stamps late by up to five steps, and the next ones in time.
+    // A busy host: stamps are late by up to five steps, and the next ones are in time.
     let mut late: Vec<f64> = (0..600).map(|k| f64::from(k) * 0.01).collect();
     for at in [100, 250, 400] {
         late[at] += 0.0151;
@@ -185,7 +186,7 @@ fn a_change_of_rate_is_found_with_its_row_and_both_rates() {
             other => panic!("{first} to {second} at {at}: {other:?}"),
         }
     }
-    // Blocks of their own rates.
+    // Blocks with different rates.
     let stamps: Vec<f64> =
         (0..200).map(|k| f64::from(k) * 0.01).chain((0..200).map(|k| f64::from(k) * 0.011)).collect();
     let refusal = check(&stamps, &[0..200, 200..400], None).unwrap_err();

@@ -1,4 +1,4 @@
-//! What a channel is like piece by piece: step between codes, scale of the noise, whether there is noise at all.
+//! The character of a channel, piece by piece: step between codes, scale of the noise, whether there is noise at all.
 
 use std::ops::Range;
 
@@ -7,16 +7,16 @@ use crate::stats::MEDIAN_DIFFERENCE;
 
 /// Rows of a piece.
 const PIECE: usize = 2048;
-/// Differences that are looked at in a piece: its scale is then known to a tenth.
+/// Differences that are looked at in a piece, so that its scale is known to a tenth.
 const LOOKS: usize = 128;
 /// Values from which the step between codes is learned.
 const LEARN: usize = 4096;
-/// Of independent values two differences in three change their sign, of low-passed ones a tenth at a twentieth of the
-/// rate; a smooth motion turns once or twice.
+/// Least share of differences that change their sign in noise. Of independent values two differences in three change
+/// their sign, of low-passed ones a tenth at a twentieth of the rate; a smooth motion turns once or twice.
 const NOISY: f64 = 0.08;
-/// Largest whole numbers whose differences are exact.
+/// Up to this whole number, differences of whole numbers are exact.
 const WHOLE: f64 = 1e15;
-/// Differences that say whether there is noise.
+/// Least number of differences that show whether there is noise.
 const FEWEST: usize = 12;
 
 /// A stretch of a block.
@@ -27,7 +27,7 @@ pub(super) struct Piece {
     pub(super) block: usize,
     /// Standard deviation of the noise, from the differences.
     pub(super) scale: f64,
-    /// The same from differences that are not 0, and how many there are.
+    /// The same scale from differences that are not 0, and the number of these.
     pub(super) moving_scale: f64,
     pub(super) moving: usize,
     /// Whether differences change their sign as noise does.
@@ -45,7 +45,7 @@ struct Turns {
 }
 
 impl Turns {
-    /// Adds two differences, neither of which is 0.
+    /// Adds two differences that are both not 0.
     fn add(&mut self, before: f64, after: f64, step: f64) {
         self.pairs += 1;
         if (before < 0.0) != (after < 0.0) {
@@ -54,7 +54,7 @@ impl Turns {
         }
     }
 
-    /// Of the differences of all rows that move.
+    /// Counts the differences of all rows that move.
     fn of_moving(values: &[f64], step: f64) -> Self {
         let (mut turns, mut before) = (Self::default(), 0.0);
         for pair in values.windows(2).filter(|pair| pair[0] != pair[1]) {
@@ -67,14 +67,14 @@ impl Turns {
         turns
     }
 
-    /// Whether the sign mostly changes by a code: noise of a code and less. A ramp has large differences of one sign, which say
-    /// nothing of the noise.
+    /// Whether the sign mostly changes by a code: noise of a code and less. A ramp has large differences of one sign,
+    /// which do not show the noise.
     fn are_of_one_code(self) -> bool {
         const MOSTLY: f64 = 0.8;
         self.of_one_code as f64 > MOSTLY * self.changes as f64
     }
 
-    /// Whether the sign changes as that of noise does.
+    /// Whether the sign changes as often as that of noise.
     fn are_noise(self) -> bool {
         self.pairs >= FEWEST && self.changes as f64 > NOISY * self.pairs as f64
     }
@@ -100,9 +100,9 @@ impl Character {
             extremes.begin(rows.start);
             let mut start = rows.start;
             while start < rows.end {
-                // The last piece takes the rest, so that none is too short to have a scale.
+                // The last piece takes the rest, so that every piece is long enough to have a scale.
                 let end = if rows.end - start < 2 * PIECE { rows.end } else { start + PIECE };
-                // First of all, since it brings the whole piece into the cache.
+                // This comes first, since it brings the whole piece into the cache.
                 extremes.add(&values[start..end]);
                 pieces.push(room.piece(values, start..end, block, step));
                 start = end;
@@ -112,13 +112,13 @@ impl Character {
         Self { step, pieces, extremes }
     }
 
-    /// Chance that noise gives one code in a row and the same in the next; 1 where the record does not say.
+    /// Chance that noise gives one code in a row and the same code in the next; 1 where the record does not show it.
     pub(super) fn chance_of_repeat(&self, piece: &Piece) -> f64 {
         // 1 / (2 sqrt pi): two independent normal values within one step.
         self.chance(piece, 0.2821)
     }
 
-    /// Chance that noise gives one certain code; 1 where the record does not say.
+    /// Chance that noise gives one certain code; 1 where the record does not show it.
     pub(super) fn chance_of_code(&self, piece: &Piece) -> f64 {
         // 1 / sqrt(2 pi): the density at the centre.
         self.chance(piece, 0.3989)
@@ -134,23 +134,23 @@ impl Character {
 }
 
 impl Piece {
-    /// Whether enough rows of it move for it to speak for itself.
+    /// Whether enough rows of the piece move to show its own scale.
     pub(super) fn speaks(&self) -> bool {
         self.moving >= FEWEST
     }
 }
 
-/// Standard deviation of noise from the differences of neighbours and of every third row: the larger one, since
-/// neighbours behind a low-pass differ by less than the noise.
+/// Standard deviation of noise, from the differences of neighbours and from those of every third row. The larger one
+/// counts, since neighbours behind a low-pass differ by less than the noise.
 pub(super) fn scale(values: &[f64]) -> f64 {
     let mut room = Room::default();
     room.scale(values, 1)
 }
 
-/// Kept between pieces.
+/// Buffers that are kept between pieces.
 #[derive(Default)]
 struct Room {
-    /// As bits: those of numbers without a sign have the order of the numbers, and are compared at once.
+    /// Differences as bits: those of numbers without a sign have the order of the numbers, and are fast to compare.
     differences: Vec<u64>,
 }
 
@@ -187,16 +187,16 @@ impl Room {
         let part = &values[rows.clone()];
         let stride = part.len().div_ceil(LOOKS).max(1);
         let scale = self.scale(part, stride);
-        // A stride of its own, so that a pattern of the record does not fall in step with it.
+        // An odd stride, so that a pattern of the record does not fall in step with it.
         let stride = if stride > 2 { stride | 1 } else { 1 };
         let mut turning = self.moving(part, stride, step);
         if self.differences.len() < FEWEST && stride > 1 {
-            // Where the sensor updates seldom, few of those looked at move, and all of them are needed.
+            // Where the sensor updates seldom, few of the sampled differences move, and all differences are needed.
             turning = self.moving(part, 1, step);
         }
         let moving = self.differences.len();
         let median = median(&mut self.differences);
-        // Where every other row repeats, no two differences follow each other: the rows that move are taken alone.
+        // Where every other row repeats, no two differences follow each other. Then only the rows that move are taken.
         let turns = if turning.pairs >= FEWEST { turning } else { Turns::of_moving(part, step) };
         let noisy = turns.are_noise();
         Piece { rows, block, scale, moving_scale: median / MEDIAN_DIFFERENCE, moving, noisy, turns }
@@ -221,7 +221,8 @@ fn common_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// Where a sensor updates only a few times in each block, no block alone tells its noise. This takes all blocks together.
+/// Pools the scales of all blocks, where a sensor updates only a few times in each block: no block alone shows its
+/// noise.
 fn pool(pieces: &mut [Piece]) {
     if pieces.iter().all(|piece| piece.turns.pairs < FEWEST) {
         let turns = pieces.iter().fold(Turns::default(), |sum, Piece { turns, .. }| Turns {
@@ -250,12 +251,13 @@ fn step(values: &[f64]) -> f64 {
     if whole {
         let alone = sorted.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).count();
         let divisor = sorted.windows(2).fold(0, |divisor, pair| common_divisor(divisor, (pair[1] - pair[0]) as u64));
-        // One value that differs from all others says nothing about codes.
+        // One value that differs from all others does not show the codes.
         let told = sorted.chunk_by(|a, b| a == b).count() > 1 + alone.min(1);
         return if told { divisor.max(1) as f64 } else { 1.0 };
     }
     let largest = sorted.first().map_or(0.0, |low| low.abs()).max(sorted.last().map_or(0.0, |high| high.abs()));
-    // What two values differ by their rounding is none; each for itself, since one large word says nothing about the others.
+    // A difference within the rounding of two values is not a step. Each pair has its own rounding, since one large
+    // word does not show that of the others.
     let rounding = |pair: &[f64]| 1e-13 * pair[0].abs().max(pair[1].abs());
     sorted
         .windows(2)

@@ -1,4 +1,4 @@
-//! Values cut at one side: one code holds the tail that lies beyond it.
+//! Values that are cut off at one side: one code holds the tail that lies beyond it.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -8,13 +8,14 @@ use super::extremes::PART;
 use super::{RowFault, Screening};
 use crate::stats;
 
-/// A code at the end of noise is rarer than the codes inside; so many times as often is no chance.
+/// Least ratio of the rows at an end's code to those at the codes inside, for a clipped end. A code at the end of noise
+/// is rarer than the codes inside, so this ratio is not chance.
 const RATIO: f64 = 3.0;
-/// And so many rows more.
+/// Least number of additional rows at the end's code.
 const MORE: f64 = 8.0;
-/// Scales within which a tail lies beside its end.
+/// Width, in scales, in which a tail lies beside its end.
 const TAIL: f64 = 6.0;
-/// Different words that are sought at an end.
+/// Different words that are searched for at an end.
 const WORDS: usize = 4;
 /// Width in which the codes inside are counted, in scales and in codes.
 const INSIDE: f64 = 0.25;
@@ -34,7 +35,7 @@ pub(super) fn search(
             continue;
         }
         let scale = stats::median(&mut scales);
-        // Noise of a code or two has few codes, of which the last may well be the usual one.
+        // Noise of a code or two has few codes, and the last of them may be the most usual one.
         if scale < 2.0 * character.step || !character.pieces.iter().any(|piece| piece.block == number && piece.noisy) {
             continue;
         }
@@ -53,13 +54,13 @@ pub(super) fn search(
                     found.cut_at(name, number, blocks, extreme);
                     break;
                 }
-                // The end of the noise lies behind the word.
+                // The search goes on, since the end of the noise lies behind the word.
             }
         }
     }
 }
 
-/// Whether a code at an end comes more often than those inside.
+/// Whether a code at an end comes more often than the codes inside.
 fn is_too_often(
     found: &Screening,
     values: &[f64],
@@ -92,9 +93,9 @@ fn is_word(found: &Screening, values: &[f64], block: &Range<usize>, extreme: f64
     spread > 0.0 && nearest.is_finite() && nearest > TAIL * spread.min(scale)
 }
 
-/// How many of these distances are 0, and how many lie above it up to a width.
+/// The number of distances that are 0, and the number above 0 up to a width.
 fn beside(below: impl Iterator<Item = f64>, width: f64) -> (u64, u64) {
-    // Counts as wide as the values, which the compiler turns into vectors.
+    // The counts are as wide as the values, so that the compiler can use vectors.
     below.fold((0, 0), |(at, inside), below| {
         (at + u64::from(below == 0.0), inside + u64::from((below > 0.0) & (below <= width)))
     })

@@ -1,33 +1,34 @@
-//! Rows that may be right or wrong, each by itself, and are more than chance gives: so many of them are marked as there are
-//! too many. A record keeps those that its noise gives, and with them its variance and the correlation of its rows.
+//! Rows that may each be right or wrong, and that are more than chance gives. Only the surplus is marked. The record
+//! keeps the rows that its noise gives, and so its variance and the correlation of its rows.
 
-/// Part of the natural number, and standard deviations of it, within which a number is chance.
+/// Factor on the natural number, and standard deviations of it, up to which a number is chance.
 const CHANCE: (f64, f64) = (1.2, 6.0);
-/// The same for a number that follows from a normal distribution alone.
+/// The same limits for a number that follows from a normal distribution alone.
 const ROUGH: (f64, f64) = (2.0, 6.0);
-/// Number over what a normal distribution gives from which it is worth a closer look.
+/// Factor on the number that a normal distribution gives, and standard deviations of it, above which a number is
+/// suspect.
 const SUSPECT: (f64, f64) = (1.1, 3.0);
 
 /// A run is a fault where chance gives it in fewer records than this.
 const RARE: f64 = 1e-5;
 
-/// The shortest run that is a fault in a record of `rows` rows, each of which has this chance.
+/// The shortest run that is a fault in a record of `rows` rows, where each row has this chance.
 pub(super) fn shortest_run(chance: f64, rows: usize) -> usize {
     if chance < 1.0 { ((RARE / rows as f64).ln() / chance.ln()) as usize + 1 } else { usize::MAX }
 }
 
-/// How many rows are too many.
+/// The surplus of rows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Excess {
-    /// Part of the rows to mark.
+    /// Part of the rows that has to be marked.
     share: f64,
-    /// Rows that are owed to it.
+    /// Rows that still have to be marked, as the sum of the shares.
     owed: f64,
 }
 
 impl Excess {
-    /// `counted` rows, where a normal distribution gives `expected`. `beside` counts what the record shows one and two steps
-    /// beside, where that can be said; it is asked only where the number is suspect.
+    /// The surplus of `counted` rows, where a normal distribution gives `expected`. `beside` returns the counts of the
+    /// record one and two steps beside, where it has them; it is called only where the number is suspect.
     pub(super) fn of(counted: usize, expected: f64, beside: impl FnOnce() -> Option<[f64; 2]>) -> Self {
         let counted = counted as f64;
         let above = |natural: f64, (times, sigmas): (f64, f64)| counted > times * natural + sigmas * natural.sqrt();
@@ -35,13 +36,13 @@ impl Excess {
         if !above(expected, SUSPECT) {
             return none;
         }
-        // The density at a place from those beside it, with its curvature.
+        // The density at a place follows from the densities beside it, with their curvature.
         let natural = beside().map(|[one, two]| ((4.0 * one - two) / 3.0).max(expected.min(1.0)));
         let (natural, limit) = natural.map_or((expected, ROUGH), |natural| (natural, CHANCE));
         if above(natural, limit) { Self { share: 1.0 - natural / counted, owed: 0.0 } } else { none }
     }
 
-    /// `counted` rows, where so many are natural at most.
+    /// The surplus of `counted` rows, where at most `natural` are natural.
     pub(super) fn over(counted: usize, natural: f64) -> Self {
         let counted = counted as f64;
         let (times, sigmas) = CHANCE;
@@ -49,17 +50,17 @@ impl Excess {
         Self { share: if above { 1.0 - natural / counted } else { 0.0 }, owed: 0.0 }
     }
 
-    /// Whether there are too many at all.
+    /// Whether there is a surplus.
     pub(super) fn any(&self) -> bool {
         self.share > 0.0
     }
 
-    /// All of the rows, where nothing is right any more.
+    /// A surplus of all rows, for a record without any row that is certainly right.
     pub(super) fn all(self) -> Self {
         Self { share: self.share.ceil(), ..self }
     }
 
-    /// Whether so many rows in a row are marked: spread evenly over the rows that are asked for.
+    /// Whether a run of `rows` rows is marked. The marks are spread evenly over the rows that the caller asks for.
     pub(super) fn takes(&mut self, rows: usize) -> bool {
         let rows = rows as f64;
         self.owed += self.share * rows;
@@ -71,7 +72,7 @@ impl Excess {
     }
 }
 
-/// Numbers of places that lie one and two steps from 0, each the mean of both sides.
+/// Numbers of places one and two steps from 0, each the mean of both sides.
 pub(super) fn beside(places: impl Iterator<Item = f64>) -> [f64; 2] {
     let mut counts = [0_u64; 2];
     for place in places {
@@ -87,7 +88,8 @@ pub(super) fn beside(places: impl Iterator<Item = f64>) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// 1,000 rows where 600 are natural: 400 of them go, evenly; 700 are chance for a record, not for a number of 100.
+    /// Of 1,000 rows where 600 are natural, 400 are marked, evenly; 700 are chance for a whole record, but not for a
+    /// number of 100.
     #[test]
     fn what_is_too_many_is_marked_evenly() {
         let marked = |counted: usize, beside: Option<[f64; 2]>| {
@@ -99,7 +101,7 @@ mod tests {
         let first: usize = taken[..500].iter().sum();
         assert!((198..=202).contains(&first), "{first}");
         assert_eq!(marked(700, Some([600.0, 600.0])).iter().sum::<usize>(), 0);
-        // Without a closer look twice the number is chance.
+        // Without the counts beside, twice the number is chance.
         assert_eq!(marked(1000, None).iter().sum::<usize>(), 0);
         assert_eq!(marked(1200, None).iter().sum::<usize>(), 700);
     }
@@ -112,7 +114,7 @@ mod tests {
         assert_eq!(shortest_run(1.0, 1000), usize::MAX);
     }
 
-    /// At 0 the density of a normal distribution of 1.6 steps is 1.216 times that one step beside, and the curvature
+    /// At 0 the density of a normal distribution of 1.6 steps is 1.216 times the density one step beside. The curvature
     /// gives most of that.
     #[test]
     fn the_curvature_counts() {

@@ -1,11 +1,11 @@
-//! A channel in parts: the smallest and the largest value of each, and where in one something is so. Most parts hold nothing
-//! that the gate looks for, and are passed over at memory speed.
+//! A channel in parts: the smallest and the largest value of each part, and the places in a part where a condition
+//! holds. Most parts hold nothing that the gate looks for; the gate passes over them at memory speed.
 
 use std::ops::Range;
 
 use crate::stats;
 
-/// Rows of a part. Pieces begin with one.
+/// Rows of a part. Each piece begins with a part.
 pub(super) const PART: usize = 64;
 
 /// Ranges of the parts of one channel, block after block.
@@ -44,14 +44,14 @@ impl Extremes {
     }
 }
 
-/// Where in a part something is so. Most parts have no such place: whether one has is asked without an early end, which the
-/// compiler turns into vectors.
+/// The places in a part where a condition holds. Most parts have no such place. The first test has no early end, so
+/// that the compiler can use vectors.
 pub(super) fn places(is_so: impl Iterator<Item = bool> + Clone) -> impl Iterator<Item = usize> {
     let mut places = [0_usize; PART];
     let mut count = 0;
     if is_so.clone().fold(false, |any, is_so| any | is_so) {
         for (place, is_so) in is_so.take(PART).enumerate() {
-            // Without a branch on what is as good as chance.
+            // No branch here, since the condition is as good as random.
             places[count % PART] = place;
             count += usize::from(is_so);
         }

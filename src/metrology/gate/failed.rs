@@ -7,17 +7,17 @@ use super::excess::{self, Excess, beside};
 use super::extremes::{PART, places};
 use super::{RecordLayout, RowFault, Screening, tails};
 
-/// Rows beside a row from which its level is known.
+/// Rows beside a row that show its level.
 const BESIDE: usize = 5;
-/// A channel that lies within so many scales and steps of the word may show it by chance.
+/// A channel that lies within this many scales and steps of the word may show the word by chance.
 const NEAR: f64 = 8.0;
 
-/// Marks rows in which all channels show 0, or all show -1, where that is no chance.
+/// Marks rows in which all channels show 0, or all show -1, where that is not chance.
 pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[Character], layout: &RecordLayout<'_>) {
     let lowest_step = characters.iter().map(|character| character.step).fold(f64::INFINITY, f64::min);
     let mut words = vec![0.0, -1.0];
     if lowest_step.is_finite() && lowest_step > 0.0 {
-        // -1 of a record in units of its own is one code below 0. A link that shortens codes gives back the middle of each
+        // In a record with its own unit, -1 is one code below 0. A link that shortens codes returns the middle of each
         // step, and then the codes next to 0 stand for 0 and -1.
         let first = channels.iter().find_map(|values| values.first()).copied().unwrap_or(0.0);
         let above = if lowest_step.fract() == 0.0 { first.rem_euclid(lowest_step) } else { 0.0 };
@@ -26,7 +26,7 @@ pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[
     for (word, rows) in words.iter().zip(rows_of(channels, &words, found.rows())) {
         if !rows.is_empty() {
             judge(found, channels, characters, layout.blocks, *word, &rows);
-            // Of a motion, whose turning points may show one code often, nothing is said.
+            // A motion is not judged, since its turning points may show one code often.
             if layout.still {
                 judge_tails(found, channels, characters, layout.blocks, *word, &rows);
             }
@@ -34,7 +34,7 @@ pub(super) fn at_once(found: &mut Screening, channels: &[&[f64]], characters: &[
     }
 }
 
-/// For each word the rows in which all channels show it.
+/// For each word, the rows in which all channels show it.
 fn rows_of(channels: &[&[f64]], words: &[f64], rows: usize) -> Vec<Vec<usize>> {
     let mut found = vec![Vec::new(); words.len()];
     let Some((first, others)) = channels.split_first() else { return found };
@@ -66,8 +66,8 @@ fn judge(
     let mut unsure = Vec::new();
     for run in rows.chunk_by(|row, next| row + 1 == *next) {
         let at = pieces.partition_point(|piece| piece.rows.end <= run[0]).min(pieces.len().saturating_sub(1));
-        // Chance does not give so long a run: all its rows are failed reads. Of a sensor that is read more often than it
-        // updates, each word comes several times.
+        // Chance does not give a run as long as this: all its rows are failed reads. A sensor that is read more often
+        // than it updates shows each word several times.
         let (chance, again) = (chance(at), again.max(chance(at)));
         let on_end =
             run.len() > 1 && run.len() >= excess::shortest_run(again, (found.rows() as f64 * chance / again) as usize);
@@ -90,7 +90,7 @@ fn judge(
     }
 }
 
-/// Rows of a word that lie in the tail of a channel's noise, where that gives fewer.
+/// Marks rows of a word that lies in the tail of a channel's noise, where the tail gives fewer of them.
 fn judge_tails(
     found: &mut Screening,
     channels: &[&[f64]],
@@ -114,7 +114,7 @@ fn judge_tails(
     }
 }
 
-/// Part of the rows in which all channels repeat another value than a word.
+/// Part of the rows in which all channels repeat a value other than the word.
 fn repeats_of_others(found: &Screening, channels: &[&[f64]], word: f64) -> f64 {
     let repeats = (1..found.rows()).filter(|row| {
         channels.iter().all(|values| values[*row] == values[row - 1])
@@ -134,8 +134,8 @@ fn is_impossible(channels: &[&[f64]], characters: &[Character], block: &Range<us
     })
 }
 
-/// Rows at the codes one and two steps beside a word, each the mean of both sides; only of one channel, for several show
-/// one word by chance too seldom to matter.
+/// Rows at the codes one and two steps beside a word, each the mean of both sides. Only for a single channel: several
+/// channels show one word by chance too seldom to matter.
 fn codes_beside(channels: &[&[f64]], word: f64, characters: &[Character]) -> Option<[f64; 2]> {
     let ([values], [character]) = (channels, characters) else { return None };
     (character.step > 0.0).then(|| beside(values.iter().map(|value| (value - word) / character.step)))

@@ -1,6 +1,6 @@
-//! One word for several rows on end, far from both sides: a chip or a link that hung on a 0 or on the word of an error.
-//! Medians of neighbours do not show it, for its rows are neighbours of each other. A held end of the range is not a failed
-//! read. The sensor is at its end, and the methods check for that.
+//! One word that stays for several rows, far from both sides: a chip or a link that hung on a 0 or on the word of an
+//! error. Medians of neighbours do not show it, since its rows are neighbours of each other. A held end of the range is
+//! not a failed read: the sensor is at its end, and the methods check for that.
 
 use std::ops::Range;
 
@@ -12,11 +12,11 @@ use super::{RecordLayout, RowFault, Screening};
 
 /// Marks words that are held for up to [`REACH`] rows. The search for stale rows finds longer ones.
 ///
-/// Only where the record's noise makes repeats rare: a motion without noise has plateaus.
+/// It looks only where the record's noise makes repeats rare, since a motion without noise has plateaus.
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &RecordLayout<'_>) {
     for piece in character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON) {
         let block = &layout.blocks[piece.block];
-        // Of a sensor that is read more often than it updates, only the rows that move tell the scale.
+        // For a sensor that is read more often than it updates, only the rows that move show the scale.
         let far = limit(character, piece.scale.max(piece.moving_scale), block);
         let mut from = piece.rows.start;
         while from < piece.rows.end {
@@ -30,7 +30,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
     }
 }
 
-/// Words that begin in these rows.
+/// Marks the words that begin in these rows.
 fn look(
     found: &mut Screening,
     values: &[f64],

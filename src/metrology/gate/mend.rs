@@ -1,4 +1,4 @@
-//! Values in place of rows that are left out of a series, so that none of the others moves in time.
+//! Values that replace rows left out of a series, so that the other rows keep their times.
 
 use std::ops::Range;
 
@@ -8,14 +8,14 @@ use crate::{Refusal, quantisation, stats};
 
 /// Part of the noise of a sum that one bridge may leave open.
 const BENT: f64 = 0.25;
-/// Rows beside a hole from which its level is known.
+/// Rows beside a hole that show its level.
 const BESIDE: usize = 16;
 /// Rows from which the correlation of neighbours is learned.
 const LEARN: usize = 1 << 16;
-/// Part of the squared error of the nearest neighbours below which more of them predict better by far. A line near a
+/// Part of the squared error of the nearest neighbours below which more neighbours predict much better. A line near a
 /// quarter of the rate with six tenths of the deviation of the noise lies there.
 const CLOSER: f64 = 0.8;
-/// Errors from which their square is known to 3 %.
+/// Number of errors that gives their mean square to 3 %.
 const SQUARES: usize = 2048;
 
 /// Runs of rows that are left out, within their blocks.
@@ -36,7 +36,7 @@ fn holes(faults: &[Option<RowFault>], block: &Range<usize>) -> Vec<Range<usize>>
     holes
 }
 
-/// The lines through both sides meet within the noise of a block's sum at every hole.
+/// Checks that at every hole the lines through both sides meet within the noise of a block's sum.
 pub(super) fn unbent(
     name: &str,
     values: &[f64],
@@ -48,7 +48,7 @@ pub(super) fn unbent(
         if holes.is_empty() {
             continue;
         }
-        // Noise below a step leaves most neighbours equal, and rounding is its noise.
+        // Noise below a step leaves most neighbours equal. Then its noise is the rounding.
         let values_of_block = &values[block.clone()];
         let rounding = quantisation::least_step(values_of_block, 0.0).unwrap_or(0.0) / 12.0_f64.sqrt();
         let noise = stats::median_step(values_of_block).max(rounding) * (block.len() as f64).sqrt();
@@ -60,7 +60,7 @@ pub(super) fn unbent(
             };
             let left = hole.start.checked_sub(2).and_then(slope);
             let (Some(left), Some(right)) = (left, slope(hole.end)) else { continue };
-            // Half of what the slopes leave open, in each row of the hole.
+            // Half of the gap that the slopes leave open, in each row of the hole.
             let open = (left - right).abs() / 2.0 * hole.len() as f64;
             if open > BENT * noise {
                 return Err(Refusal::Unbridged { channel: name.to_owned(), row: hole.start + 1, open, noise });
@@ -70,7 +70,7 @@ pub(super) fn unbent(
     Ok(())
 }
 
-/// The line between the neighbours; the nearer one where there is but one.
+/// A series in which the line between the neighbours fills each hole; where there is only one neighbour, its value.
 pub(super) fn bridge(values: &[f64], faults: &[Option<RowFault>], blocks: &[Range<usize>]) -> Vec<f64> {
     let mut mended = values.to_vec();
     for block in blocks {
@@ -87,12 +87,12 @@ pub(super) fn bridge(values: &[f64], faults: &[Option<RowFault>], blocks: &[Rang
     mended
 }
 
-/// What the neighbours predict, and beside it the error that this prediction has elsewhere in the record: a line alone
-/// would take its share of noise out of every deviation and density. With the correlations of the record the values then
-/// vary as those that they replace.
+/// A series in which each hole holds the prediction of its neighbours and an error that this prediction has elsewhere
+/// in the record. A line alone would take its share of noise out of every deviation and density. With the correlations
+/// of the record, the new values vary as the values that they replace.
 ///
-/// The nearest neighbours and the level beside a hole predict it. Where more neighbours on both sides predict better by far,
-/// as beside vibration or behind a low-pass, they do.
+/// The prediction uses the nearest neighbours and the level beside a hole. It uses more neighbours on both sides where
+/// these predict much better, as beside vibration or behind a low-pass.
 pub(super) fn refill(values: &[f64], faults: &[Option<RowFault>], blocks: &[Range<usize>]) -> Vec<f64> {
     let mut mended = bridge(values, faults, blocks);
     for block in blocks {
@@ -111,10 +111,10 @@ pub(super) fn refill(values: &[f64], faults: &[Option<RowFault>], blocks: &[Rang
     mended
 }
 
-/// Of a value between two neighbours the prediction is `m + a (l + r - 2 m)` with `a = r1 / (1 + r2)`, where r1, r2 are the
-/// correlations of rows one and two apart and m is what the level beside it says: `M + b (L - M)`, with the mean M of the
-/// block, the mean L of the rows beside, and the regression b of a value on L. White noise has b = 0. With b = 1 the value
-/// would follow its neighbours and raise every deviation at longer times.
+/// The prediction of a value between two neighbours l and r: `m + a (l + r - 2 m)` with `a = r1 / (1 + r2)`, where r1,
+/// r2 are the correlations of rows one and two apart. m is the level beside the value: `M + b (L - M)`, with the mean M
+/// of the block, the mean L of the rows beside, and the regression b of a value on L. White noise has b = 0. With b = 1
+/// the value would follow its neighbours and raise every deviation at longer times.
 struct Nearest<'a> {
     values: &'a [f64],
     faults: &'a [Option<RowFault>],
@@ -130,7 +130,7 @@ impl<'a> Nearest<'a> {
         Self { values, faults, block, weight: weight(values, faults, block), mean, slope }
     }
 
-    /// What the rows beside some rows say about them.
+    /// The level that the rows beside some rows give for these.
     fn level(&self, rows: Range<usize>) -> f64 {
         self.mean + self.slope * (mean_beside(self.values, self.faults, self.block, rows) - self.mean)
     }
@@ -139,8 +139,8 @@ impl<'a> Nearest<'a> {
         level + self.weight * (left + right - 2.0 * level)
     }
 
-    /// Errors of the prediction at rows with sound neighbours, taken in turn with a stride that no period of the record is
-    /// likely to share.
+    /// Errors of the prediction at rows with sound neighbours, taken in turn. No period of the record is likely to
+    /// share the stride.
     fn errors(&self) -> impl FnMut() -> f64 {
         let Self { values, block, .. } = *self;
         let sound = |row: usize| block.contains(&row) && self.faults[row].is_none();
@@ -184,7 +184,7 @@ fn mean_beside(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>
     if beside.is_empty() { values[hole.start] } else { stats::mean(&beside) }
 }
 
-/// Mean of the sound rows, and the regression of a row on the mean of those beside it, between 0 and 1.
+/// Mean of the sound rows, and the regression of a row on the mean of the rows beside it, between 0 and 1.
 fn regression(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>) -> (f64, f64) {
     let rows = block.start..block.end.min(block.start + LEARN);
     let sound: Vec<f64> = block.clone().filter(|row| faults[*row].is_none()).map(|row| values[row]).collect();
@@ -192,11 +192,11 @@ fn regression(values: &[f64], faults: &[Option<RowFault>], block: &Range<usize>)
         return (values[block.start], 0.0);
     }
     let mean = stats::mean(&sound);
-    // Sums and faults up to a row.
+    // Sums of the values and numbers of the faults up to a row.
     let mut sums = vec![(0.0, 0_usize)];
     for row in rows.clone() {
         let (sum, bad) = sums[sums.len() - 1];
-        // A row that is left out adds nothing: a large word would take the digits of all sums behind it.
+        // A row that is left out adds nothing, since a large word would take the digits of all sums behind it.
         let is_bad = faults[row].is_some();
         sums.push((sum + if is_bad { 0.0 } else { values[row] - mean }, bad + usize::from(is_bad)));
     }

@@ -1,5 +1,5 @@
-//! What the rows on both sides say about a row, as the record itself teaches: lines such as vibration, a low-pass, and what
-//! wanders.
+//! A prediction of a row from the rows on both sides, learned from the record itself: lines such as vibration, a
+//! low-pass, and slow wander.
 
 use std::ops::Range;
 
@@ -9,16 +9,16 @@ use super::RowFault;
 
 /// Rows on each side.
 pub(super) const SIDE: usize = 16;
-/// Rows from which it is learned, and how many of them lie together.
+/// Rows from which the prediction is learned, and how many of them lie together.
 const LEARN: usize = 1 << 16;
 const TOGETHER: usize = 1 << 10;
-/// Fewest of these: 64 for each weight.
+/// Least number of rows to learn from: 64 for each weight.
 const FEWEST: usize = 64 * SIDE;
 /// Longest hole. In longer ones nearly all neighbours are holes.
 const LONGEST: usize = 4 * SIDE;
 /// Rounds in which holes take each other into account.
 const ROUNDS: usize = 16;
-/// Stride through the errors. No period of a record is likely to share it.
+/// Stride through the errors. It is a large prime, so that no period of a record is likely to share it.
 pub(super) const STRIDE: usize = 7919;
 /// Part of the largest square that is added to all of them, so that a record without noise gives weights.
 const RIDGE: f64 = 1e-12;
@@ -27,7 +27,7 @@ const RIDGE: f64 = 1e-12;
 pub(super) struct Smoother {
     mean: f64,
     weights: SVector<f64, SIDE>,
-    /// Where this prediction is learned, its errors.
+    /// Errors of the prediction in the rows from which it is learned.
     errors: Vec<f64>,
 }
 
@@ -51,21 +51,21 @@ impl Smoother {
         let error = |row: &usize| values[*row] - mean - weights.dot(&sums(values, *row, mean));
         let mut errors: Vec<f64> = rows.iter().map(error).collect();
         if errors.len().is_multiple_of(STRIDE) {
-            // Else the stride would come back to a few of them.
+            // A multiple of the stride would make the walk come back to a few errors.
             errors.pop();
         }
         Some(Self { mean, weights, errors })
     }
 
-    /// Mean square of its errors.
+    /// Mean square of the errors.
     pub(super) fn square(&self) -> f64 {
         self.errors.iter().map(|error| error * error).sum::<f64>() / self.errors.len() as f64
     }
 
-    /// Puts into the holes what it predicts, each with an error of this prediction.
+    /// Fills the holes with the prediction, each row with an error of the prediction.
     ///
-    /// A hole may lie beside others. Each is drawn in turn about what the others hold at the time, which after some rounds
-    /// draws all of them from their common distribution (Gibbs' sampler; Geman and Geman 1984).
+    /// A hole may lie beside other holes. Each hole is drawn in turn about the present values of the others; after some
+    /// rounds this draws all of them from their common distribution (Gibbs' sampler; Geman and Geman 1984).
     pub(super) fn refill(&self, mended: &mut [f64], holes: &[Range<usize>], block: &Range<usize>) {
         let mut at = 0;
         let inner = block.start + SIDE..block.end.saturating_sub(SIDE);

@@ -7,37 +7,39 @@ use super::extremes::PART;
 use super::{RecordLayout, RowFault, Screening, stale};
 use crate::stats;
 
-/// Neighbours on each side whose median a sample is compared with: two of them may be spikes themselves.
+/// Neighbours on each side whose median a sample is compared with. Two of them may be spikes themselves.
 pub(super) const SIDE: usize = 5;
-/// Rows beyond which neighbours are not sought.
+/// Largest distance of a neighbour, in rows.
 pub(super) const REACH: usize = 64;
-/// Rows on each side from which the scale beside a candidate is known.
+/// Rows on each side that give the scale beside a candidate.
 const BESIDE: usize = 128;
-/// Scales by which a spike differs from both sides. Of 10^8 normal samples none does.
+/// Scales by which a spike differs from both sides. Of 10^8 normal samples none differs by so much.
 const FAR: f64 = 6.0;
-/// The least of them where a record is known to hold spikes.
+/// The least such number of scales where a record is known to hold spikes.
 const NEAR: f64 = 4.0;
-/// Of the spikes found, the part that may be honest tails.
+/// Part of the spikes found that may be honest tails.
 const HONEST: f64 = 0.1;
-/// Steps below which a difference is no spike, in scales of [`FAR`]: quantised noise of a fraction of a code jumps by
-/// two or three codes.
+/// A difference below this many steps is not a spike, in scales of [`FAR`]: quantised noise of a fraction of a code
+/// jumps by two or three codes.
 const STEP: f64 = 0.75;
 /// A line through five samples predicts the next with half as much noise again as their median has.
 const LINES: f64 = 1.5;
-/// Rows on each side that say by how much a curved motion leaves such lines, and how many times that a spike does.
+/// Rows on each side that show by how much a curved motion leaves such lines, and the factor by which a spike leaves
+/// them more.
 const CURVE: usize = 12;
 pub(super) const CURVED: f64 = 8.0;
 /// Rows on each side whose median is the level of a record that stands still.
 const LEVEL: usize = 32;
-/// Scale of the rows that move over that of all rows, above which most rows do not move.
+/// Where the scale of the rows that move exceeds that of all rows by this factor, most rows do not move.
 const POLLED: f64 = 1.5;
 /// Part of the limit within which a sample lies on the level, or on the chord between its neighbours.
 const ON_LEVEL: f64 = 0.5;
-/// Most rows on end that are spikes by that level. More of them are a level of their own: the module or its field moved.
+/// Most consecutive rows that are spikes by that level. More of them are a level of their own: the module or its field
+/// moved.
 const LONGEST: usize = 8;
-/// Number of touching bursts that chance gives a record from which two may touch.
+/// Number of touching bursts that chance gives in a record, above which two bursts may touch.
 const TOUCHING: f64 = 0.01;
-/// Spikes hide each other; each pass finds what the one before laid open.
+/// Number of passes. Spikes hide each other; each pass finds the spikes that the pass before laid open.
 const PASSES: usize = 5;
 
 pub(super) fn search(found: &mut Screening, values: &[f64], character: &Character, layout: &RecordLayout<'_>) {
@@ -48,7 +50,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
         for piece in &character.pieces {
             look(found, values, character, piece, layout, sought, &mut spikes);
         }
-        // Marked after a whole pass, as what they are only when all are known.
+        // The rows are marked after a whole pass, since their kind is known only when all of them are known.
         for row in &spikes[before..] {
             found.mark(*row, RowFault::Spike);
         }
@@ -76,7 +78,7 @@ pub(super) fn search(found: &mut Screening, values: &[f64], character: &Characte
 }
 
 impl Screening {
-    /// A spike that is a failed read.
+    /// Marks a spike as a failed read.
     fn reconsider(&mut self, row: usize) {
         if let Some(place @ Some(RowFault::Spike)) = self.faults.get_mut(row) {
             *place = Some(RowFault::FailedRead);
@@ -86,30 +88,31 @@ impl Screening {
     }
 }
 
-/// What a pass takes for a spike.
+/// The limits that a pass applies to spikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sought {
-    /// Scales by which it differs.
+    /// Least difference of a spike, in scales.
     far: f64,
-    /// Most rows on end.
+    /// Most consecutive rows of a spike.
     longest: usize,
 }
 
 impl Sought {
-    /// What the next pass takes, where these are known.
+    /// The limits of the next pass, where these spikes are known.
     fn after(self, spikes: &[usize], rows: usize) -> Self {
         Self { far: closest(spikes.len(), rows).min(self.far), longest: longest(spikes, rows).max(self.longest) }
     }
 }
 
-/// Scales by which a spike stands out where so many are known: few honest samples are lost for many that are not.
+/// Scales by which a spike stands out where this many are known: the gate loses few honest samples and finds many bad
+/// ones.
 fn closest(spikes: usize, rows: usize) -> f64 {
     let tails = HONEST * spikes as f64 / rows.max(1) as f64;
     stats::normal_quantile(1.0 - (tails / 2.0).clamp(1e-12, 0.4)).clamp(NEAR, FAR)
 }
 
-/// Most spikes on end, where these are known: two of the longest bursts, if chance lets bursts touch that are together too
-/// long for one.
+/// Most consecutive spikes, where these are known: twice the longest burst, where bursts that are together too long for
+/// one burst may touch by chance.
 fn longest(spikes: &[usize], rows: usize) -> usize {
     let mut spikes = spikes.to_vec();
     spikes.sort_unstable();
@@ -117,12 +120,12 @@ fn longest(spikes: &[usize], rows: usize) -> usize {
     let (bursts, longest) = lengths
         .filter(|length| (LONGEST / 2 + 1..=LONGEST).contains(length))
         .fold((0_usize, 0), |(bursts, longest), length| (bursts + 1, longest.max(length)));
-    // Each burst ends at the row before another one begins with the chance of a beginning in a row.
+    // Each burst ends at the row before another burst with the chance that a burst begins in a given row.
     let touching = (bursts * bursts) as f64 / rows.max(1) as f64;
     if touching > TOUCHING { 2 * longest } else { LONGEST }
 }
 
-/// Factor for the scale of a short block: from few differences it may be half of the true one.
+/// Factor for the scale of a short block, since a scale from few differences may be half of the true one.
 fn few(block: &Range<usize>) -> f64 {
     1.0 + 2.0 / (block.len().clamp(2, 256) as f64).sqrt()
 }
@@ -146,12 +149,13 @@ fn look(
     spikes: &mut Vec<usize>,
 ) {
     let block = &layout.blocks[piece.block];
-    // Of a sensor that is read more often than it updates most neighbours are equal: the rows that move tell the scale.
+    // For a sensor that is read more often than it updates, most neighbours are equal. Then the rows that move give the
+    // scale.
     let is_polled = piece.moving_scale > POLLED * piece.scale && character.chance_of_repeat(piece) < stale::COMMON;
     let moving_scale = if is_polled { piece.moving_scale } else { 0.0 };
     let limit_beside = |scale: f64| limit_of(far, character, scale.max(moving_scale), block);
     let limit = limit_beside(piece.scale);
-    // A median of five that lies far away has one of the next three far away.
+    // If a median of five lies far away, one of the next three samples lies far away too.
     let first = piece.rows.start.max(block.start + 3).min(piece.rows.end);
     let candidates = |from: usize, to: usize| {
         let (low, high) = character.extremes.around(piece.block, &(from - 3..to));
@@ -184,7 +188,7 @@ fn look(
     let mut from = first;
     while from < piece.rows.end {
         let to = (from + PART).min(piece.rows.end);
-        // Beside rows that are left out the next three say less.
+        // Beside rows that are left out the next three samples are not enough.
         let holes = found.left_out.total() > 0 && (from.saturating_sub(SIDE)..to).any(|row| !found.keeps(row));
         if holes || candidates(from, to) > 0 {
             (from..to).for_each(&mut consider);
@@ -206,9 +210,9 @@ fn stands_out(found: &Screening, values: &[f64], block: &Range<usize>, row: usiz
     }
 }
 
-/// Whether a sample lies farther from the levels on both sides than their samples spread. This finds spikes on end, which
-/// hide each other from their nearest neighbours. `Some(false)`: the sample lies on the level, as good ones between spikes
-/// do. `None`: the level does not tell, or too many rows on end leave it.
+/// Whether a sample lies farther from the levels on both sides than their samples spread. This finds consecutive
+/// spikes, which hide each other from their nearest neighbours. `Some(false)`: the sample lies on the level, as good
+/// samples between spikes do. `None`: the level does not decide, or too many consecutive rows leave it.
 fn leaves_level(
     found: &Screening,
     values: &[f64],
@@ -256,11 +260,12 @@ fn one_sided(left: f64, right: f64) -> f64 {
     }
 }
 
-/// Whether a sample leaves the lines through its neighbours on both sides, where these move so fast that medians hide it: by
-/// more than noise does, and by far more than the samples beside it, which a curved motion leaves as well.
+/// Whether a sample leaves the lines through its neighbours on both sides, where these move so fast that medians hide
+/// it. The sample leaves them by more than noise does, and by much more than the samples beside it, which a curved
+/// motion also moves off the lines.
 ///
-/// A motion that bends leaves both lines to one side too, as where a low-pass rounds the beginning of a ramp, but lies on the
-/// other side of the chord between the nearest neighbours. A spike leaves lines and chord to the same side.
+/// A motion that bends also leaves both lines to one side, as where a low-pass rounds the beginning of a ramp. But it
+/// lies on the other side of the chord between the nearest neighbours. A spike leaves lines and chord to the same side.
 fn leaves_motion(found: &Screening, values: &[f64], block: &Range<usize>, row: usize, limit: f64) -> bool {
     let sides = |row: usize| {
         let left = line(found, values, (row.saturating_sub(REACH).max(block.start)..row).rev(), row)?;
@@ -281,14 +286,15 @@ fn leaves_motion(found: &Screening, values: &[f64], block: &Range<usize>, row: u
     !usual.is_empty() && off > CURVED * stats::median(&mut usual)
 }
 
-/// The value at a row of the line between the nearest rows that are used on both sides.
+/// The value, at a row, of the line between the nearest rows that are used on both sides.
 fn chord(found: &Screening, values: &[f64], block: &Range<usize>, row: usize) -> Option<f64> {
     let left = (row.saturating_sub(REACH).max(block.start)..row).rev().find(|other| found.keeps(*other))?;
     let right = (row + 1..(row + 1 + REACH).min(block.end)).find(|other| found.keeps(*other))?;
     Some(values[left] + (values[right] - values[left]) * (row - left) as f64 / (right - left) as f64)
 }
 
-/// The value at a row of the line through the next rows that are used: median of their slopes, median of what is left.
+/// The value, at a row, of the line through the next rows that are used: median of their slopes, median of the
+/// remainders.
 fn line(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>, row: usize) -> Option<f64> {
     let points: Vec<(f64, f64)> = rows
         .filter(|row| found.keeps(*row))
@@ -306,14 +312,14 @@ fn line(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>, ro
     Some(stats::median(&mut points.iter().map(|(x, y)| y - slope * x).collect::<Vec<_>>()))
 }
 
-/// Median of the next rows that are used; at the edge of a block two will do, and one says nothing.
+/// Median of the next rows that are used. At the edge of a block two rows are enough; one row is not.
 fn median(found: &Screening, values: &[f64], rows: impl Iterator<Item = usize>) -> Option<f64> {
     let mut room = [0.0; SIDE];
     let beside = beside(found, values, rows, &mut room);
     (beside.len() > 1).then(|| stats::median(beside))
 }
 
-/// The values of the next rows that are used, as many as there is room for.
+/// The values of the next rows that are used, as many as fit the buffer.
 fn beside<'a>(
     found: &Screening,
     values: &[f64],
@@ -331,8 +337,8 @@ fn beside<'a>(
     &mut room[..count]
 }
 
-/// Whether the median of some values certainly lies nearer to a value than that. Both middle ones lie nearer then. This
-/// counts, at a tenth of the time of a median.
+/// Whether the median of some values certainly lies nearer to `value` than `near`: both middle values lie nearer then.
+/// This function counts, in a tenth of the time of a median.
 fn has_median_near(beside: &[f64], value: f64, near: f64) -> bool {
     let (below, above) = beside.iter().fold((0_u64, 0_u64), |(below, above), other| {
         let off = value - other;

@@ -10,14 +10,14 @@ use super::{RecordLayout, RowFault, Screening};
 
 /// Scales by which neighbours of a repeat differ where the record moves.
 const MOVING: f64 = 8.0;
-/// Part of the rows above which repeats are the rule: a sensor that is read more often than it updates.
+/// Above this part of the rows, repeats are the rule: the sensor is read more often than it updates.
 const MANY: f64 = 0.1;
-/// Repeats on end that no sensor gives that is read more often than it updates.
+/// Consecutive repeats that are too many for a sensor that is read more often than it updates.
 const LONG: usize = super::MOST_POLLED as usize;
-/// Above this chance of a repeat the noise lies below the resolution, and nothing can be said.
+/// Above this chance of a repeat the noise lies below the resolution, and the search cannot decide.
 pub(super) const COMMON: f64 = 0.5;
 
-/// Marks stale rows. Gives the rows for each update where the sensor is read more often than it updates.
+/// Marks stale rows. Returns the rows for each update where the sensor is read more often than it updates.
 pub(super) fn search(
     found: &mut Screening,
     names: &[&str],
@@ -28,7 +28,7 @@ pub(super) fn search(
     let blocks = layout.blocks;
     let before = found.left_out.stale;
     on_all(found, names, channels, characters, layout);
-    // Behind the search on all channels: what they repeat together is no news on one of them.
+    // This comes after the search on all channels: repeats that all channels share are not news on one of them.
     if channels.len() > 1 {
         for (values, character) in channels.iter().zip(characters) {
             frozen(found, values, character, layout);
@@ -63,19 +63,19 @@ fn on_all(
     let of_piece = |at: usize| &repeats[at.checked_sub(1).map_or(0, |before| ends[before])..ends[at]];
     let chances_of = |of: OfChannel| (0..pieces.len()).map(|at| chance(characters, &alone, at, of)).collect::<Vec<_>>();
     let chances = chances_of(Character::chance_of_repeat);
-    // A run stays at one code, and the most usual one stays longest.
+    // A run stays at one code, and a run at the most usual code stays longest.
     let chances_to_stay = chances_of(Character::chance_of_code);
     let judged = || (0..pieces.len()).filter(|at| chances[*at] < COMMON);
     let expected: f64 = judged().map(|at| pieces[at].rows.len() as f64 * chances[at]).sum();
     let counted: usize = judged().map(|at| of_piece(at).len()).sum();
     let runs = |at: usize| of_piece(at).chunk_by(|row, next| row + 1 == *next);
     let shortest = |at: usize| excess::shortest_run(chances_to_stay[at], rows);
-    // Runs that chance does not give are no part of its number.
+    // Runs that chance does not give are left out of the number that chance gives.
     let many = counted as f64 > MANY * rows as f64;
     let is_unsure = |at: usize, run: &[usize]| many || run.len() < shortest(at);
     let unsure: usize =
         judged().flat_map(|at| runs(at).filter(move |run| is_unsure(at, run)).map(<[usize]>::len)).sum();
-    // A few are no news where chance gives any.
+    // Up to three repeats are not suspect where chance gives any.
     let news = unsure.saturating_sub(if expected > 1e-3 { 3 } else { 0 });
     let mut excess = Excess::of(news, expected, || steps_beside(channels, characters, blocks));
     if many {
@@ -85,11 +85,12 @@ fn on_all(
         let shortest = shortest(at);
         let block = &blocks[pieces[at].block];
         for run in runs(at) {
-            // What lies still moves before and after a repeat where two spikes stand beside it.
+            // A record that lies still also moves before and after a repeat, where two spikes stand beside the repeat.
             if !layout.still && pauses(channels, characters, at, block, run[0]) {
                 found.mark(run[0], RowFault::Stale);
             }
-            // The methods of several channels check that each lies within its range. Those of one leave it to the gate.
+            // Methods of several channels check that each channel lies within its range. Methods of one channel leave
+            // this to the gate.
             if let ([name], [values], [character]) = (names, channels, characters)
                 && run.len() >= shortest.max(LONG)
                 && layout.is_end(values[run[0]])
@@ -108,19 +109,19 @@ fn on_all(
     }
 }
 
-/// Whether a block reaches no farther from 0 than a value.
+/// Whether no value of a block lies farther from 0 than `value`.
 fn is_extreme(character: &Character, block: usize, value: f64) -> bool {
     let parts = character.extremes.of_block(block).iter();
     parts.copied().all(|(low, high)| if value > 0.0 { high <= value } else { low >= value })
 }
 
-/// Marks rows in which one channel alone repeats itself for longer than chance lets it, while the others go on.
+/// Marks rows in which one channel alone repeats itself for longer than chance allows, while the others go on.
 ///
-/// A channel that is read more often than it updates, as a temperature beside rates, does so all the time: for it an update
-/// counts as one row.
+/// A channel that is read more often than it updates, such as a temperature beside rates, repeats itself all the time.
+/// For such a channel an update counts as one row.
 fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: &RecordLayout<'_>) {
     let judged = || character.pieces.iter().filter(|piece| character.chance_of_repeat(piece) < COMMON);
-    // Repeats on end, by piece, with how many of them nothing is known of yet.
+    // Consecutive repeats, by piece, and the number of them without a fault so far.
     let mut runs: Vec<(&Piece, Vec<usize>, usize)> = Vec::new();
     let mut repeats = Vec::new();
     for piece in judged() {
@@ -140,7 +141,7 @@ fn frozen(found: &mut Screening, values: &[f64], character: &Character, layout: 
     let chance = judged().map(|piece| character.chance_of_repeat(piece)).fold(0.0, f64::max);
     let each = update(runs.iter().map(|(.., unknown)| *unknown).collect(), rows, chance);
     for (piece, run, unknown) in runs {
-        // A code that is usual in the piece stays for longer than others by chance.
+        // A code that is usual in the piece stays longer than other codes by chance.
         let is_short = |chance: f64| {
             let shortest = excess::shortest_run(chance, found.rows());
             unknown + 1 < each.saturating_mul(shortest.saturating_add(1))
@@ -164,8 +165,8 @@ fn usual(values: &[f64], piece: &Piece, run: &[usize]) -> f64 {
     same.saturating_sub(held) as f64 / piece.rows.len().saturating_sub(held).max(1) as f64
 }
 
-/// Rows for each update of a channel, from its repeats on end: the length that one update in ten exceeds, beside those that
-/// chance makes longer.
+/// Rows for each update of a channel, from its consecutive repeats: the length that one update in ten exceeds, apart
+/// from those that chance makes longer.
 fn update(mut repeats: Vec<usize>, rows: usize, chance: f64) -> usize {
     let updates = rows.saturating_sub(repeats.iter().sum());
     let longer = (updates as f64 * (MANY + chance)) as usize;
@@ -173,7 +174,8 @@ fn update(mut repeats: Vec<usize>, rows: usize, chance: f64) -> usize {
     1 + repeats.get(longer).copied().unwrap_or(0)
 }
 
-/// Whether a channel moves fast before and after a repeat, and not in it: no chance, however coarse the noise.
+/// Whether a channel moves fast before and after a repeat, but not in it. This is not chance, however coarse the noise
+/// is.
 fn pauses(channels: &[&[f64]], characters: &[Character], at: usize, block: &Range<usize>, row: usize) -> bool {
     if row < block.start + 2 || row + 1 >= block.end {
         return false;
@@ -185,7 +187,7 @@ fn pauses(channels: &[&[f64]], characters: &[Character], at: usize, block: &Rang
     })
 }
 
-/// Steps of one and of two codes from row to row, each the mean of both senses; only of one channel.
+/// Steps of one and of two codes from row to row, each the mean of both directions. Only for a single channel.
 fn steps_beside(channels: &[&[f64]], characters: &[Character], blocks: &[Range<usize>]) -> Option<[f64; 2]> {
     let ([values], [character]) = (channels, characters) else { return None };
     if character.step <= 0.0 {
@@ -195,7 +197,7 @@ fn steps_beside(channels: &[&[f64]], characters: &[Character], blocks: &[Range<u
     Some(beside(blocks.iter().flat_map(within).map(|pair| (pair[1] - pair[0]) / character.step)))
 }
 
-/// Adds the rows of a piece that repeat the row before on all channels and are to be noted.
+/// Adds the rows of a piece that repeat the row before on all channels and must be noted.
 fn note(
     channels: &[&[f64]],
     piece: &Piece,
@@ -216,7 +218,8 @@ fn note(
     }
 }
 
-/// Part of the rows in which a channel repeats itself, where it mostly does so while others go on; 0 elsewhere.
+/// Part of the rows in which a channel repeats itself, where the channel mostly does so while others go on; 0
+/// elsewhere.
 fn repeats_alone(values: &[f64], on_all: usize) -> f64 {
     let repeats = values.windows(2).map(|pair| usize::from(pair[0] == pair[1])).sum::<usize>();
     if repeats > 2 * on_all { repeats as f64 / values.len() as f64 } else { 0.0 }
@@ -225,8 +228,8 @@ fn repeats_alone(values: &[f64], on_all: usize) -> f64 {
 /// A chance that a channel gives in a piece.
 type OfChannel = fn(&Character, &Piece) -> f64;
 
-/// Chance of a repeat on all channels in a piece; of a piece that stands still, the larger one of those beside it. A channel
-/// that repeats itself alone gives its part of such rows, whatever its noise.
+/// Chance of a repeat on all channels in a piece. A piece that stands still takes the larger chance of the pieces
+/// beside it. A channel that repeats itself alone gives the part of such rows, whatever its noise is.
 fn chance(characters: &[Character], alone: &[f64], at: usize, of: OfChannel) -> f64 {
     let of_piece = |at: usize| -> f64 {
         let of_channel = |(character, alone): (&Character, &f64)| of(character, &character.pieces[at]).max(*alone);

@@ -1,7 +1,8 @@
-//! How often honest noise shows a word that lies in its tail.
+//! The number of rows in which honest noise shows a word that lies in its tail.
 //!
-//! Noise about a level, in codes, is log-concave: with n1 and n2 rows at the codes one and two steps from a word towards the
-//! level, at most n1^2 / n2 rows show the word itself. This holds for coarse noise as well, of which no scale is known.
+//! Noise about a level, in codes, is log-concave: with n1 and n2 rows at the codes one and two steps from a word
+//! towards the level, at most n1^2 / n2 rows show the word itself. This holds for coarse noise as well, whose scale is
+//! unknown.
 
 use std::ops::Range;
 
@@ -9,15 +10,15 @@ use super::Screening;
 use super::character::Character;
 use crate::stats;
 
-/// Rows on each side that say on which side of a word the level lies.
+/// Rows on each side that show on which side of a word the level lies.
 const BESIDE: usize = 5;
-/// Steps by which the level lies off the word.
+/// Least distance of the level from the word, in steps.
 const OFF: f64 = 1.5;
-/// Rows at a code from which two codes tell how fast the tail falls.
+/// Least rows at a code, so that two codes show how fast the tail falls.
 const FEW: f64 = 8.0;
 
-/// The rows among these whose neighbours on both sides lie to one side of the word, and how many of them a channel's noise
-/// gives; `None` where it may give any number.
+/// The rows among these whose neighbours on both sides lie to one side of the word, and the number of them that a
+/// channel's noise gives; `None` where the noise may give any number.
 pub(super) fn in_tail(
     found: &Screening,
     values: &[f64],
@@ -47,7 +48,7 @@ pub(super) fn in_tail(
     if tail.is_empty() {
         return None;
     }
-    // Whole counts as wide as the values, which the compiler turns into vectors.
+    // The counts are as wide as the values, so that the compiler can use vectors.
     let (mut one, mut two, mut beyond) = (0_u64, 0_u64, 0_u64);
     for value in &values[..found.rows()] {
         let off = side * (value - word);
@@ -60,22 +61,23 @@ pub(super) fn in_tail(
     let natural = at_most(one) * ratio;
     let natural = match beyond {
         true => natural,
-        // Where nothing lies beyond the word it may be the end of the range, which holds the whole tail.
+        // Where no row lies beyond the word, the word may be the end of the range, which holds the whole tail.
         false if ratio < 1.0 && two >= FEW => natural / (1.0 - ratio),
         false => of_groups(values[..found.rows()].iter().map(|value| side * (value - word) / step))?,
     };
     Some((tail, natural))
 }
 
-/// Two deviations more than a number.
+/// A number plus two deviations.
 fn at_most(count: f64) -> f64 {
     count + 2.0 * count.sqrt() + 1.0
 }
 
-/// How many rows lie at a word or beyond it at most, from how many codes each row lies off it: what holds for the codes one
-/// and two steps off holds for the first 2, 4, 8 ... codes and as many behind them. `None` where no such group tells.
+/// Most rows at a word or beyond it, from the codes by which each row lies off the word. The rule for the codes one and
+/// two steps off also holds for the first 2, 4, 8 ... codes and as many behind them. `None` where no such group
+/// decides.
 fn of_groups(offs: impl Iterator<Item = f64>) -> Option<f64> {
-    // Rows up to 1, 2, 4 ... codes off and more than half of that.
+    // Rows up to 1, 2, 4 ... codes off, and more than half of that.
     let mut groups = [0_u64; 64];
     for off in offs.filter(|off| *off > 0.5) {
         let codes = (off.round() as u64).max(1);

@@ -22,14 +22,15 @@ fn screen(channels: &[&[f64]], blocks: &[Range<usize>], still: bool) -> Screenin
     Screening::of(&NAMES[..channels.len()], channels, &RecordLayout { blocks, still, range_end: None })
 }
 
-/// What is left out of a single stretch: failed reads, spikes, stale, clipped.
+/// Rows left out of a single stretch: failed reads, spikes, stale, clipped.
 fn counts(channels: &[&[f64]], still: bool) -> [usize; 4] {
     let LeftOut { failed_reads, spikes, stale, clipped } =
         *screen(channels, &one_stretch(channels[0].len()), still).left_out();
     [failed_reads, spikes, stale, clipped]
 }
 
-/// CAN carries the upper 18 of 24 bits and gives back the middle of the step: a read of 0 arrives as 32, one of -1 as -32.
+/// CAN carries the upper 18 of 24 bits and the receiver restores the middle of the step: a read of 0 arrives as 32, a
+/// read of -1 as -32.
 #[test]
 fn failed_reads_are_found_behind_a_link_that_shortens_codes() {
     let shortened = |code: f64| (code / 64.0).floor() * 64.0 + 32.0;
@@ -78,7 +79,7 @@ fn honest_records_pass_whole() {
             assert_eq!(counts(&[&x, &y], false), [0; 4], "{per_turn} rows a turn, noise of {sd} codes");
         }
     }
-    // Behind low-passes.
+    // Noise behind low-passes.
     for part in [0.02, 0.1, 0.4] {
         let mut state = [0.0; 2];
         let decay = (-std::f64::consts::TAU * part).exp();
@@ -112,7 +113,7 @@ fn failed_reads_are_found_by_where_they_stand() {
             assert_eq!(found.admit(RowMeaning::Samples), Ok(()));
         }
     }
-    // A single channel about zero: zeros come by chance, and some more of them do not.
+    // A single channel about zero: zeros come by chance, but a surplus of zeros does not.
     let mut values = noise(4, 20_000, 0.0, 300.0);
     assert_eq!(counts(&[&values], true), [0; 4]);
     (0..20_000).step_by(100).for_each(|row| values[row] = 0.0);
@@ -142,13 +143,13 @@ fn stale_rows_are_told_from_chance() {
         let fresh = noise(6, 5000, 10.0, sd);
         let doubled: Vec<f64> = fresh.iter().flat_map(|value| [*value; 2]).collect();
         let found = screen(&[&doubled], &one_stretch(10_000), true);
-        // Neighbours that are alike by chance lie in one run with their copies.
+        // Neighbours that are equal by chance lie in one run with their copies.
         assert!((5000..5500).contains(&found.left_out().stale), "{sd}: {:?}", found.left_out());
         assert_eq!(found.rows_per_update().is_some(), sd > 5.0, "{sd}: {:?}", found.polled);
         assert_eq!(found.admit(RowMeaning::Samples).is_ok(), sd > 5.0, "{sd}");
         assert!(matches!(found.admit(RowMeaning::Steps), Err(Refusal::Stale { first_row: 2, .. })));
     }
-    // Held for 50 of each 200.
+    // Each value is held for 50 of 200 rows.
     let held: Vec<f64> = noise(7, 10_000, 10.0, 30.0)
         .iter()
         .scan((0, 0.0), |(row, last), value| {
@@ -180,14 +181,14 @@ fn a_tail_cut_at_one_side_is_found() {
     }
 }
 
-/// Medians of neighbours do not see a word that is held: its rows are neighbours of each other.
+/// Medians of neighbours do not show a word that is held, since its rows are neighbours of each other.
 #[test]
 fn a_word_that_is_held_is_a_failed_read_on_any_channel() {
     for word in [0.0, -999.0, 65_535.0, -32_000.0] {
         for length in [2, 5, 10, 40] {
             let mut x = noise(1, 4000, 8000.0, 30.0);
             let y = noise(2, 4000, -3000.0, 30.0);
-            // The second one begins two rows behind the first.
+            // The second held word begins two rows behind the first.
             let held = [500..500 + length, 502 + length..502 + 2 * length, 4000 - length..4000];
             held.iter().for_each(|rows| x[rows.clone()].fill(word));
             let found = screen(&[&x, &y], &one_stretch(4000), true);
@@ -196,13 +197,13 @@ fn a_word_that_is_held_is_a_failed_read_on_any_channel() {
             assert!((0..4000).all(|row| found.keeps(row) != bad(row)), "{word} for {length} rows");
         }
     }
-    // The end of a range is no word of a link that hung: the methods say that the sensor is at its end.
+    // The end of a range is not the word of a link that hung: the methods say that the sensor is at its end.
     let (mut x, y) = (noise(1, 4000, 8000.0, 30.0), noise(2, 4000, -3000.0, 30.0));
     x[500..520].fill(32_767.0);
     assert_eq!(screen(&[&x, &y], &one_stretch(4000), false).left_out().total(), 0);
 }
 
-/// Zeros among noise about zero: one by one they are chance, five on end are not, and all five are marked.
+/// Zeros among noise about zero: single zeros are chance. Five consecutive zeros are not, and all five are marked.
 #[test]
 fn zeros_on_end_go_together() {
     for (every, bursts) in [(1000, 20), (800, 25), (500, 40)] {
@@ -215,8 +216,8 @@ fn zeros_on_end_go_together() {
     }
 }
 
-/// Zeros within six deviations of the level of a coarse sensor: 600 in 60,000 rows, where its noise gives fewer than 30. Noise
-/// alone, and noise that a range cuts at 0, lose none.
+/// Zeros within six deviations of the level of a coarse sensor: 600 in 60,000 rows, where its noise gives fewer
+/// than 30. Noise alone, and noise that a range cuts off at 0, lose no row.
 #[test]
 fn zeros_in_the_tail_of_coarse_noise_are_found() {
     for (sd, level) in
@@ -259,7 +260,7 @@ fn zeros_in_the_tail_of_coarse_noise_are_found() {
     }
 }
 
-/// A sensor that is read eight times for each update shows a 0 of its noise eight times on end.
+/// A sensor that is read eight times for each update shows a 0 of its noise eight times in a row.
 #[test]
 fn zeros_of_a_polled_sensor_are_no_failed_reads() {
     let updates = noise(14, 2500, 0.0, 30.0);
@@ -274,16 +275,16 @@ fn zeros_of_a_polled_sensor_are_no_failed_reads() {
 fn several_spikes_on_end_leave_a_level() {
     for length in [2, 3, 5, 8] {
         let mut values = noise(9, 20_000, 3.0, 30.0);
-        // The second of a pair comes four rows behind the first.
+        // The second burst of a pair comes four rows behind the first.
         let bumps = (100..19_900).step_by(500).flat_map(|row| [row, row + length + 4]);
         let bad: Vec<usize> = bumps.flat_map(|row| row..row + length).collect();
         bad.iter().for_each(|row| values[*row] += 600.0);
         let found = screen(&[&values], &one_stretch(20_000), true);
         assert!(bad.iter().all(|row| !found.keeps(*row)), "{length} rows: {:?}", found.left_out());
-        // Of what is left out a tenth may be honest tails.
+        // A tenth of the rows left out may be honest tails.
         assert!(found.left_out().total() * 10 <= bad.len() * 11, "{length} rows: {:?}", found.left_out());
     }
-    // What lasts longer is a level of its own: the module or its field moved.
+    // A longer burst is a level of its own: the module or its field moved.
     for length in [9, 20] {
         let mut values = noise(9, 4000, 3.0, 30.0);
         values[1000..1000 + length].iter_mut().for_each(|value| *value += 600.0);
@@ -292,7 +293,7 @@ fn several_spikes_on_end_leave_a_level() {
     }
 }
 
-/// 100 bursts of five rows at random, of which some touch: ten rows on end are two bursts then.
+/// 100 bursts of five rows at random, some of which touch: ten consecutive rows are then two bursts.
 #[test]
 fn bursts_that_touch_are_spikes() {
     let mut values = noise(9, 60_000, 5000.0, 100.0);
@@ -308,8 +309,8 @@ fn bursts_that_touch_are_spikes() {
     assert_eq!((missed, bad.len()), (0, found.left_out().spikes));
 }
 
-/// A single column at the end of its range for long is cut, not stale; the end may be that of a word or a stated one. A
-/// polled sensor whose noise passes 127, the end of eight bits, is neither.
+/// A single column at the end of its range for long counts as clipped, not stale. The end may be that of a word or a
+/// stated one. A polled sensor whose noise passes 127, the end of eight bits, is neither clipped nor stale.
 #[test]
 fn a_column_that_stays_at_the_end_of_its_range_is_cut() {
     for (end, range_end) in [(32_767.0, None), (-8_388_608.0, None), (9000.0, Some(9000.0)), (-9000.0, Some(9000.0))] {
@@ -327,7 +328,7 @@ fn a_column_that_stays_at_the_end_of_its_range_is_cut() {
     assert_eq!(counts(&[&polled], true)[3], 0);
 }
 
-/// A sensor that stands still once is not told as one that updates seldom.
+/// A sensor that stands still once is not reported as one that updates seldom.
 #[test]
 fn what_stands_still_once_has_no_rate_of_its_own() {
     let mut values = noise(1, 20_000, 8000.0, 30.0);
@@ -353,8 +354,8 @@ fn a_channel_that_freezes_alone_is_stale() {
     assert_eq!(counts(&[x, y, z], true), [0, 0, 40, 0]);
 }
 
-/// A sensor that is read 4 to 10 times for each update repeats itself on all channels together: none of them is frozen. One
-/// that is frozen beside the others for 30 % of the updates is.
+/// A sensor that is read 4 to 10 times for each update repeats itself on all channels together, and no channel counts
+/// as frozen. A channel that freezes beside the others for 30 % of the updates does.
 #[test]
 fn channels_that_are_polled_together_are_taken() {
     for polled in [4, 8, 10] {
@@ -376,7 +377,7 @@ fn channels_that_are_polled_together_are_taken() {
     }
 }
 
-/// A temperature that updates every 10th row, beside a status that moves with each.
+/// A temperature that updates every 10th row, beside a status that changes in each row.
 #[test]
 fn a_slow_channel_beside_a_moving_one_is_not_frozen() {
     for (polled, sd) in [(2, 30.0), (10, 30.0), (10, 3.0)] {
@@ -402,7 +403,7 @@ fn a_channel_that_freezes_for_long_is_stale() {
     }
 }
 
-/// Blocks of 200 rows in which the sensor updates 5 to 40 times.
+/// In blocks of 200 rows the sensor updates 5 to 40 times. All blocks together show its noise.
 #[test]
 fn few_updates_in_each_block_are_told_by_all_blocks() {
     for polled in [5, 8, 20, 40] {
@@ -411,7 +412,7 @@ fn few_updates_in_each_block_are_told_by_all_blocks() {
         let values: Vec<f64> = (0..14 * 200).map(|row| updates[row / polled] + 1000.0 * (row / 200) as f64).collect();
         let found = screen(&[&values], &blocks, true);
         let LeftOut { stale, .. } = *found.left_out();
-        // An update may repeat the one before by chance.
+        // An update may repeat the update before by chance.
         let repeats = 14 * 200 - updates.len();
         assert!((repeats..=repeats + 5 * polled).contains(&stale), "every {polled} rows: {stale} for {repeats}");
         assert_eq!(found.left_out().total(), stale, "every {polled} rows");
@@ -427,8 +428,8 @@ fn the_larger_number_is_the_cause() {
     assert!(matches!(refused, Err(Refusal::BadRows { what: "failed reads", .. })), "{refused:?}");
 }
 
-/// The mean of 32 white values has a 32nd of their variance, whether 1 in 50 was replaced or not: 40 records give that
-/// variance to 0.9 %. Steps of a walk keep their variance as well.
+/// The mean of 32 white values has a 32nd of their variance, whether or not 1 value in 50 was replaced: 40 records give
+/// that variance to 0.9 %. Steps of a walk also keep their variance.
 #[test]
 fn values_in_place_of_others_vary_as_those() {
     let (mut white, mut clean, mut steps) = (Vec::new(), Vec::new(), Vec::new());
@@ -457,15 +458,15 @@ fn values_in_place_of_others_vary_as_those() {
     let variance = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
     let ratio = variance(&white) / (30.0_f64.powi(2) / 32.0);
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
-    // Against the very records before the damage chance has little left to say.
+    // Compared with the same records before the damage, little is left to chance.
     let ratio = variance(&white) / variance(&clean);
     assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
     let ratio = variance(&steps) / 300.0_f64.powi(2);
     assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
 }
 
-/// A low-pass rounds the beginning and the end of a ramp. A spike in a ramp lies between its neighbours there as well, but
-/// off the line between them.
+/// A low-pass rounds the beginning and the end of a ramp. There, a spike also lies between its neighbours, but off the
+/// line between them.
 #[test]
 fn a_low_pass_makes_no_spikes_of_the_ends_of_a_ramp() {
     const ROWS: usize = 1540;
@@ -494,7 +495,7 @@ fn a_low_pass_makes_no_spikes_of_the_ends_of_a_ramp() {
                     if ramp != 50.0 {
                         continue;
                     }
-                    // Less than the ramp rises from row to row.
+                    // The spike is smaller than the rise of the ramp from row to row.
                     values[325] += 200.0;
                     let found = screen(&[&values], &one_stretch(ROWS), false);
                     assert!(!found.keeps(325), "{part} of the rate, {poles} poles: a spike");
@@ -504,8 +505,8 @@ fn a_low_pass_makes_no_spikes_of_the_ends_of_a_ramp() {
     }
 }
 
-/// A line, several lines, one that wanders, a low-pass and both: with 1 in 100 rows replaced, alone or eight on end, each
-/// part of the spectrum stays that of the record before the damage.
+/// A line, several lines, a wandering line, a low-pass and both: with 1 in 100 rows replaced, alone or eight in a row,
+/// each part of the spectrum stays that of the record before the damage.
 #[test]
 fn values_in_place_of_others_follow_lines_and_low_passes() {
     const ROWS: usize = 60_000;
@@ -554,7 +555,7 @@ fn values_in_place_of_others_follow_lines_and_low_passes() {
     }
 }
 
-/// What a row held that is left out does not count: the values in its place are the same for any word.
+/// The word in a row that is left out does not count: the values in its place are the same for any word.
 #[test]
 fn a_word_that_is_left_out_takes_no_digits() {
     let mended = |word: f64| {
@@ -569,7 +570,7 @@ fn a_word_that_is_left_out_takes_no_digits() {
     assert!(mended(3e38) == usual, "3e38");
 }
 
-/// An honest repeat between two spikes, as it comes once in some ten thousand rows, is no pause of a motion.
+/// An honest repeat between two spikes, which occurs once in some ten thousand rows, is not a pause of a motion.
 #[test]
 fn a_repeat_between_spikes_is_not_stale() {
     let mut values = noise(17, 4000, 8000.0, 30.0);

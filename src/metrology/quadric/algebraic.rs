@@ -8,12 +8,12 @@ use wide::f64x4;
 use super::block::{self, Frame, GROUPS};
 use super::{Columns, NotPositive, Surface};
 
-/// Columns of the design: the form by rows of its upper triangle, coordinates, 1; ten in space.
+/// Columns of the design: the form by rows of its upper triangle, coordinates, 1. In space there are ten.
 const MOST: usize = 10;
 /// Different products of two columns: 35 in space, monomials up to the fourth degree.
 const MOMENTS: usize = 35;
 
-/// Which moment the product of two columns is, and a pair of columns for each moment.
+/// The moment of the product of each pair of columns, and a pair of columns for each moment.
 struct Products {
     index: [[usize; MOST]; MOST],
     pairs: Vec<(usize, usize)>,
@@ -48,7 +48,7 @@ impl Products {
 ///
 /// The columns' products are summed (many of them are the same monomial) and the problem is solved from these sums. In
 /// the frame of the record all columns are of the order of 1 and, on a closed surface that is covered, independent:
-/// their condition number is some tens, squared in the sums, so some 12 digits are left. A test holds this against
+/// their condition number is some tens, squared in the sums, so some 12 digits are left. A test compares this with
 /// singular values of the whole design.
 pub(super) fn surface<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> Result<Surface<D>, NotPositive> {
     let squares = D * (D + 1) / 2;
@@ -79,7 +79,7 @@ pub(super) fn surface<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> 
         }
     });
     let moments = sums.map(f64x4::reduce_add);
-    // Products of different coordinates times sqrt 2, so that the norm of the form is that of the columns.
+    // The factor sqrt 2 on products of different coordinates makes the norm of the form that of the columns.
     let mut factors = [1.0; MOST];
     let mut c = 0;
     for a in 0..D {
@@ -95,7 +95,7 @@ pub(super) fn surface<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> 
         })
     };
     let failed = || NotPositive { eigenvalues: vec![0.0; D] };
-    // The best coordinates and constant for a form follow from it linearly; what is left is an eigenvalue problem.
+    // For a given form the best coordinates and constant follow linearly; the rest is an eigenvalue problem.
     let cross = part(squares..unknowns, 0..squares);
     let follow = part(squares..unknowns, squares..unknowns).cholesky().ok_or_else(failed)?.solve(&cross);
     let left = part(0..squares, 0..squares) - cross.transpose() * &follow;
@@ -126,7 +126,7 @@ pub(super) fn surface<const D: usize>(points: &Columns<D>, frame: &Frame<D>) -> 
 mod tests {
     use super::*;
 
-    /// The same problem from singular values of the whole design: nothing of the accuracy is lost in the sums.
+    /// The same problem, solved by singular values of the whole design, which lose no accuracy in sums.
     fn by_singular_values(points: &[[f64; 3]], frame: &Frame<3>) -> Surface<3> {
         let root = std::f64::consts::SQRT_2;
         let design = DMatrix::from_fn(points.len(), 10, |r, c| {
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn sums_of_products_are_as_good_as_singular_values() {
-        // From all around to a band a third as high as wide, far from the origin, with a noise of its own.
+        // From points all around to a band a third as high as wide, far from the origin, each with its own noise.
         for (height, noise) in [(1.0, 0.0), (1.0, 1.0), (0.3, 0.1)] {
             let points: Vec<[f64; 3]> = (0..1003)
                 .map(|k| {

@@ -5,16 +5,16 @@ use wide::f64x4;
 
 use super::Columns;
 
-/// Points of a vector.
+/// Points in a vector.
 const LANES: usize = 4;
-/// Vectors of a block: sums over a block are loaded and stored once.
+/// Vectors in a block. Sums over a block are loaded and stored once.
 pub(super) const GROUPS: usize = 4;
 const POINTS: usize = LANES * GROUPS;
 
 /// One number for each point of a block.
 pub(super) type Block = [f64x4; GROUPS];
 
-/// Scale of a record: its middle and half width, from percentiles of a sample, so that spikes do not enter.
+/// Scale of a record: its middle and half width, from percentiles of a sample, so that spikes do not affect it.
 pub(super) struct Frame<const D: usize> {
     pub(super) middle: SVector<f64, D>,
     pub(super) half: SVector<f64, D>,
@@ -54,7 +54,7 @@ pub(super) fn walk<const D: usize>(points: &Columns<D>, frame: &Frame<D>, mut vi
         visit(&u, &[f64x4::ONE; GROUPS]);
     }
     if whole < n {
-        // Padding repeats the last point, so that it is an ordinary number.
+        // The padding repeats the last point, so that it is an ordinary number.
         let vector =
             |g: usize, value: &dyn Fn(usize) -> f64| f64x4::new(std::array::from_fn(|l| value(whole + g * LANES + l)));
         for d in 0..D {
@@ -64,7 +64,7 @@ pub(super) fn walk<const D: usize>(points: &Columns<D>, frame: &Frame<D>, mut vi
     }
 }
 
-/// Sum of the products of two rows over a block, onto a sum.
+/// Adds the products of two rows over a block to a sum.
 #[inline(always)]
 pub(super) fn add_product(sum: f64x4, a: &Block, b: &Block) -> f64x4 {
     let mut sum = sum;

@@ -13,7 +13,7 @@ use crate::stats;
 pub(super) enum Weight {
     /// Tukey's biweight with this limit.
     Tukey(f64),
-    /// All points within this limit alike.
+    /// Equal weights for all points within this limit.
     Within(f64),
 }
 
@@ -63,8 +63,8 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
     }
 
     /// The foot of point v satisfies `foot_k = v_k / (1 + t lambda_k)`, `sum lambda_k foot_k^2 = 1`: three Newton steps
-    /// from t = 0 settle it to rounding for points within a tenth of the radius; others are outliers anyway. All is
-    /// taken over the common denominator, since divisions are what costs the time.
+    /// from t = 0 settle it to rounding for points within a tenth of the radius; other points are outliers anyway. All
+    /// terms have the common denominator, since divisions cost most of the time.
     #[inline(always)]
     fn feet(&self, u: [f64x4; D]) -> Feet<D> {
         let mut v = [f64x4::ZERO; D];
@@ -85,7 +85,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
                 slope += q * others[k] * self.values[k];
             }
             let next = t + (level - product * product) * product / (slope + slope);
-            // Not true for NaN either.
+            // This comparison is false for NaN too.
             t = next.simd_gt(floor).select(next, floor);
         }
         let (others, product) = self.denominators(t);
@@ -105,7 +105,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
         Feet { distance: t * slope, normal, foot, inverse }
     }
 
-    /// For each axis the product of the other axes' `1 + t lambda`, and the product of all.
+    /// For each axis the product of `1 + t lambda` over the other axes, and the product over all axes.
     #[inline(always)]
     fn denominators(&self, t: f64x4) -> ([f64x4; D], f64x4) {
         let (mut others, mut product) = ([f64x4::ONE; D], f64x4::ONE);
@@ -121,7 +121,8 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
         (others, product)
     }
 
-    /// Robust standard deviation of the distances: 1.4826 times their median magnitude, with the parameters' share.
+    /// Robust standard deviation of the distances: 1.4826 times their median magnitude, corrected for the number of
+    /// parameters.
     pub(super) fn scale(&self, points: &Columns<D>, frame: &Frame<D>) -> f64 {
         let n = points[0].len();
         let mut distances = Vec::with_capacity(n + 16);
@@ -131,7 +132,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
             }
         });
         distances.truncate(n);
-        // A point at the very centre has no foot: infinitely far, as an outlier should be.
+        // A point at the very centre has no foot. It counts as infinitely far, like an outlier.
         distances.iter_mut().for_each(|d: &mut f64| *d = if d.is_nan() { f64::INFINITY } else { d.abs() });
         1.4826 * stats::median(&mut distances) * (n as f64 / (n - P) as f64).sqrt()
     }
@@ -144,11 +145,12 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
             let mut residual = [f64x4::ZERO; GROUPS];
             for g in 0..GROUPS {
                 let feet = self.feet(std::array::from_fn(|d| u[d][g]));
-                // Roots of the weights, so that each factor of a product carries its own.
+                // These are the roots of the weights, so that each factor of a product carries its own.
                 let (used, w) = weight.root(feet.distance);
                 let w = w * keep[g];
                 let (row, rest) = self.row(&feet, sigma);
-                // An outlier's numbers may be infinite, and 0 times that is no number: masked, not only weighted.
+                // An outlier's numbers may be infinite, and 0 times infinity is NaN. So they are masked, not only
+                // weighted.
                 for p in 0..P {
                     jacobian[p][g] = (row[p] * w) & used;
                 }
@@ -171,7 +173,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
         }
     }
 
-    /// Derivatives of the distance by the parameters, and the distance less what noise adds to it on average.
+    /// Derivatives of the distance by the parameters, and the distance less the mean offset that noise adds to it.
     #[inline(always)]
     fn row(&self, feet: &Feet<D>, sigma: f64) -> ([f64x4; P], f64x4) {
         let mut row = [f64x4::ZERO; P];
@@ -190,7 +192,7 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
         (row, feet.distance - curvature * feet.inverse * (0.5 * sigma * sigma))
     }
 
-    /// One Gauss-Newton step, shortened until the form stays positive; returns its size in standard deviations.
+    /// Makes one Gauss-Newton step, shortened until the form stays positive; returns its size in standard deviations.
     pub(super) fn update(&mut self, sums: &Sums<P>, sigma: f64) -> Result<f64, ()> {
         let cofactor = invert(&sums.normal).ok_or(())?.0;
         let full = -(cofactor * sums.gradient);
@@ -263,7 +265,8 @@ impl<const D: usize, const P: usize> Iteration<D, P> {
     }
 }
 
-/// Inverse of a normal matrix after scaling its diagonal to 1, and the condition number of the problem behind it.
+/// Inverse of a normal matrix after its diagonal is scaled to 1, and the condition number of the problem behind the
+/// matrix.
 fn invert<const P: usize>(normal: &SMatrix<f64, P, P>) -> Option<(SMatrix<f64, P, P>, f64)> {
     let scale = SVector::<f64, P>::from_fn(|p, _| normal[(p, p)].sqrt());
     if scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) {

@@ -1,16 +1,16 @@
-//! A centre that moves within a record: iron that is moved or magnetised while the module turns.
+//! A centre that moves within a record, because iron is moved or magnetised while the module turns.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::Refusal;
 
-/// The record is divided at eighths of it.
+/// Number of equal parts of a record. The record is divided between two of them.
 const PARTS: usize = 8;
-/// Least eigenvalue of the mean `u u'` of a part, times the dimension: below it a part does not see its own centre.
+/// Least eigenvalue of the mean `u u'` of a part, times the dimension. Below it a part does not show its own centre.
 const SEEN: f64 = 0.3;
 
-/// Refuses a record whose first and second part have centres farther apart than `limit` of the radius. `unit` gives a
-/// corrected point over the radius, whose length is 1 on the surface; spikes are left out.
+/// Refuses a record whose first and second part have centres farther apart than `limit` of the radius. `unit` returns a
+/// corrected point over the radius, whose length is 1 on the surface; the check leaves out spikes.
 pub(crate) fn check<const D: usize>(
     rows: usize,
     shape: &'static str,

@@ -1,30 +1,30 @@
-//! A straight line by least squares, with what it says about its points.
+//! A straight line by least squares, and its statistics of the points.
 
 use super::{CurvePoint, Estimate, RatePoint};
 
-/// `output = slope rate + offset`.
+/// The line `output = slope rate + offset`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line {
     pub(super) slope: f64,
     pub(super) offset: f64,
     /// Mean rate, about which the sums are taken.
     centre: f64,
-    /// Sum of the squares of the rates about it.
+    /// Sum of the squares of the rates about the mean rate.
     sum_of_squares: f64,
     /// Sum of the squares of the residuals.
     squares: f64,
     points: usize,
-    /// How far slope and offset go where every output is off by 1, with the worst signs.
+    /// Largest errors of slope and offset where every output is off by 1, with the worst signs.
     pub(super) reach: [f64; 2],
 }
 
 impl Line {
-    /// Through points of at least two different rates.
+    /// Fits a line through points of at least two different rates.
     pub(super) fn through(points: &[RatePoint]) -> Self {
         Self::of(points.iter().map(|p| (p.rate, p.output)))
     }
 
-    /// Through the rates of a curve, each once: for its leverages.
+    /// Fits a line through the rates of a curve, each once, for the leverages.
     pub(super) fn through_rates(curve: &[CurvePoint]) -> Self {
         Self::of(curve.iter().map(|p| (p.rate, p.output)))
     }
@@ -32,7 +32,7 @@ impl Line {
     fn of(points: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         let count = points.clone().count();
         let n = count as f64;
-        // Sums about the first output and the means, so that a large offset costs no digits.
+        // The sums are taken about the first output and the means, so that a large offset costs no digits.
         let level = points.clone().next().map_or(0.0, |(_, output)| output);
         let centre = points.clone().map(|(rate, _)| rate).sum::<f64>() / n;
         let mean = points.clone().map(|(_, output)| output - level).sum::<f64>() / n;
@@ -66,7 +66,7 @@ impl Line {
         self.squares
     }
 
-    /// How far a point at this rate draws the line to itself: `1/n + (w - mean)^2 / sum`.
+    /// Returns how far a point at this rate draws the line to itself: `1/n + (w - mean)^2 / sum`.
     pub(super) fn leverage(&self, rate: f64) -> f64 {
         1.0 / self.points as f64 + (rate - self.centre).powi(2) / self.sum_of_squares
     }

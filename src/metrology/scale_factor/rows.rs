@@ -1,4 +1,4 @@
-//! From the rows of a record to the points of a line.
+//! Averages the rows of a record to the points of a line.
 
 use crate::{Refusal, quantisation, series, stats};
 
@@ -9,9 +9,9 @@ pub struct RatePoint {
     pub rate: f64,
     /// Mean output.
     pub output: f64,
-    /// Number of the cycle that it belongs to.
+    /// Number of the cycle of the point.
     pub cycle: f64,
-    /// First of its rows, from 1.
+    /// First row of the point, from 1.
     pub row: usize,
     /// Rows that were averaged.
     pub rows: usize,
@@ -19,7 +19,7 @@ pub struct RatePoint {
     pub resolution_sd: f64,
 }
 
-/// Rows of a record; the columns have one length.
+/// Rows of a record. All columns have the same length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RateRows<'a> {
     /// Input of each row.
@@ -33,8 +33,8 @@ pub struct RateRows<'a> {
 }
 
 impl RateRows<'_> {
-    /// Means of neighbouring rows of one point: of equal number where points are numbered, else of equal rate; and of one
-    /// cycle. A rate that comes again later is a point of its own.
+    /// Returns the means of neighbouring rows of one point. Rows of one point have the same cycle and the same number
+    /// where points are numbered, else the same rate. A rate that comes again later is a point of its own.
     ///
     /// # Errors
     /// [`Refusal::Lengths`], [`Refusal::NotFinite`].

@@ -25,7 +25,7 @@ fn near(found: f64, expected: f64) {
     assert!((found - expected).abs() <= 1e-9 * expected.abs(), "{found} {expected}");
 }
 
-/// Expected values by numpy and scipy: `expected.py`.
+/// Expected values are from numpy and scipy: `expected.py`.
 #[test]
 fn one_cycle_as_numpy_has_it() {
     let found = fit(&of(&RATES, &OUTPUTS[0]), &ScaleFactorOptions::default()).unwrap();
@@ -97,7 +97,7 @@ fn a_parabola_by_hand() {
     close(asymmetry.relative, 0.06 / 2.0);
     assert_eq!(asymmetry.uncertainty, None);
     assert_eq!(found.suspects, []);
-    // A sensor that is mounted the other way round differs in the sign of K alone.
+    // A sensor that is mounted in the opposite direction differs only in the sign of K.
     let reversed = fit(&of(&rates, &outputs.map(|x| -x)), &ScaleFactorOptions::default()).unwrap();
     close(reversed.scale_factor.value, -2.0);
     close(reversed.nonlinearity_full_scale.value, 0.02 / 4.0);
@@ -116,13 +116,13 @@ fn numbered_points() {
     let found = rows.means().unwrap();
     let seen: Vec<_> = found.iter().map(|p| (p.rate, p.output, p.rows)).collect();
     assert_eq!(seen, [(10.0, 20.0, 2), (-10.0, -20.0, 2), (1e-3, 0.5, 2)]);
-    // A ten-thousandth of the full scale is rest.
+    // A ten-thousandth of the full scale counts as rest.
     let found = fit(&found, &ScaleFactorOptions::default()).unwrap();
     assert_eq!(found.curve.iter().map(|p| p.of_output.is_some()).collect::<Vec<_>>(), [true, false, true]);
     assert_eq!(found.nonlinearity_output.rate.abs(), 10.0);
 }
 
-/// Rows of a rate in a block are one point, whatever their number; visits in two blocks are two.
+/// Rows of a rate in a block are one point, however many they are; rows in two blocks are two points.
 #[test]
 fn rows_become_points() {
     let found = of(&[1.0, 1.0, 2.0, 1.0], &[3.0, 5.0, 7.0, 9.0]);
@@ -182,7 +182,7 @@ fn refusals() {
     );
 }
 
-/// One point of eleven that is off by 30 standard deviations is named, and no other.
+/// The one point of eleven that is off by 30 standard deviations is named, and no other.
 #[test]
 fn a_point_that_stands_out_is_named() {
     let rates: Vec<f64> = (-5..=5).map(f64::from).collect();

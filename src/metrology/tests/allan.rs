@@ -48,7 +48,7 @@ fn nbs14_table() {
     check(DeviationKind::Totdev, [0.2922319, 0.09134743, 0.03406530]);
 }
 
-/// An offset of a million changes nothing but the rounding of the record itself, and threads nothing at all.
+/// An offset of a million changes only the rounding of the record itself, and the number of threads changes nothing.
 #[test]
 fn offsets_and_threads_do_not_show() {
     let plain = nbs14();
@@ -85,7 +85,7 @@ fn offsets_and_threads_do_not_show() {
     }
 }
 
-/// A record longer than a tile and its blocks, against the definition written down plainly.
+/// Compares a record longer than a tile and its blocks with the plain definition.
 #[test]
 fn long_records_follow_the_definition() {
     let mut dice = Dice::new(11);
@@ -99,7 +99,7 @@ fn long_records_follow_the_definition() {
         let squares: f64 = (0..n).map(|i| difference(i).powi(2)).sum();
         (squares / (if order == 2 { 2.0 } else { 6.0 } * n as f64)).sqrt() / m as f64
     };
-    // Neighbours that double share their work, others do not; long factors are walked across the record.
+    // Neighbours that double share their work, others do not. Long factors walk across the record.
     let lists: [&[f64]; 3] = [&[1.0, 7.0, 14.0, 1000.0, 65_536.0], &[20_000.0, 40_000.0], &[16_385.0, 50_000.0]];
     let lists = lists.into_iter().map(|l| Taus::Seconds(l.to_vec())).chain([Taus::Octave]);
     for (taus, threads) in lists.flat_map(|l| [1, 2, 5].map(|threads| (l.clone(), threads))) {
@@ -112,16 +112,16 @@ fn long_records_follow_the_definition() {
     }
 }
 
-/// Noise of one kind: the generator, its Allan variance at an averaging factor, the name it should be given.
+/// Noise of one kind: the generator, its Allan variance at an averaging factor, the expected name.
 struct Source {
     noise: PowerLawNoise,
     make: fn(usize, &mut Dice) -> Vec<f64>,
-    /// Expected square of a sum of rates with these weights, which add up to nothing.
+    /// Expected square of a sum of rates with these weights, whose sum is 0.
     variance: fn(&[f64]) -> f64,
 }
 
-/// Weights of the rates in one difference of the family, from the definitions: neighbouring means, second differences of
-/// three means, and the mean of m shifted ones for the modified.
+/// Weights of the rates in one difference of the family, from the definitions: neighbouring means, second differences
+/// of three means, and the mean of m shifted ones for the modified deviation.
 fn weights(kind: DeviationKind, m: usize) -> Vec<f64> {
     let means = |signs: &[f64]| -> Vec<f64> {
         let norm = signs.iter().map(|s| s * s).sum::<f64>().sqrt() * m as f64;
@@ -145,7 +145,7 @@ const WHITE: Source = Source {
     variance: |w| w.iter().map(|v| v * v).sum(),
 };
 
-/// Steps of variance 1, each carried by all later rates.
+/// Steps of variance 1. All later rates carry each step.
 const WALK: Source = Source {
     noise: PowerLawNoise::RateRandomWalk,
     make: |n, dice| {
@@ -166,7 +166,7 @@ const WALK: Source = Source {
 };
 
 /// Flicker of spectral density 1 / f up to the corners: a sum of relaxations, spaced so closely in frequency that the
-/// ripple is below 0.1 %; its variance is the sum of theirs.
+/// ripple is below 0.1 %. The variance of the flicker is the sum of their variances.
 const CORNERS: usize = 40;
 fn corner(k: usize) -> (f64, f64) {
     // Autoregression of the first order with this coefficient, and unit variance: equal power per octave.
@@ -187,7 +187,7 @@ const FLICKER: Source = Source {
             .collect()
     },
     variance: |w| {
-        // The weights' own products at each lag, and what the relaxations have in common there.
+        // The products of the weights at each lag, and the covariance of the relaxations there.
         (0..w.len())
             .map(|lag| {
                 let products: f64 = w.iter().zip(&w[lag..]).map(|(a, b)| a * b).sum();
@@ -198,8 +198,9 @@ const FLICKER: Source = Source {
     },
 };
 
-/// The 68.3 % intervals of white, flicker and random-walk noise cover the truth. Pooled over records; 6 % is four
-/// standard deviations of a coverage over 1000 records, and what the chi-square approximation itself may miss.
+/// The 68.3 % intervals of white, flicker and random-walk noise cover the truth. Pooled over records. The tolerance of
+/// 6 % is four standard deviations of a coverage over 1000 records, and includes the error of the chi-square
+/// approximation itself.
 fn intervals_cover(source: &Source, name: &str) {
     const SEED: u64 = 3;
     const RECORDS: usize = 1000;
@@ -230,7 +231,7 @@ fn intervals_cover(source: &Source, name: &str) {
     }
     KINDS.iter().zip(covered).for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
     println!("{name}: named {named:?}");
-    // From 2 samples on, where the simulated walk is a walk.
+    // The check begins at 2 samples, where the simulated walk is a walk.
     for (covered, kind) in covered.iter().zip(KINDS) {
         for (covered, m) in covered.iter().zip(FACTORS).skip(1) {
             let share = *covered as f64 / RECORDS as f64;
@@ -255,8 +256,9 @@ fn intervals_cover_the_truth_of_a_random_walk() {
     intervals_cover(&WALK, "walk");
 }
 
-/// A term that the record shows plainly is given though its few degrees of freedom make it uncertain, and chance makes
-/// hardly ever one: white noise alone, and with a random walk of the rate from 17 s on in a record of 1000 s.
+/// A term that the record shows plainly is given although it has few degrees of freedom and a large uncertainty. Chance
+/// hardly ever makes a term. The records are white noise alone, and white noise with a random walk of the rate from 17
+/// s on in a record of 1000 s.
 #[test]
 fn coefficients_are_given_where_they_are_seen() {
     const SEED: u64 = 23;
@@ -283,7 +285,8 @@ fn coefficients_are_given_where_they_are_seen() {
         }
         println!("walks {walks}: Q N B K R seen {seen:?}, N and K covered {covered:?} of {RECORDS}");
         let [q, n, b, k, r] = seen;
-        // The last deviations of a walk have one or two degrees of freedom: now and then it passes for a ramp.
+        // The last deviations of a walk have one or two degrees of freedom, so that sometimes the fit takes the walk
+        // for a ramp.
         assert!(n == RECORDS && q + b + r <= RECORDS * if walks { 12 } else { 3 } / 100, "{seen:?}");
         assert!(if walks { k >= RECORDS * 88 / 100 } else { k <= RECORDS / 50 }, "{seen:?}");
         // 68.3 % of 400 are 273, 3.9 standard errors 36.
@@ -292,7 +295,7 @@ fn coefficients_are_given_where_they_are_seen() {
     }
 }
 
-/// N and K of a simulated gyroscope come back with intervals that hold them; what the record does not show is null.
+/// The intervals hold N and K of a simulated gyroscope. Terms that the record does not show are null.
 #[test]
 fn coefficients_of_a_simulated_gyroscope() {
     let (n_true, k_true, rate) = (0.002, 4e-4, 100.0_f64);
@@ -407,8 +410,8 @@ fn short_records_with_a_low_pass() {
     covers(&["white, 600 samples at 1 Hz", "second order 20 %, 600 samples", "first order 25 %, 3000 samples"]);
 }
 
-/// Chi-square rejects white records no more often than its probability says, and hardly less often: the terms that
-/// chance makes take part make it a little smaller.
+/// Chi-square rejects white records no more often than its probability says, and hardly less often: chance makes terms
+/// that take part, and these make chi-square a little smaller.
 #[test]
 fn chi_square_of_white_noise_is_distributed_as_it_says() {
     const SEED: u64 = 43;
@@ -434,7 +437,7 @@ fn chi_square_of_white_noise_is_distributed_as_it_says() {
     }
 }
 
-/// A spike makes a slope of -1/2 without scatter; a smaller one raises N above the plateau of the spectrum.
+/// A spike makes a slope of -1/2 without scatter. A smaller spike raises N above the plateau of the spectrum.
 #[test]
 fn a_spike_is_no_random_walk() {
     const SEED: u64 = 47;
@@ -446,7 +449,7 @@ fn a_spike_is_no_random_walk() {
         values[77_777] += spike;
         analyse(&values, Input::Rate, 100.0, DeviationKind::Oadev, &Taus::Octave, 2).unwrap()
     };
-    // Of 200,000 samples a spike S makes N = S / sqrt(200,000 * 100 Hz).
+    // In 200,000 samples a spike S makes N = S / sqrt(200,000 * 100 Hz).
     for (spike, n) in [(1e6, 223.6), (2000.0, 0.458), (400.0, 0.134)] {
         let analysis = run(spike);
         println!("{spike}: {:?} {:?}", analysis.coefficients.n, analysis.fit);
@@ -464,8 +467,9 @@ fn a_spike_is_no_random_walk() {
     assert!(run(0.0).coefficients.n.is_ok());
 }
 
-/// Noise below half a step between codes says where the mean lies in a code: white noise of 0.2 steps gives anything from 0.1
-/// to 0.5 of them. A constant record with one spike is the same. From half a step on the rounding adds 1/12 of a step squared.
+/// Noise below half a step between codes shows where the mean lies in a code: white noise of 0.2 steps gives anything
+/// from 0.1 to 0.5 steps. A constant record with one spike gives the same. From half a step on the rounding adds 1/12
+/// of a step squared.
 #[test]
 fn noise_below_the_resolution_gives_no_coefficient() {
     const SEED: u64 = 61;
@@ -515,7 +519,8 @@ fn the_fit_has_averaging_times_of_its_own() {
     }
 }
 
-/// White noise keeps its name and loses degrees of freedom with the averaging time, whatever a few long ones look like.
+/// White noise keeps its name and loses degrees of freedom with the averaging time, however a few long averaging times
+/// look.
 #[test]
 fn white_noise_stays_white() {
     const SEED: u64 = 59;
@@ -534,8 +539,8 @@ fn white_noise_stays_white() {
     }
 }
 
-/// Simulated with numpy: 400,000 sums of squares of white, flicker and random-walk noise, averaged over a fifth and a quarter
-/// of the record; their standard error is 0.0007.
+/// Simulated with numpy: 400,000 sums of squares of white, flicker and random-walk noise, averaged over a fifth and a
+/// quarter of the record. The standard error of these shares is 0.0007.
 #[test]
 fn coverage_of_a_chi_square() {
     type Sum = fn(usize) -> f64;
@@ -552,8 +557,8 @@ fn coverage_of_a_chi_square() {
     }
 }
 
-/// A flicker of B = 0.3 N, which the first bins of a Welch spectrum hardly show: the fit with a rise finds N with an interval that
-/// holds it as often as it says, and the fit without takes some of the flicker for white noise.
+/// A flicker of B = 0.3 N, which the first bins of a Welch spectrum hardly show. The fit with a rise finds N, with an
+/// interval that holds it as often as it claims. The fit without a rise takes some of the flicker for white noise.
 #[test]
 fn white_level_beside_a_weak_flicker() {
     const SEED: u64 = 67;

@@ -1,4 +1,4 @@
-//! Noise below the step between two codes: means are off by up to half a step, and the intervals hold that.
+//! Noise below the step between two codes: means are off by up to half a step, and the intervals include this error.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
 
@@ -12,15 +12,16 @@ use gnc_metrology::{AXES, gyro_still, quantisation, scale_factor, six_position, 
 use nalgebra::{Matrix3, Vector3};
 use truth::{Dice, Session, borrowed};
 
-/// Noise in steps: of one code, of toggling codes, of half a code, and where it begins to be fine.
+/// Noise in steps: of one code, of toggling codes, of half a code, and where fine noise begins.
 const NOISES: [f64; 6] = [0.02, 0.1, 0.2, 0.3, 0.45, 0.7];
 const RECORDS: usize = 200;
 const ROWS: usize = 300;
 
-/// What a record gives: whether each interval holds its truth, or nothing where it is refused.
+/// The result of a record: whether each interval holds its truth, or `None` where the record is refused.
 type Trial<'a> = &'a dyn Fn(f64, &mut Dice) -> Option<Vec<bool>>;
 
-/// Intervals of 95 % hold, within 3.9 standard errors of that, and hardly any record is refused.
+/// Checks that intervals of 95 % hold the truth, within 3.9 standard errors of that, and that hardly any record is
+/// refused.
 fn holds(method: &str, trial: Trial<'_>, given_at_least: f64) {
     for noise in NOISES {
         let mut held: Vec<usize> = Vec::new();
@@ -39,14 +40,14 @@ fn holds(method: &str, trial: Trial<'_>, given_at_least: f64) {
     }
 }
 
-/// The probability of a normal value is uniform.
+/// The probability of a normal value is a uniform number.
 fn uniform(low: f64, high: f64, dice: &mut Dice) -> f64 {
     let normal = dice.normal();
     let part = stats::chi_square_probability(normal * normal, 1.0).mul_add(normal.signum(), 1.0) / 2.0;
     low + (high - low) * part
 }
 
-/// Whether the gate takes a record of such stretches.
+/// Whether the gate accepts a record of such stretches.
 fn is_sound(stretches: &[Vec<&[f64]>], still: bool, rows: RowMeaning) -> bool {
     let channels: Vec<Vec<f64>> = stretches.iter().map(|stretches| stretches.concat()).collect();
     let mut start = 0;
@@ -63,7 +64,7 @@ fn rounded(level: f64, noise: f64, rows: usize, dice: &mut Dice) -> Vec<f64> {
     (0..rows).map(|_| (level + noise * dice.normal()).round()).collect()
 }
 
-/// 256 codes per g, whole, so that all positions of an axis lie alike between two codes.
+/// 256 codes per g, a whole number, so that all positions of an axis lie at the same place between two codes.
 #[test]
 fn six_positions() {
     let trial = |noise: f64, dice: &mut Dice| {
@@ -90,7 +91,8 @@ fn six_positions() {
     holds("six positions", &trial, 0.98);
 }
 
-/// A gyroscope at rest lies alike in all positions: its residuals say nothing of its error.
+/// A gyroscope at rest lies at the same place between two codes in all positions, so its residuals do not show its
+/// error.
 #[test]
 fn gyroscopes_at_rest() {
     let trial = |noise: f64, dice: &mut Dice| {
@@ -104,13 +106,13 @@ fn gyroscopes_at_rest() {
             .then_some(())?;
         let [x, y, z] = &channels;
         let positions = from_labels(&labels, [x, y, z], &Limits::GYROSCOPE).ok()?;
-        // Steps of 1 rad/s: the earth's rotation is nothing beside them.
+        // Steps of 1 rad/s: the earth's rotation is negligible beside them.
         let found = gyro_still::calibrate(&positions, 9.8, 0.0, None).ok()?;
         let (expanded, _) = found.expanded();
         let bound = found.bias_heading_bound_rps;
         Some((0..3).map(|i| (found.bias_rps[i] - offset[i]).abs() <= expanded[i] + bound).collect())
     };
-    // A sensor of one value in all positions is dead, as far as they tell.
+    // A sensor with one value in all positions counts as dead.
     holds("gyroscopes at rest", &trial, 0.0);
 }
 
@@ -133,7 +135,7 @@ fn rotations() {
     let trial = |noise: f64, dice: &mut Dice| {
         let base = Session::example();
         let session = Session {
-            // Equal noise of the sensors, which the pooled residuals take.
+            // Equal noise of the sensors, as the pooled residuals assume.
             response: Matrix3::from_fn(|i, j| base.response[(i, j)] * 940.0 / base.response[(i, i)]),
             offset: Vector3::from_fn(|_, _| uniform(-20.0, 20.0, dice)),
             noise: Vector3::repeat(noise),
@@ -150,7 +152,7 @@ fn rotations() {
     holds("rotation", &trial, 0.98);
 }
 
-/// Rates that give whole steps, so that all points lie alike between two codes.
+/// Rates that give whole steps, so that all points lie at the same place between two codes.
 #[test]
 fn scale_factors() {
     const RATES: [f64; 10] = [-100.0, -60.0, -30.0, -10.0, -1.0, 1.0, 10.0, 30.0, 60.0, 100.0];
@@ -168,7 +170,7 @@ fn scale_factors() {
     holds("scale factor", &trial, 1.0);
 }
 
-/// Runs that differ by 0.15 steps, and block means of a level that stays.
+/// Runs that differ by 0.15 steps, and block means of a level that does not change.
 #[test]
 fn spreads() {
     let repeated = |noise: f64, dice: &mut Dice| {
@@ -182,7 +184,7 @@ fn spreads() {
         let is_mean_held = (found.mean - level).abs() <= found.mean_expanded();
         Some(vec![(found.sd_low..=found.sd_high).contains(&0.15), is_mean_held])
     };
-    // Runs that all show one code say nothing of their spread.
+    // Runs that all show one code do not show their spread.
     holds("repeatability", &repeated, 0.3);
     let blocks = |noise: f64, dice: &mut Dice| {
         let values = rounded(uniform(-20.0, 20.0, dice), noise, 20 * ROWS, dice);
@@ -195,8 +197,9 @@ fn spreads() {
     holds("stability", &blocks, 0.05);
 }
 
-/// Noise of a code or two repeats codes by chance, and the usual one for several rows on end. Of 1,000 clean captures of 400 rows
-/// none has a row left out; at 1.4 steps 4 in 1,000 had when the mean chance of all codes stood for the usual one.
+/// Noise of a code or two repeats codes by chance, and the usual code for several rows in a row. Of 1,000 clean
+/// captures of 400 rows no capture has a row left out. At 1.4 steps 4 in 1,000 had one when the code used the mean
+/// chance of all codes for the usual one.
 #[test]
 fn clean_captures_of_a_code_or_two_lose_no_row() {
     for noise in [0.8, 1.0, 1.2, 1.4, 1.6, 2.0, 3.0, 10.0] {

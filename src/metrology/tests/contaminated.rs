@@ -1,4 +1,4 @@
-//! A short seeded run of spoilt records; `cargo bench -p gnc-metrology --bench contamination` makes the long one.
+//! A short seeded run of spoilt records. `cargo bench -p gnc-metrology --bench contamination` does the long run.
 
 #![allow(clippy::print_stdout, reason = "a test says what it saw")]
 

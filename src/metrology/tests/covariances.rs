@@ -1,4 +1,4 @@
-//! The covariances that the methods report are those of their estimates over many simulated calibrations.
+//! The covariances that the methods report equal those of their estimates over many simulated calibrations.
 
 #![allow(
     clippy::unwrap_used,
@@ -19,8 +19,8 @@ use truth::{Dice, Session, borrowed};
 
 const SEED: u64 = 41;
 
-/// Compares correlations of estimates with those of the mean reported covariance. A correlation over n trials scatters by
-/// `1 / sqrt(n)`; five of them, since there are many pairs.
+/// Compares correlations of estimates with those of the mean reported covariance. A correlation over n trials scatters
+/// by `1 / sqrt(n)`. The limit is five times that, since there are many pairs.
 fn compare(trials: usize, mut trial: impl FnMut(&mut Dice) -> (Vec<f64>, DMatrix<f64>)) {
     println!("seed {SEED}, {trials} trials");
     let mut dice = Dice::new(SEED);
@@ -35,7 +35,8 @@ fn compare(trials: usize, mut trial: impl FnMut(&mut Dice) -> (Vec<f64>, DMatrix
     }
     let mut worst: f64 = 0.0;
     for a in 0..size {
-        // The mean of the reported variances is that of the estimates; it scatters by sqrt(2 / n) at most twice.
+        // The mean of the reported variances equals the variance of the estimates, which scatters by sqrt(2 / n). The
+        // limit is 5.7 times that.
         let ratio: f64 = found[(a, a)] / reported[(a, a)];
         assert!((ratio - 1.0).abs() < 8.0 / n.sqrt(), "parameter {a}: variance over reported {ratio}");
         for b in 0..a {
@@ -109,7 +110,7 @@ fn ellipsoids() {
     });
 }
 
-/// A point that moves along its normal changes the figures of the next fit by what its sensitivity says.
+/// A point that moves along its normal changes the figures of the next fit as its sensitivity predicts.
 #[test]
 fn sensitivities_are_those_of_a_second_fit() {
     let mut dice = Dice::new(SEED);

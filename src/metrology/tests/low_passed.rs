@@ -1,4 +1,5 @@
-//! Clean records behind a low-pass pass: means of such noise scatter by more than neighbouring rows say. Motion does not.
+//! Clean records behind a low-pass are accepted: means of such noise scatter by more than neighbouring rows show.
+//! Records with motion are refused.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
 
@@ -36,7 +37,7 @@ fn low_pass(values: &mut [f64], decay: f64) {
 const SENSORS: [(f64, usize, usize, f64); 5] =
     [(0.25, 2, 500, 3.7), (0.25, 2, 1000, 6.0), (0.1, 1, 500, 4.0), (0.1, 2, 2000, 10.0), (0.25, 1, 2000, 10.0)];
 
-/// Six positions of 16384 LSB per g; `moves` is added to channel x of the first one.
+/// Six positions of 16384 LSB per g. `moves` is added to channel x of the first position.
 fn six(
     (part, poles, rows, mg): (f64, usize, usize, f64),
     moves: &dyn Fn(f64) -> f64,
@@ -58,7 +59,8 @@ fn six(
     from_labels(&labels, [x, y, z], &Limits::ACCELEROMETER).map(drop)
 }
 
-/// Of a thousand clean positions behind a low-pass none moves; of white noise 6 in 10 000 are beyond six standard errors.
+/// Of a thousand clean positions behind a low-pass no position moves. Of white noise 6 in 10 000 are beyond six
+/// standard errors.
 #[test]
 fn positions_behind_a_low_pass_are_still() {
     for sensor in SENSORS {
@@ -78,7 +80,7 @@ fn positions_behind_a_low_pass_are_still() {
     }
 }
 
-/// Offset and gain of a flip whose rows follow each other.
+/// Offset and gain of a flip whose rows are correlated.
 #[test]
 fn intervals_of_flips_hold_behind_a_low_pass() {
     const RECORDS: u64 = 400;
@@ -86,7 +88,8 @@ fn intervals_of_flips_hold_behind_a_low_pass() {
     for (part, poles, rows) in [(0.05, 1, 1000), (0.1, 1, 500), (0.1, 2, 1000), (0.25, 2, 500), (10.0, 1, 500)] {
         let (mut held, mut given) = ([0; 2], 0);
         for seed in 0..RECORDS {
-            // The deviation of the noise is that of all records, not of this one: a record of its own deviation has none left.
+            // The deviation of the noise is that of all records, not of this one. A record scaled to its own deviation
+            // has no deviation left to vary.
             let mut dice = Dice::new(seed);
             let all = noise(4 * rows, part, poles, 60.0, &mut dice);
             let of_side = |side: f64, from: usize| all[from..from + rows].iter().map(move |v| side * LEVEL + v);
@@ -125,7 +128,7 @@ fn positions_that_move_behind_a_low_pass_are_refused() {
     }
 }
 
-/// Rotations whose sensors stand behind a low-pass, with noise at rest of 5 mrad/s.
+/// Rotations of sensors behind a low-pass, with noise at rest of 5 mrad/s.
 fn rotation_runs(part: f64, seed: u64) -> Vec<(String, [Vec<f64>; 3])> {
     runs_of(Session::example(), part, seed)
 }
@@ -161,7 +164,7 @@ fn rotations_behind_a_low_pass_rest() {
     }
 }
 
-/// With a vertical axis nothing is left over that would tell the noise of the integrals: it comes from the rest.
+/// With a vertical axis no residual is left that shows the noise of the integrals. The noise comes from the rest.
 #[test]
 fn intervals_of_vertical_rotations_hold_behind_a_low_pass() {
     const SESSIONS: usize = 300;

@@ -1,4 +1,4 @@
-//! The worst hours of the calibrations: each ill-posed record is refused for its own reason, with the numbers in it.
+//! The hardest cases of the calibrations: each ill-posed record is refused for its own reason, with its numbers.
 
 #![allow(
     clippy::unwrap_used,
@@ -141,7 +141,7 @@ fn rotations() {
     refused(&|r| drop(r.remove(4)), "missing: z+");
     refused(&|r| r[1].0 = "x+".to_owned(), "`x+` stands in two separated blocks");
     refused(&|r| r[3].1[0][55] = f64::INFINITY, "x: sample 55 is inf");
-    // 9.5 to 10 s of rest end the record: cut 4 s earlier, in the ramp.
+    // 9.5 to 10 s of rest end the record. The cut is 4 s earlier, in the ramp.
     refused(&|r| r[2].1.iter_mut().for_each(|c| c.truncate(650)), "run y+ is cut off: 0.000 s of rest after");
     refused(&|r| r[2].1.iter_mut().for_each(|c| drop(c.drain(..400))), "run y+ is cut off: 0.000 s of rest before");
     refused(&|r| r[2].1.iter_mut().for_each(|c| c.truncate(100)), "run y+: 100 samples");
@@ -154,7 +154,7 @@ fn rotations() {
         &|r| r[0].1[2][850..880].iter_mut().for_each(|v| *v += 500.0),
         "run x+ moves outside its rotation: z deviates",
     );
-    // 1078 instead of 1080 degrees back.
+    // The way back turns by 1078 instead of 1080 degrees.
     refused(
         &|r| r[5].1[2].iter_mut().for_each(|v| *v = 5.0 + (*v - 5.0) * 1078.0 / 1080.0),
         "axis z: rotations forth and back differ by",
@@ -164,7 +164,7 @@ fn rotations() {
     refused(&|r| (0..4).for_each(|k| r[k].0 = ["y+", "y-", "x+", "x-"][k].to_owned()), "no rotation found");
     let no = |_: &mut Runs| {};
     rotation_refused(no, |o| o.saturation = Some(7000.0), "x is saturated");
-    // Both senses cut alike: they cancel, and only the plateau tells.
+    // Both directions are cut off alike: they cancel, and only the plateau shows the fault.
     let clip = |r: &mut Runs| (0..2).for_each(|k| r[k].1[0].iter_mut().for_each(|v| *v = v.clamp(-7000.0, 7000.0)));
     refused(&clip, "x of run x+ is saturated");
     rotation_refused(no, |o| o.nominal = Some((2500.0, 5.0)), "sensor x: response 1.99");
@@ -172,7 +172,7 @@ fn rotations() {
     rotation_refused(no, |o| o.turns = 0.0, "turns is 0");
 }
 
-/// A channel that froze through a run says that it does not answer there. Noise below a code repeats as well, rightly.
+/// A channel that froze through a run seems not to answer there. Noise below a code also repeats, and is accepted.
 #[test]
 fn a_channel_that_froze_through_a_run() {
     let frozen = |names: &'static [&'static str]| {
@@ -193,7 +193,7 @@ fn a_channel_that_froze_through_a_run() {
     assert!(!matches!(found, Err(Refusal::Stuck { .. })), "{found:?}");
 }
 
-/// Unequal scale factors are no reason to refuse, and the ranges of this session are.
+/// A sensor with a hundred times the scale factor is not refused.
 #[test]
 fn unequal_scale_factors_are_normal() {
     let mut session = Session::example();
@@ -239,11 +239,11 @@ fn ellipses() {
         .zip(branch.1.iter().copied())
         .unzip();
     ellipse_refused(both, "hyperbola");
-    // Half a turn to and fro.
+    // Half a turn back and forth.
     let half: (Vec<f64>, Vec<f64>) =
         (0..2000).map(|k| (f64::from(k) * 0.01).sin() * 1.5).map(|a| (100.0 * a.cos(), 100.0 * a.sin())).unzip();
     ellipse_refused(half, "poor coverage");
-    // The table stood for three quarters of the record.
+    // The table stood still for three quarters of the record.
     let mut stood = good(1000, 1.0);
     let rest = good(3000, 1.0);
     stood.0.extend(rest.0.iter().map(|_| 93.0 + 3.0));
@@ -282,7 +282,7 @@ fn ellipsoid_refused([x, y, z]: [Vec<f64>; 3], expected: &str) {
 #[test]
 fn ellipsoids() {
     let round = [50.0, 50.0, 50.0];
-    // Nearly planar: whatever the noise makes of it, it is refused.
+    // A nearly planar record is refused, at any noise.
     for noise in [0.0, 0.01, 0.5, 5.0] {
         for width in [0.02, 0.1, 0.25] {
             let [x, y, z] = sphere(|u| u[2].abs() < width, round, noise);
@@ -330,14 +330,14 @@ fn records_of_two_fields_are_refused() {
     moved[1000..].iter_mut().for_each(|v| *v += 15.0);
     ellipse_refused((moved.clone(), y.clone()), "of the ellipse moves by 1");
     assert!(ellipse::fit_within(&moved, &y, None, 0.3).is_ok());
-    // Turns in fields that differ by 30 %, in turn.
+    // The turns alternate between fields that differ by 30 %.
     for k in (0..2000).filter(|k| k / 100 % 2 == 0) {
         x[k] = 3.0 + 1.3 * (x[k] - 3.0);
         y[k] = -5.0 + 1.3 * (y[k] + 5.0);
     }
     ellipse_refused((x, y), "of the radius off the ellipse");
     let mut points = sphere(|_| true, [50.0, 48.0, 45.0], 0.2);
-    // In the order of the heights no part would see its centre.
+    // In the order of the heights a part would not show its centre.
     let order: Vec<usize> = (0..points[0].len()).map(|k| k * 1597 % points[0].len()).collect();
     points = points.map(|column| order.iter().map(|&k| column[k]).collect());
     let half = points[0].len() / 2;
@@ -350,7 +350,7 @@ fn records_of_two_fields_are_refused() {
     ellipsoid_refused(points, "of the radius off the ellipsoid");
 }
 
-/// Outliers on one side are called so, and not missing directions.
+/// Outliers on one side are reported as outliers, not as missing directions.
 #[test]
 fn one_sided_outliers_are_not_poor_coverage() {
     let mut points = sphere(|_| true, [50.0, 48.0, 45.0], 0.2);

@@ -20,7 +20,7 @@ fn fitted(rates: &[f64], outputs: &[f64], cycles: Option<&[f64]>) -> ScaleFactor
     fit(&RateRows { rates, outputs, cycles, points: None }.means().unwrap(), &ScaleFactorOptions::default()).unwrap()
 }
 
-/// What the 95 % interval of a name covered.
+/// How often the 95 % interval of a name covered the truth.
 struct Coverage(Vec<(&'static str, usize)>);
 
 impl Coverage {
@@ -39,7 +39,7 @@ impl Coverage {
     }
 }
 
-/// One cycle with white noise and a step of K by 100 ppm between the senses.
+/// One cycle with white noise and a step of K by 100 ppm between the directions.
 #[test]
 fn one_cycle() {
     let mut dice = Dice::new(SEED);
@@ -57,7 +57,7 @@ fn one_cycle() {
     coverage.check();
 }
 
-/// Six power cycles, each with a K and an offset of its own, on a sensor with a cubic term and asymmetry.
+/// Six power cycles, each with its own K and offset, on a sensor with a cubic term and asymmetry.
 #[test]
 fn power_cycles() {
     const ASYMMETRY: f64 = 100e-6;
@@ -66,7 +66,7 @@ fn power_cycles() {
     let mut dice = Dice::new(SEED);
     let mut coverage = Coverage(Vec::new());
     let clean = |w: f64, k: f64| k * w * (1.0 + ASYMMETRY / 2.0 * w.signum()) + 2e-8 * K * w * w * w / 300.0;
-    // The line's own slope, and its distance from the curve at each rate, without noise.
+    // The slope of the line itself, and its distance from the curve at each rate, without noise.
     let truth = fitted(&RATES, &RATES.map(|w| clean(w, K) + OFFSET), None);
     let (mut rates, mut cycles) = (Vec::new(), Vec::new());
     for cycle in 0..CYCLES {
@@ -101,12 +101,12 @@ fn power_cycles() {
         });
     }
     coverage.check();
-    // It holds for all points at once, so it covers the largest more often than 95 %.
+    // The interval holds for all points at once, so it covers the largest more often than 95 %.
     println!("seed {SEED}: nonlinearity covered in {held} of {TRIALS}");
     assert!(held >= 923, "{held}");
 }
 
-/// A linear sensor is called non-linear in one record of twenty by the test of the line.
+/// The test of the line calls a linear sensor non-linear in one record of twenty.
 #[test]
 fn the_test_of_the_line_is_honest() {
     let mut dice = Dice::new(SEED);

@@ -1,4 +1,4 @@
-//! A short seeded run of the simulated calibrations; `cargo bench -p gnc-metrology --bench truth` makes the long one.
+//! A short seeded run of the simulated calibrations. `cargo bench -p gnc-metrology --bench truth` does the long run.
 
 #![allow(
     clippy::unwrap_used,

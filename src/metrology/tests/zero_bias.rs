@@ -1,4 +1,4 @@
-//! Bias elimination over 200 simulated power cycles against the truth, with power lost in the midst of writes.
+//! Bias elimination over 200 simulated power cycles compared with the truth, with power lost during writes.
 
 #![allow(
     clippy::unwrap_used,
@@ -16,7 +16,7 @@ use truth::Dice;
 
 const SEED: u64 = 17;
 const CYCLES: usize = 200;
-/// Cycles before the errors count: nothing is stored at first.
+/// Cycles before the errors count, since nothing is stored at first.
 const LEARNING: usize = 20;
 const SAMPLES: usize = 8000;
 const RATE_HZ: f64 = 100.0;
@@ -60,7 +60,7 @@ fn two_hundred_power_cycles() {
         let mut kalman = Kalman::new(&model, &for_kalman).unwrap();
         for k in 0..SAMPLES {
             bias += 0.01 * dice.normal();
-            // A second of motion now and then, and at the start of every third cycle.
+            // A second of motion at intervals, and at the start of every third cycle.
             let moving = k % 4500 > 4400 || (cycle % 3 == 0 && k < 80);
             let rate = bias + noise * dice.normal() + if moving { 30_000.0 } else { 0.0 };
             let out = eliminator.step(rate, !moving);

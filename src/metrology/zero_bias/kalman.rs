@@ -3,7 +3,7 @@
 use super::Stored;
 use crate::{Refusal, series};
 
-/// What the module's own record says about its bias; unit u of the rate.
+/// What the module's own record shows about its bias, in the unit u of the rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BiasModel {
     /// Standard deviation of the bias from one power-on to the next, u.
@@ -17,8 +17,8 @@ pub struct BiasModel {
 }
 
 /// A scalar Kalman filter. It starts from the stored biases with the variance of their mean and of a new power-on,
-/// takes each still sample with the variance `N^2 rate`, and lets the bias walk just so fast that the variance settles
-/// at the floor `(0.664 B)^2` of the record.
+/// takes each still sample with the variance `N^2 rate`, and lets the bias walk at the speed at which the variance
+/// settles at the floor `(0.664 B)^2` of the record.
 #[derive(Debug, Clone)]
 pub struct Kalman {
     bias: f64,
@@ -28,7 +28,7 @@ pub struct Kalman {
 }
 
 impl Kalman {
-    /// Powers on with what was stored; with nothing stored the first still sample is the bias.
+    /// Starts from the biases that were stored. With nothing stored, the first still sample is the bias.
     ///
     /// # Errors
     /// [`Refusal::Parameter`] for figures that are not above zero.
@@ -59,13 +59,13 @@ impl Kalman {
         rate - self.bias
     }
 
-    /// The bias now.
+    /// Returns the present bias.
     #[must_use]
     pub fn bias(&self) -> f64 {
         self.bias
     }
 
-    /// Its standard deviation after the model; infinite before anything is known.
+    /// Returns the standard deviation of the bias by the model; infinite before anything is known.
     #[must_use]
     pub fn sd(&self) -> f64 {
         self.variance.map_or(f64::INFINITY, f64::sqrt)

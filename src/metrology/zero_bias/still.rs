@@ -1,11 +1,12 @@
-//! A still flag for modules that give none.
+//! A still flag for modules that do not give one.
 
 use crate::{Refusal, series};
 
-/// Still while the samples of a window scatter no more than noise and no single one leaves it.
+/// Detects a still module: the samples of a window scatter no more than noise, and no single sample leaves the window's
+/// mean.
 ///
-/// Motion that is slower than the noise shows (a constant rate, the earth's rotation) cannot be told from bias by a
-/// gyroscope alone.
+/// A gyroscope alone cannot separate a bias from a motion that is slower than the noise shows (a constant rate, the
+/// earth's rotation).
 #[derive(Debug, Clone)]
 pub struct StillDetector {
     window: Vec<f64>,
@@ -15,13 +16,13 @@ pub struct StillDetector {
 }
 
 impl StillDetector {
-    /// Scatter over noise at which a window counts as moving: for 50 samples of normal noise 4.5 standard deviations of
-    /// the scatter away.
+    /// Scatter over noise at which a window counts as moving. For 50 samples of normal noise this is 4.5 standard
+    /// deviations of the scatter away.
     const SCATTER: f64 = 1.45;
     /// Distance of a single sample from the mean of the window, in standard deviations of the noise.
     const SINGLE: f64 = 6.0;
 
-    /// A detector over `window` samples for a gyroscope whose samples have this standard deviation of noise.
+    /// Creates a detector over `window` samples for a gyroscope whose samples have this standard deviation of noise.
     ///
     /// # Errors
     /// [`Refusal::Parameter`] for a window below 10 samples or noise that is not above zero.
@@ -33,7 +34,8 @@ impl StillDetector {
         Ok(Self { window: vec![0.0; window], next: 0, filled: false, noise })
     }
 
-    /// Takes one sample; `true` when the window that ends with it is still. Never before the first window is full.
+    /// Takes one sample. Returns `true` when the window that ends with it is still, but not before the first window is
+    /// full.
     pub fn step(&mut self, rate: f64) -> bool {
         self.window[self.next] = rate;
         self.next = (self.next + 1) % self.window.len();

@@ -1,4 +1,4 @@
-//! Stored biases, in two copies of which one is whole at any moment.
+//! Stored biases, in two copies. At any moment at least one copy is whole.
 
 use crc::{CRC_32_ISCSI, Crc};
 
@@ -7,7 +7,7 @@ pub(super) const MOST_SLOTS: usize = 64;
 const MAGIC: [u8; 4] = *b"GZB1";
 const CRC32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// Biases of earlier power cycles (A) and where the last one was written (Flag).
+/// Biases of earlier power cycles (A) and the slot of the last one (Flag).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Stored {
     biases: Vec<f64>,
@@ -15,19 +15,19 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Mean of the stored biases, or `None` where there is none.
+    /// Returns the mean of the stored biases, or `None` where there is none.
     #[must_use]
     pub fn mean(&self) -> Option<f64> {
         (!self.biases.is_empty()).then(|| crate::stats::mean(&self.biases))
     }
 
-    /// The biases, in the order of their slots.
+    /// Returns the biases, in the order of their slots.
     #[must_use]
     pub fn biases(&self) -> &[f64] {
         &self.biases
     }
 
-    /// Writes a bias into the slot after the last one, of `slots`.
+    /// Writes a bias into the slot after the last one. There are `slots` slots.
     pub fn push(&mut self, bias: f64, slots: usize) {
         if self.biases.len() < slots {
             self.biases.push(bias);
@@ -38,7 +38,7 @@ impl Stored {
         }
     }
 
-    /// `magic | sequence u64 | count u16 | flag u16 | biases f64 | CRC-32C`, little-endian.
+    /// Encodes a copy: `magic | sequence u64 | count u16 | flag u16 | biases f64 | CRC-32C`, little-endian.
     fn encode(&self, sequence: u64) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(sequence.to_le_bytes());
@@ -49,7 +49,7 @@ impl Stored {
         bytes
     }
 
-    /// Reads a copy; `None` where it is not whole. Bytes after it are not looked at.
+    /// Reads a copy; `None` where it is not whole. Bytes after the copy are ignored.
     fn decode(bytes: &[u8]) -> Option<(u64, Self)> {
         let bytes = bytes.strip_prefix(&MAGIC)?;
         let (sequence, bytes_after) = bytes.split_first_chunk::<8>()?;
@@ -77,14 +77,14 @@ impl Stored {
 pub struct Copies(pub [Vec<u8>; 2]);
 
 impl Copies {
-    /// The newest whole copy; nothing stored where neither is whole.
+    /// Returns the newest whole copy; an empty store where neither is whole.
     #[must_use]
     pub fn load(&self) -> Stored {
         self.newest().map_or_else(Stored::default, |(_, _, stored)| stored)
     }
 
-    /// What to write, and over which copy: never the newest whole one. The caller writes the bytes in any order and may
-    /// be cut off at any of them; until the last one is there the other copy counts.
+    /// Returns what to write, and over which copy: never over the newest whole copy. The caller may write the bytes in
+    /// any order and may be cut off at any byte. Until the last byte is there, the other copy counts.
     #[must_use]
     pub fn plan(&self, stored: &Stored) -> (usize, Vec<u8>) {
         let (copy, sequence) = self.newest().map_or((0, 1), |(copy, sequence, _)| (1 - copy, sequence.wrapping_add(1)));
@@ -94,7 +94,7 @@ impl Copies {
     fn newest(&self) -> Option<(usize, u64, Stored)> {
         let read = |copy: usize| Stored::decode(&self.0[copy]).map(|(sequence, stored)| (copy, sequence, stored));
         match (read(0), read(1)) {
-            // Half the range ahead, so that the sequence may run over.
+            // Newer means up to half the range ahead, so that the sequence may wrap.
             (Some(a), Some(b)) => Some(if b.1.wrapping_sub(a.1) < u64::MAX / 2 { b } else { a }),
             (a, b) => a.or(b),
         }
@@ -105,7 +105,8 @@ impl Copies {
 mod tests {
     use super::*;
 
-    /// Cut off after any number of bytes, and with any one byte wrong, the old state or the new one is read: nothing else.
+    /// A write may be cut off after any number of bytes, or one byte of it may be wrong. A reader always gets the old
+    /// state or the new one.
     #[test]
     fn a_write_may_be_cut_off_anywhere() {
         let mut copies = Copies::default();

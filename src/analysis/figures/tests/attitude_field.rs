@@ -1,4 +1,4 @@
-//! Attitudes whose field is not that of the others, and parts that are not those of their attitude.
+//! Attitudes whose field differs from that of the others, and parts that differ from their attitude.
 
 use gnc_metrology::Refusal;
 
@@ -12,7 +12,7 @@ fn ask_with(site: &BenchSite, captures: &[Capture]) -> Result<Findings, FigureEr
     analyse(ItemId::MagnetometerEllipsoid, &AnalysisInput { params: &params, site: Some(site), captures, earlier: &[] })
 }
 
-/// Adds a field along the sensor's own reading to some samples of a capture: iron that strengthens what is there.
+/// Adds a field along the sensor's own reading to some samples of a capture, as from iron that strengthens the field.
 fn disturb(capture: &mut Capture, rows: std::ops::Range<usize>, mgauss: f64) {
     for sample in &mut capture.samples[rows] {
         let length = sample.mag.iter().map(|code| f64::from(*code).powi(2)).sum::<f64>().sqrt();
@@ -20,7 +20,7 @@ fn disturb(capture: &mut Capture, rows: std::ops::Range<usize>, mgauss: f64) {
     }
 }
 
-/// The odd attitudes that are named, with what they are off by; none where the item has figures.
+/// Returns the odd attitudes that are named, with their differences; empty where the item has figures.
 fn odd(site: &BenchSite, captures: &[Capture]) -> Vec<(String, f64)> {
     match ask_with(site, captures) {
         Ok(_) => Vec::new(),
@@ -38,7 +38,8 @@ fn a_good_module_keeps_all_its_attitudes() {
     }
 }
 
-/// Iron beside the bench in one attitude, in two, or in four, weak and strong: these are named, with what they are off by.
+/// Iron beside the bench in one attitude, in two, or in four, weak and strong: the error names these attitudes with
+/// their differences.
 #[test]
 fn wrong_attitudes_are_named() {
     for (mgauss, wrong) in
@@ -55,7 +56,8 @@ fn wrong_attitudes_are_named() {
             let labels: Vec<&str> = named.iter().map(|(label, _)| label.as_str()).collect();
             let expected: Vec<&str> = wrong.iter().map(|&place| captures[place].about.label.as_str()).collect();
             assert_eq!(labels, expected, "seed {seed}, {mgauss} mgauss");
-            // The ambient field of 0.1 mgauss in each, five standard deviations, and soft iron of 1 %.
+            // The ambient field is 0.1 mgauss in each attitude. The tolerance is five standard deviations, and soft
+            // iron of 1 %.
             let near = |off: f64| (off - mgauss).abs() < 0.7 + 0.02 * mgauss.abs();
             assert!(named.iter().all(|(_, off)| near(*off)), "seed {seed}: {named:?}");
         }
@@ -73,7 +75,7 @@ fn the_message_says_where_and_by_how_much() {
     assert!(error.try_this().contains("ambient_u"), "{}", error.try_this());
 }
 
-/// A bench whose field moves more than its file says has wider intervals, and no attitude is blamed.
+/// A bench whose field moves by more than its file states has wider intervals, and the error names no attitude.
 #[test]
 fn a_restless_bench_widens_the_intervals() {
     let (quiet, captures) = good_attitudes(104);
@@ -88,7 +90,8 @@ fn a_restless_bench_widens_the_intervals() {
     assert!(expanded(&wide) > 0.6 * expanded(&honest), "{} {}", expanded(&wide), expanded(&honest));
 }
 
-/// A short disturbance is left out of its attitude and counted; a field that changes in the middle of one is refused there.
+/// A short disturbance is left out of its attitude and counted. A field that changes in the middle of an attitude is
+/// refused there.
 #[test]
 fn parts_are_judged_against_their_attitude() {
     let (site, mut captures) = good_attitudes(105);

@@ -1,4 +1,4 @@
-//! Six positions, still gyroscopes, rotations, and what is stored of them.
+//! Six positions, still gyroscopes, rotations, and the coefficients that are stored.
 
 use gnc_protocol::calibration::CompensatedSample;
 use nalgebra::{Matrix3, Vector3};
@@ -9,7 +9,7 @@ use crate::figures::calibration::ModuleCoefficients;
 
 pub(super) const SIX: &str = "dwell = \"60 s\", rate = \"20 Hz\", pose_u = \"0 deg\", gravity_u = \"0 ppm\"";
 
-/// Six positions, rotations and still gyroscopes of a world, as an acceptance has them.
+/// Six positions, rotations and still gyroscopes of a world, as in an acceptance.
 pub(super) fn calibrated(world: &mut World) -> Vec<(String, Findings)> {
     let six = world.six("", 1, 60.0, 20);
     let turns = world.turns("", 1, 200);
@@ -42,7 +42,7 @@ fn six_positions_recover_the_truth() {
     assert_eq!(figure(&findings, "bias_x").1, Unit::Milligravity);
     assert_eq!(findings.details["gravity_mps2"], GRAVITY);
     assert_eq!(findings.details["budget"]["bias_x"]["contributions"][0]["type"], "A");
-    // A socket that is turned changes the couplings to the fixture, and not the angles between the axes.
+    // A socket that is turned changes the couplings to the fixture, but not the angles between the axes.
     let angle = figure(&findings, "nonorthogonality_xy").0;
     let (sin, cos) = 0.002_f64.sin_cos();
     world.accel *= nalgebra::Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
@@ -51,14 +51,15 @@ fn six_positions_recover_the_truth() {
     assert!((figure(&turned, "nonorthogonality_xy").0 - angle).abs() < 30.0);
 }
 
-/// Attitudes that are worse than the plan says do not hide: the scatter of the residuals is taken, and it is said.
+/// Attitudes that are worse than the plan says are detected: the scatter of the residuals is used, and the details say
+/// so.
 #[test]
 fn bad_attitudes_widen_the_uncertainty() {
     let mut world = World { pose_rad: 1e-3, ..World::new(2) };
     let findings = ask(ItemId::SixPosition, SIX, &world.six("", 1, 60.0, 20), &[]).unwrap();
     assert!(findings.details["label"].as_str().unwrap().contains("residuals larger"), "{}", findings.details["label"]);
     assert!(figure(&findings, "bias_x").2.expanded().unwrap() > 0.1);
-    // Told, they are in the budget: a pose error d adds d / sqrt(2) to the cross terms.
+    // When the plan states the pose error, it is in the budget: a pose error d adds d / sqrt(2) to the cross terms.
     let told = SIX.replace("pose_u = \"0 deg\"", "pose_u = \"0.0573 deg\"");
     let findings = ask(ItemId::SixPosition, &told, &world.six("", 1, 60.0, 20), &[]).unwrap();
     let pose = &findings.details["budget"]["coupling_xy"]["contributions"][1];
@@ -84,7 +85,7 @@ fn still_gyroscopes_recover_bias_and_g_sensitivity() {
             close(findings, &format!("g_sensitivity_{axis}{other}"), per_g[(i, j)], 5.0);
         }
     }
-    // Unknown headings: the horizontal earth rate of 12.4 deg/h may be in it, and the budget says so.
+    // With unknown headings the horizontal earth rate of 12.4 deg/h may be in the bias, and the budget says so.
     let six = world.six("", 1, 60.0, 20);
     let unknown = ask(ItemId::GyroStill, "of = \"six-position\", heading = \"unknown\"", &six, &earlier).unwrap();
     let expanded = |findings: &Findings| figure(findings, "bias_x").2.expanded().unwrap();
@@ -114,7 +115,7 @@ fn rotations_recover_scale_and_coupling() {
     let at_attitude = inverse * (world.gyro_bias + world.per_g.column(0) * GRAVITY / 9.80665);
     close(&findings, "bias_at_attitude_x", at_attitude[0] * 3600.0, 15.0);
     assert!(findings.details["label"].as_str().unwrap().contains("at this attitude"));
-    // An angle that both senses miss by 100 ppm is invisible, and goes into the scale factor one to one.
+    // An angle that is off by 100 ppm in both directions is invisible, and goes into the scale factor one to one.
     let mut world = World { angle_error: 1e-4, ..World::new(4) };
     let off = ask(ItemId::Rotation, text, &world.turns("", 1, 200), &[]).unwrap();
     assert!((figure(&off, "scale_error_x").0 - figure(&findings, "scale_error_x").0 - 100.0).abs() < 1.0);
@@ -124,13 +125,14 @@ fn rotations_recover_scale_and_coupling() {
     assert!((rows[2]["u"].as_f64().unwrap() - 100.0).abs() < 0.01 && rows[3]["u"] == 20.0, "{rows}");
 }
 
-/// A board clock that runs 30 ppm fast makes every angle look 30 ppm large. Unmeasured, that is within the interval of the
-/// scale error, which names the clock; measured by pulses, it is gone, and the interval holds what the clock may drift.
+/// A board clock that runs 30 ppm fast makes every angle look 30 ppm large. Without a measurement, this is within the
+/// interval of the scale error, which names the clock. With a measurement by pulses it is corrected, and the interval
+/// holds the drift of the clock.
 #[test]
 fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
     let text = "angle_u = \"0 deg\", pose_u = \"0 deg\"";
     let truth = (World::new(4).gyro[(0, 0)] - 1.0) * 1e6;
-    // Samples of a clock that runs fast lie closer: there are more of them in a turn, 30 ppm.
+    // Samples of a clock that runs fast lie closer: a turn has 30 ppm more of them.
     let turns = World { angle_error: 30e-6, ..World::new(4) }.turns("", 1, 200);
     let pulses: Vec<u64> = (0..4).map(|k| 5_000_000_000 + k * 1_000_030_000).collect();
     let clock = super::clock::BoardClock::of_pulses(&pulses).unwrap();
@@ -149,17 +151,17 @@ fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
     let measured = ask(ItemId::Rotation, text, &turns, &earlier).unwrap();
     let (value, _, known) = figure(&measured, "scale_error_x");
     assert!((value - truth).abs() < 5.0, "{value} for {truth}");
-    // +-5 ppm of drift, every value as likely, and 0.05 ppm of the pulses.
+    // +-5 ppm of drift, all values equally likely, and 0.05 ppm of the pulses.
     assert!((row(&measured)["u"].as_f64().unwrap() - 5.0 / 3.0_f64.sqrt()).abs() < 0.01, "{}", row(&measured));
     // The noise of these turns is 4 ppm beside it.
     assert!(known.expanded().unwrap() < 12.0, "{known:?}");
     assert_eq!(row(&measured)["name"], "sample clock, by 1PPS");
     close(&measured, "sample_rate_error", 30.0, 6.0);
-    // What is stored follows: its inverse gives the true rate.
+    // The stored coefficients follow: their inverse gives the true rate.
     assert_ne!(measured.details["calibration"]["gyro_scale"], unknown.details["calibration"]["gyro_scale"]);
 }
 
-/// The few points kept for the picture of a turn still add up to its angle, in its sense.
+/// The few points kept for the picture of a turn still add up to its angle, with its sign.
 #[test]
 fn the_thinned_records_show_the_turns() {
     let findings = ask(ItemId::Rotation, "", &World::new(8).turns("", 1, 200), &[]).unwrap();
@@ -190,7 +192,7 @@ fn calibrations_come_back_with_their_bits() {
         })
         .collect();
     assert_eq!(ModuleCalibration::of(&files).unwrap(), calibration);
-    // The newest of a part counts.
+    // The newest item counts for each part.
     let mut twice = earlier.clone();
     twice.extend(calibrated(&mut World::new(6)));
     assert_ne!(ModuleCalibration::of(&twice).unwrap(), calibration);
@@ -224,7 +226,7 @@ fn download_and_check_agree_with_the_module() {
         assert!(figure(&check, name).0.abs() < 5.0, "{name} {:?}", figure(&check, name));
     }
     assert!(figure(&check, "angle_error").0.abs() < 40.0 && figure(&check, "cross_angle").0 < 60.0);
-    // Another module's coefficients do not pass.
+    // The coefficients of another module do not pass.
     world.gyro[(2, 2)] *= 1.001;
     world.accel_bias[0] += 0.001;
     let captures = checked(&mut world);
@@ -233,7 +235,7 @@ fn download_and_check_agree_with_the_module() {
     assert!((figure(&check, "force_error_x").0 - 1.0).abs() < 0.1);
 }
 
-/// What the interface document says that a board makes of raw samples, by its formulas.
+/// Computes what the interface document says that a board makes of raw samples, by its formulas.
 fn as_the_board(raw: &Capture, known: &ModuleCoefficients) -> Capture {
     let rows = |rows: [[f64; 3]; 3]| Matrix3::from_fn(|row, column| rows[row][column]);
     let counts = |values: Vector3<f64>, scale: f64| [0, 1, 2].map(|axis| (values[axis] * scale).round() as i32);
@@ -247,7 +249,7 @@ fn as_the_board(raw: &Capture, known: &ModuleCoefficients) -> Capture {
     Capture { compensated: compensated.collect(), samples: Vec::new(), ..raw.clone() }
 }
 
-/// A seat that sits askew on the table shows in every coupling relative to the table, and in no angle between the axes.
+/// A seat that sits askew on the table shows in every coupling relative to the table, but in no angle between the axes.
 #[test]
 fn the_mounting_of_the_seat_is_told_apart() {
     let truth_ppm = |world: &World| world.accel[(2, 1)] / world.accel[(2, 2)] * 1e6;
@@ -259,13 +261,13 @@ fn the_mounting_of_the_seat_is_told_apart() {
         let question = AnalysisInput { params: &params, site: Some(&site), captures: &captures, earlier: &[] };
         (truth_ppm(&world), analyse(ItemId::SixPosition, &question).unwrap())
     };
-    // Nobody measured it: 350 ppm of error are inside the interval of the default.
+    // Without a measurement, 350 ppm of error are inside the interval of the default.
     let (truth, unknown) = calibrate(mounting, None);
     let (found, _, known) = figure(&unknown, "coupling_zy");
     assert!((found - truth - mounting.x * 1e6).abs() < 20.0, "{found} {truth}");
     assert!(known.low < truth && truth < known.high, "{known:?} {truth}");
     assert!(unknown.details["frames"]["mounting_deg"].is_null());
-    // Measured, it is taken out, and what is left of it stands in the interval.
+    // With a measurement, the mounting is subtracted, and the interval includes the rest.
     let fixture = BenchImperfections {
         mounting_rad: Some(mounting.into()),
         mounting_u_rad: 0.001_f64.to_radians(),
@@ -275,7 +277,7 @@ fn the_mounting_of_the_seat_is_told_apart() {
     let (found, _, known) = figure(&corrected, "coupling_zy");
     assert!((found - truth).abs() < 20.0 && known.expanded().unwrap() < 60.0, "{found} {truth} {known:?}");
     assert_eq!(figure(&corrected, "nonorthogonality_yz").0, figure(&unknown, "nonorthogonality_yz").0);
-    // The way to measure it: the module turned over in the socket about Z, then about X (docs/figures.md).
+    // The way to measure the mounting: the module turned over in the socket about Z, then about X (docs/figures.md).
     let coupling = |mounting: nalgebra::Vector3<f64>, pair: [&str; 2]| {
         let (_, found) = calibrate(mounting, None);
         pair.map(|pair| figure(&found, &format!("coupling_{pair}")).0 * 1e-6)

@@ -1,7 +1,7 @@
-//! Do the intervals hold the truth as often as they say? Modules are calibrated in worlds whose noise, attitudes,
-//! gravity, headings, angles and clocks err as the plan says that they do.
+//! Checks that the intervals hold the truth as often as they say. Modules are calibrated in worlds whose noise,
+//! attitudes, gravity, headings, angles and clocks have the errors that the plan states.
 //!
-//! A short run here; `cargo bench -p gnc-analysis --bench coverage` makes the long one from this same file.
+//! The run here is short. `cargo bench -p gnc-analysis --bench coverage` does the long run from this same file.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
@@ -37,10 +37,10 @@ params = { of = "six-position", heading_u = "0.5 deg" }
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tally {
     pub(super) name: String,
-    /// Trials that gave it at all, and how often its interval held the truth.
+    /// Trials that gave the figure, and how often its interval held the truth.
     pub(super) given: usize,
     pub(super) held: usize,
-    /// What the interval promises.
+    /// Probability that the interval promises.
     pub(super) probability: f64,
     /// Share of each type B term in the variance of its budget, summed over the trials.
     pub(super) shares: BTreeMap<String, f64>,
@@ -59,7 +59,7 @@ impl Found {
         Self::given(item, findings, name, truth).unwrap_or_else(|| panic!("{item} has no interval of {name}"))
     }
 
-    /// `None` where the item gives the reason in place of the figure.
+    /// Returns a figure of an item; `None` where the item gives the reason in place of the figure.
     pub(super) fn given(item: &str, findings: &Findings, name: &str, truth: f64) -> Option<Self> {
         let known = match findings.value(name) {
             Some(Value::Estimate(_, known)) => known,
@@ -67,7 +67,7 @@ impl Found {
             other => panic!("{item} {name} is {other:?}"),
         };
         let number = |value: &serde_json::Value| value.as_f64().expect("a number");
-        // Intervals of standard deviations have a shape of their own and no budget.
+        // Intervals of standard deviations have their own shape and no budget.
         let budget = &findings.details["budget"][name];
         let rows = budget["contributions"].as_array().map_or(&[][..], Vec::as_slice);
         let of_b = rows.iter().filter(|row| row["type"] == "B");
@@ -83,7 +83,7 @@ impl Found {
         })
     }
 
-    /// With the share of a type B term that no budget tells.
+    /// Adds the share of a type B term that no budget shows.
     pub(super) fn with_share(mut self, name: &str, share: f64) -> Self {
         self.shares.push((name.to_owned(), share));
         self
@@ -128,11 +128,11 @@ pub(super) fn seed_of(trial: usize, seed: u64) -> u64 {
     seed.wrapping_mul(1_000_003) + trial as u64
 }
 
-/// A module that was calibrated on a bench which errs as its budgets say.
+/// A module that was calibrated on a bench with the errors of its budgets.
 pub(super) struct Calibrated {
     pub(super) world: World,
     pub(super) site: BenchSite,
-    /// What the bench errs by beyond that.
+    /// Further errors of the bench.
     pub(super) errors: Dice,
     pub(super) earlier: Vec<(String, Findings)>,
 }
@@ -151,14 +151,14 @@ impl Calibrated {
         module
     }
 
-    /// What an item finds after the calibration.
+    /// Returns the findings of an item after the calibration.
     pub(super) fn ask(&self, id: ItemId, params: &Params, captures: &[Capture]) -> Findings {
         let question = AnalysisInput { params, site: Some(&self.site), captures, earlier: &self.earlier };
         analyse(id, &question).unwrap_or_else(|error| panic!("{id}: {error}"))
     }
 }
 
-/// A module and a bench, whose errors are drawn from the distributions of the budgets.
+/// Creates a module and a bench. Their errors are drawn from the distributions of the budgets.
 pub(super) fn world(seed: u64) -> (World, BenchSite, Dice) {
     let mut world = World::new(seed);
     let mut errors = Dice::new(seed ^ 0x5EED);
@@ -166,7 +166,7 @@ pub(super) fn world(seed: u64) -> (World, BenchSite, Dice) {
     world.heading_error_deg = 0.5 * errors.normal();
     let mounting_u_rad = BenchImperfections::default().mounting_u_rad;
     world.mounting = Vector3::from_fn(|_, _| mounting_u_rad * errors.normal());
-    // The clock counts as the angle does: both stand in every integral.
+    // The clock counts like the angle: both are in every integral.
     world.angle_error = 0.01 / 1080.0 * errors.normal() + 12e-6 * errors.normal();
     world.accel_noise = Noise { white: 0.1e-3, slow: 0.15e-3, correlation_s: 2.0, turn_on: 0.1e-3 };
     world.gyro_noise = Noise { white: 0.0025, slow: 2.0 / 3600.0, correlation_s: 2.0, turn_on: 3.0 / 3600.0 };
@@ -218,10 +218,10 @@ fn truths(world: &World, found: &[(String, Findings)]) -> Vec<Found> {
     all
 }
 
-/// The short form of a run: together the intervals hold as often as they say, and none far less often.
+/// Checks a short run: together the intervals hold as often as they say, and no interval far less often.
 ///
-/// Once in a thousand a good figure misses more often than `worst` says; figures of one trial share some errors, so that
-/// the pooled share may be off by more than a binomial's 3.9 standard errors: twice that is allowed.
+/// Once in a thousand a good figure misses more often than `worst` says. Figures of one trial share some errors, so
+/// that the pooled share may be off by more than a binomial's 3.9 standard errors. Twice that is allowed.
 #[cfg(test)]
 pub(super) fn check(tallies: &[Tally], seed: u64) {
     let (mut excess, mut variance) = (0.0, 0.0);
@@ -235,7 +235,8 @@ pub(super) fn check(tallies: &[Tally], seed: u64) {
     assert!(excess < 2.0 * 3.9 * variance.sqrt(), "seed {seed}: {excess} of {}\n{tallies:#?}", variance.sqrt());
 }
 
-/// Misses that chance exceeds less than once in a thousand times, of so many trials that miss with probability `p`.
+/// Number of misses that chance exceeds less than once in a thousand times, in `trials` trials that miss with
+/// probability `p`.
 #[cfg(test)]
 fn worst(trials: usize, p: f64) -> usize {
     let (mut term, mut sum, mut misses) = ((1.0 - p).powi(trials as i32), 0.0, 0);
@@ -257,7 +258,7 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
     let tallies = run(TRIALS, SEED);
     check(&tallies, SEED);
     let pooled = tallies.iter().map(|tally| tally.held).sum::<usize>() as f64 / (tallies.len() * TRIALS) as f64;
-    // 42 figures of 40 modules, of which those of one module share some errors: 1.1 % of deviation at most.
+    // 42 figures of 40 modules. The figures of one module share some errors: 1.1 % of deviation at most.
     assert!((0.915..0.985).contains(&pooled), "seed {SEED}: {pooled}\n{tallies:?}");
     // Binomial tables: of 40 trials at 5 % more than 7 miss once in 1400 times, more than 6 once in 300.
     assert_eq!(worst(40, 0.05), 7);

@@ -1,5 +1,6 @@
-//! Do the intervals of the magnetometer's figures hold the truth as often as they say? Each trial spins a module on a
-//! bench whose seat, axis, fixture and ambient field err as the bench file says, with a sensor whose zero wanders.
+//! Checks that the intervals of the magnetometer's figures hold the truth as often as they say. Each trial spins a
+//! module on a bench whose seat, axis, fixture and ambient field have the errors that the bench file states, with a
+//! sensor whose zero wanders.
 
 use gnc_executive::bench::{BenchImperfections, BenchSite};
 use gnc_executive::catalogue::ItemId;
@@ -39,7 +40,7 @@ const CORRELATION_S: f64 = 0.05;
 /// Figures of an item with their truths.
 type Truths = Vec<(&'static str, f64)>;
 
-/// What the bench does in one trial.
+/// The errors of the bench in one trial.
 struct Bench {
     fixture: BenchImperfections,
     seat: Rotation3<f64>,
@@ -80,7 +81,8 @@ impl Bench {
 
     /// A spin about Z, which points to the north.
     fn spin(&mut self, label: &str, rate_dps: f64) -> Capture {
-        // An axis that is off by a small angle in the plane of the field loses some of what is along it to across it.
+        // An axis that is off by a small angle in the plane of the field moves a part of the field along it to the
+        // field across it.
         let across = ACROSS * (1.0 + self.ambient / ACROSS) + AXIAL * self.axis;
         let samples = (0..3000)
             .map(|k| {
@@ -88,7 +90,7 @@ impl Bench {
                 let angle = rate_dps.to_radians() * t_s;
                 let (sin, cos) = angle.sin_cos();
                 let [a, b] = self.runout.map(|runout| runout * AXIAL);
-                // The field turns backwards in the module, what the tilt adds turns forwards.
+                // The field turns backwards in the module, and the part from the tilt turns forwards.
                 let field = Vector3::new(across * cos + a * cos - b * sin, -across * sin + a * sin + b * cos, AXIAL);
                 self.read(field, 0.001, WHITE)
             })
@@ -102,14 +104,14 @@ impl Bench {
             .into()
     }
 
-    /// Every axis up and down at four headings.
+    /// Captures with every axis up and down at four headings.
     fn attitudes(&mut self) -> Vec<Capture> {
         let mut captures = Vec::new();
         for (turn, k, sign) in (0..4).flat_map(|turn| (0..3).flat_map(move |k| [(turn, k, 1.0), (turn, k, -1.0)])) {
             let heading_deg = 90.0 * f64::from(turn);
             let (sin, cos) = heading_deg.to_radians().sin_cos();
-            // North 0.323, down 0.4245, in the axes of the module: vertical, the next, the third. All of it is off by what
-            // the ambient field is off by on that day, and each attitude by a field of its own.
+            // North 0.323, down 0.4245, in the axes of the module: vertical, the next, the third. All components have
+            // the error of the ambient field on that day, and each attitude has a field of its own.
             let day = 1.0 + self.ambient / AXIAL.hypot(ACROSS);
             let vertical = -sign * ACROSS * day;
             let (next, third) = (AXIAL * cos * day, AXIAL * sin * sign * day);
@@ -141,7 +143,7 @@ fn site(fixture: BenchImperfections) -> BenchSite {
     BenchSite { field_gauss: Some(AXIAL.hypot(ACROSS)), fixture: Some(fixture), ..BenchSite::default() }
 }
 
-/// Spins `trials` modules. A good module is never refused.
+/// Spins `trials` modules. Good modules must not be refused.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     let params = params(PLAN);
     tally(trials, |trial| calibrate(&params, seed.wrapping_mul(1_000_003) + trial as u64))
@@ -211,8 +213,8 @@ fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().expect("a number")
 }
 
-/// What the correction of a spin leaves of the roll angle where the module turns on a bench without errors: amplitude of
-/// that many periods a turn, deg.
+/// The roll error that the correction of a spin leaves where the module turns on a bench without errors: amplitude of
+/// `periods` periods a turn, deg.
 fn left_deg(spin: &serde_json::Value, periods: usize) -> f64 {
     const PLACES: usize = 360;
     let [dx, dy, ky, sin_alpha] = ["dx", "dy", "ky", "sin_alpha"].map(|name| number(&spin[name]));
@@ -240,7 +242,7 @@ fn intervals_of_the_magnetometer_hold_the_truth_as_often_as_they_say() {
     let pooled = tallies.iter().map(|tally| tally.held).sum::<usize>() as f64 / (tallies.len() * TRIALS) as f64;
     // 12 figures of 20 modules, 3.9 standard errors below 95 %.
     assert!(pooled >= 0.895, "seed {SEED}: {pooled}\n{tallies:?}");
-    // Once in a thousand a good figure holds less than 15 of 20.
+    // Once in a thousand a good figure holds in fewer than 15 of 20.
     let worst = tallies.iter().min_by_key(|tally| tally.held).expect("there are figures");
     assert!(worst.held >= 15, "seed {SEED}: {worst:?}");
 }

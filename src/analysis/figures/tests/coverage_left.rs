@@ -1,8 +1,8 @@
-//! Do the intervals of what calibration leaves hold the truth as often as they say? A module is calibrated as in
-//! [`super::coverage`], and the items behind it look at it: biases, resolution, stability, repeatability, and what the module
-//! itself compensates.
+//! Checks that the intervals of the errors that calibration leaves hold the truth as often as they say. A module is
+//! calibrated as in [`super::coverage`], and the items behind the calibration measure it: biases, resolution,
+//! stability, repeatability, and the module's own compensation.
 //!
-//! The truth is that of these coefficients: the errors of the calibration are what such an item is to find.
+//! The truth is that of these coefficients, since such an item measures the errors of the calibration.
 
 use gnc_executive::catalogue::ItemId;
 use gnc_protocol::calibration::CompensatedSample;
@@ -44,7 +44,7 @@ id = "calibration-check"
 phase = "setup"
 params = { dwell = "60 s", rate = "20 Hz", turn_rate = "100 Hz", angle_u = "0.01 deg", clock_u = "12 ppm" }
 "#;
-/// Steps of each sense.
+/// Steps of each direction.
 const STEPS: usize = 6;
 const STEP_DPS: f64 = 0.02;
 const STEP_G: f64 = 1e-3;
@@ -92,10 +92,11 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     })
 }
 
-/// What the coefficients make of the module's true outputs.
+/// The module's true outputs after compensation with the coefficients.
 struct Left {
     known: ModuleCoefficients,
-    /// Compensated output of a gyroscope for a rate about each axis of the table; likewise of the accelerometers.
+    /// Compensated output of a gyroscope for a rate about each axis of the table. `accel` is the same for the
+    /// accelerometers.
     gyro: Matrix3<f64>,
     accel: Matrix3<f64>,
 }
@@ -115,7 +116,7 @@ impl Left {
         Self { known, gyro, accel }
     }
 
-    /// Compensated force with nothing applied, m/s^2.
+    /// Compensated force without an applied force, m/s^2.
     fn force_offset(&self, world: &World) -> Vector3<f64> {
         matrix(self.known.accel_matrix) * (world.accel_bias + world.turn_on[1]) * 160_000.0
             + Vector3::from(self.known.accel_offset)
@@ -142,7 +143,7 @@ impl Left {
     }
 }
 
-/// Each axis level, and again upside down about the third one.
+/// Each axis level, and again upside down about the third axis.
 fn upside_down(world: &mut World) -> Vec<Capture> {
     [
         ("x z+", "z+", 0.0),
@@ -195,7 +196,7 @@ impl Left {
     }
 }
 
-/// Steps of both senses on each channel. An attitude of the table errs each time as it did before.
+/// Steps of both directions on each channel. An attitude of the table has the same error each time.
 fn steps(module: &mut Calibrated) -> Vec<Capture> {
     let Calibrated { world, errors, .. } = module;
     let pose_rad = std::mem::take(&mut world.pose_rad);
@@ -230,7 +231,7 @@ fn steps(module: &mut Calibrated) -> Vec<Capture> {
     captures
 }
 
-/// Standard deviations of both triads against that of the noise.
+/// Standard deviations of both triads compared with that of the noise.
 fn spreads(
     findings: &crate::figures::Findings,
     item: &str,

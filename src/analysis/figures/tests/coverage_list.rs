@@ -1,5 +1,5 @@
-//! No interval is forgotten: every measurement of the catalogue either stands here as one without an interval, or its coverage
-//! is tested.
+//! Checks that no interval is forgotten: every measurement of the catalogue stands here as one without an interval, or
+//! a test covers its interval.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use gnc_executive::catalogue::ItemId;
 
 use super::{coverage, coverage_field, coverage_left, coverage_noise, coverage_repeated, coverage_sky};
 
-/// Figures without an interval, of whichever item: shares of bad samples, temperatures, what a fit leaves, counts, bounds.
+/// Figures of any item without an interval: shares of bad samples, temperatures, residuals of a fit, counts, bounds.
 const PLAIN: [&str; 30] = [
     "failed_reads",
     "stale_samples",
@@ -35,7 +35,7 @@ const PLAIN: [&str; 30] = [
     "bias_instability_bound_accel_z",
     "epochs",
     "effective_epochs",
-    // Not measured, and said so.
+    // The item does not measure these, and says so.
     "lag",
     "velocity_height",
     "pps_accuracy",
@@ -43,19 +43,19 @@ const PLAIN: [&str; 30] = [
     "line",
 ];
 
-/// Measurements that more than one item gives and that are tested elsewhere: against 1PPS in `coverage_sky`, against the
-/// clock of the computer beside `host_clock`; the board's clock of `gnss` is worked out as in `gnss-accuracy`.
+/// Measurements of more than one item that are tested elsewhere: against 1PPS in `coverage_sky`, against the clock of
+/// the computer beside `host_clock`. The board's clock of `gnss` is computed as in `gnss-accuracy`.
 const SHARED: [&str; 2] = ["sample_rate_error", "board_clock_error"];
 
-/// Intervals of the magnetometer whose like are tested: an amplitude of the roll is a figure of its angle's noise, the error
-/// of the field is that of `field` over the field, and elements of a matrix differ by their axes.
+/// Intervals of the magnetometer for which a similar one is tested. An amplitude of the roll is a figure of its angle's
+/// noise, the error of the field is that of `field` over the field, and elements of a matrix differ by their axes.
 const ALIKE: [(ItemId, &[&str]); 2] = [
     (ItemId::MagnetometerEllipse, &["roll_error_1", "roll_error_2"]),
     (ItemId::MagnetometerEllipsoid, &["field_error", "soft_iron_yy", "soft_iron_zz", "soft_iron_xy", "soft_iron_xz"]),
 ];
 
-/// Whether a measurement comes with an interval. Items that neither settle before a capture nor state a probability give
-/// counts, times and answers of the board, or means of a quick look.
+/// Whether a measurement comes with an interval. Items that neither settle before a capture nor state a probability
+/// give counts, times and answers of the board, or means of a short capture.
 pub(super) fn has_interval(item: ItemId, name: &str) -> bool {
     let no_figures = !item.spec().params.iter().any(|param| ["settle", "coverage"].contains(&param.name));
     SHARED.contains(&name) || !(no_figures || PLAIN.contains(&name) || name.starts_with("line_"))

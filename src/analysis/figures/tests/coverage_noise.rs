@@ -1,4 +1,4 @@
-//! Do the intervals of noise hold the truth as often as they say: random walks, bias instability, densities?
+//! Checks that the intervals of noise hold the truth as often as they say: random walks, bias instability, densities.
 //!
 //! The items give coefficients of IEEE Std 952; the sensor's noise is white with flicker noise beside it.
 
@@ -38,7 +38,7 @@ const FIGURES: [(&str, &str, f64); 6] = [
     ("psd", "density_accel", ACCEL.0 * SQRT_2 * 1e6),
 ];
 
-/// Names of what a run looks at; a record shows no bias instability now and then.
+/// Names of the figures of a run. Now and then a record shows no bias instability.
 pub(super) fn names() -> impl Iterator<Item = String> {
     FIGURES.iter().flat_map(|(item, figure, _)| AXES.iter().map(move |axis| format!("{item} {figure}_{axis}")))
 }
@@ -46,7 +46,7 @@ pub(super) fn names() -> impl Iterator<Item = String> {
 /// Lets `trials` modules lie still.
 pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     let all = params(&format!("{PLAN}{NOISE}"));
-    // The coefficients of one module serve all of them: scale factors that are 30 ppm off do not matter to noise.
+    // The coefficients of one module serve all modules: an error of 30 ppm in scale factors does not matter to noise.
     let module = Calibrated::new(&all[..3], seed_of(trials, seed));
     tally(trials, |trial| {
         let captures = [still(&mut Dice::new(seed_of(trial, seed)))];
@@ -63,9 +63,9 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
     })
 }
 
-/// Noise of one channel: white, and flicker as a sum of relaxations whose corners stand an octave apart, from far below one
-/// over the record to 6 Hz, so that the two-sided density follows
-/// `B^2 / (2 pi f)` (IEEE Std 952) below that and sampling folds nothing of it.
+/// Noise of one channel: white noise, and flicker as a sum of relaxations whose corners stand an octave apart, from far
+/// below one over the record to 6 Hz. The two-sided density follows `B^2 / (2 pi f)` (IEEE Std 952) below that, and
+/// sampling folds nothing of it.
 struct Channel {
     white: f64,
     states: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Do the intervals of whole calibrations after power cycles hold the truth as often as they say?
+//! Checks that the intervals of whole calibrations after power cycles hold the truth as often as they say.
 
 use gnc_executive::catalogue::ItemId;
 use nalgebra::{Matrix3, Vector3};
@@ -18,7 +18,7 @@ id = "cross-coupling"
 phase = "setup"
 params = { of = "scale-factor-repeatability" }
 "#;
-/// Calibrations, and how their scale factors scatter: far more than a calibration's own noise.
+/// Number of calibrations, and the scatter of their scale factors, which is far more than a calibration's own noise.
 const CALIBRATIONS: u32 = 4;
 const SCATTER: f64 = 1e-3;
 
@@ -31,7 +31,8 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
         let mut captures = Vec::new();
         for series in 1..=CALIBRATIONS {
             world.power_on();
-            // A scale factor changes all that its sensor gives, so that what it gives of other axes stays in proportion.
+            // A scale factor changes the whole output of its sensor, so that the responses to other axes stay in
+            // proportion.
             let mut scaled = |response: &Matrix3<f64>| {
                 Matrix3::from_diagonal(&Vector3::from_fn(|_, _| 1.0 + SCATTER * errors.normal())) * response
             };

@@ -1,5 +1,5 @@
-//! Do the intervals of the receiver's figures hold the truth as often as they say, and those of the clock that its pulses
-//! measure?
+//! Checks that the intervals of the receiver's figures, and of the clock that its pulses measure, hold the truth as
+//! often as they say.
 
 use gnc_executive::bench::{BenchSite, SitePlace};
 use gnc_executive::catalogue::ItemId;
@@ -21,7 +21,7 @@ params = { duration = "300 s", survey_u = "0.05 m" }
 const EPOCHS: usize = 300;
 const DEVIATION_M: [f64; 3] = [2.0, 3.0, 5.0];
 const SPEED_MPS: f64 = 0.05;
-/// More than the 100 ns that are assumed at least.
+/// More than the 100 ns of the least assumed scatter.
 const EDGE_NS: f64 = 150.0;
 
 /// Listens to `trials` receivers.
@@ -35,7 +35,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
         let (deviation_m, speed_mps, edge_ns) = (DEVIATION_M, SPEED_MPS, EDGE_NS);
         let sky = Sky { antenna, epochs: EPOCHS, deviation_m, memory: 0.5, speed_mps, edge_ns, clock_ppm };
         let captures = [sky.listened(seed)];
-        // The survey errs by 0.05 m along each axis: 110,930 and 92,190 m for a degree.
+        // The survey has an error of 0.05 m along each axis: 110,930 and 92,190 m for a degree.
         let surveyed = SitePlace {
             latitude_deg: antenna.latitude_deg + 0.05 * errors.normal() / 110_930.0,
             longitude_deg: antenna.longitude_deg + 0.05 * errors.normal() / 92_190.0,
@@ -53,7 +53,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
             put("pps_jitter", EDGE_NS * 2.0_f64.sqrt()),
             put("board_clock_error", clock_ppm),
         ];
-        // An item behind it: the crystal has drifted by up to 5 ppm since.
+        // In a later item the crystal has drifted by up to 5 ppm.
         let drifted_ppm = clock_ppm + 5.0 * (2.0 * errors.even() - 1.0);
         let earlier = [("gnss-accuracy".to_owned(), findings.clone())];
         let value = clock::sample_rate_error(&earlier, std::iter::empty::<&HostView>(), 0.95);

@@ -1,4 +1,5 @@
-//! Bad samples in captures: measured, replaced below a named share, and refused above it with the shares beside.
+//! Bad samples in captures: the items measure them, replace them below a named share, and refuse them above it with the
+//! shares.
 
 use gnc_protocol::stream::{ImuSample, SATURATION};
 
@@ -6,7 +7,7 @@ use super::calibrating::SIX;
 use super::world::World;
 use super::*;
 
-/// Spoils every so many samples of each capture.
+/// Spoils one sample in `every` of each capture.
 fn spoil(captures: &[Capture], every: usize, with: impl Fn(&mut ImuSample)) -> Vec<Capture> {
     let mut captures = captures.to_vec();
     for capture in &mut captures {
@@ -42,7 +43,7 @@ fn a_failed_read_shifts_no_figure_and_is_measured() {
             let [(clean, ..), (spoilt, ..)] = [&clean, &spoilt].map(|found| figure(found, &format!("bias_{axis}")));
             assert!((clean - spoilt).abs() < 0.002, "{name}: bias_{axis} {clean} mg, {spoilt} mg");
         }
-        // Every tenth: no figure, and the share is there to be judged.
+        // With every tenth sample bad there is no figure, and the share is there to be judged.
         let many = spoil(&good, 10, read);
         let question = params(ItemId::SixPosition, SIX);
         let site = site();
@@ -70,7 +71,7 @@ fn samples_that_repeat_are_stale_and_those_of_an_unused_chip_are_not_looked_at()
     assert_eq!(share(&integrity(ItemId::GyroStill, &question), "stale_samples"), 0.0);
 }
 
-/// At rest, as the item imu has it.
+/// Samples at rest, as the item imu has them.
 #[test]
 fn samples_at_rest_are_taken_without_the_bad_ones() {
     let good = World::new(33).six("", 1, 60.0, 20).remove(4).samples;
@@ -81,13 +82,14 @@ fn samples_at_rest_are_taken_without_the_bad_ones() {
     assert_eq!((sound.len(), failed, stale, spikes), (1188, 1.0, 0.0, 0.0));
 }
 
-/// The magnetometer's bad samples count, and take nothing from the other sensors; where there is none, nothing counts.
+/// The magnetometer's bad samples count, and take nothing from the other sensors. Without a magnetometer, nothing
+/// counts.
 #[test]
 fn samples_at_rest_tell_of_the_magnetometer_too() {
     let mut samples = World::new(33).six("", 1, 60.0, 20).remove(4).samples;
     samples.iter_mut().for_each(|sample| sample.mag = [0; 3]);
     assert_eq!(sound_at_rest(&samples), (samples.clone(), [0.0; 3]), "no magnetometer");
-    // A field of half a gauss in noise of a milligauss: the residues of a generator of Lehmer's.
+    // A field of half a gauss in noise of a milligauss, from the residues of a Lehmer generator.
     let mut state = 33_u64;
     let mut drawn = || {
         state = state * 48_271 % 2_147_483_647;

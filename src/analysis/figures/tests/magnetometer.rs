@@ -16,7 +16,7 @@ struct Plane {
     dy: f64,
     ky: f64,
     alpha_deg: f64,
-    /// Y is sampled so much later than X.
+    /// Delay of the samples of Y after X.
     skew_s: f64,
     noise: f64,
 }
@@ -25,7 +25,7 @@ const PLANE: Plane =
     Plane { radius: 0.32, dx: 0.02, dy: -0.014, ky: 1.03, alpha_deg: 1.5, skew_s: 0.0, noise: 60e-6 * 2.24 };
 
 impl Plane {
-    /// A module that turns right-handed about Z: the field turns the other way in its axes.
+    /// A module that turns right-handed about Z: the field turns in the opposite direction in its axes.
     fn spin(&self, label: &str, rate_dps: f64, span_s: f64, dice: &mut Dice) -> Capture {
         let (sin_alpha, cos_alpha) = self.alpha_deg.to_radians().sin_cos();
         let at = |t: f64| {
@@ -73,12 +73,12 @@ fn the_ellipse_is_found_and_corrected() {
     );
     let skew = figure(&found, "skew");
     assert!(skew.0.abs() <= 2.0 * skew.2.expanded().unwrap() && skew.2.expanded().unwrap() < 2.0, "{skew:?}");
-    // Beside it what the print gives: extremes are noisier, and a second harmonic of alpha^2 / 4 stays.
+    // The print's figures stand beside it: extremes are noisier, and a second harmonic of alpha^2 / 4 stays.
     let printed = &found.details["spins"][0]["as_printed"];
     let second = printed["roll_harmonics_deg"][1].as_f64().unwrap();
     assert!(second > 5.0 * roll("roll_error_2"), "{printed}");
     assert!(matches!(found.value("lag"), Some(Value::NotAvailable(_))));
-    // The points kept for the picture lie on the true circle once the truth is taken out.
+    // The points kept for the picture lie on the true circle after the true correction.
     for field in found.details["field"].as_array().unwrap() {
         let numbers =
             |key: &str| -> Vec<f64> { field[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect() };
@@ -95,7 +95,7 @@ fn the_ellipse_is_found_and_corrected() {
     assert!((mag.ky - PLANE.ky).abs() < 1e-4 && (mag.sin_alpha - PLANE.alpha_deg.to_radians().sin()).abs() < 2e-4);
 }
 
-/// 100 us of skew look like 0.54 deg of alpha at 15 turns a second; both senses and two speeds tell them apart.
+/// 100 us of skew look like 0.54 deg of alpha at 15 turns a second. Both directions and two speeds separate them.
 #[test]
 fn skew_is_no_alpha() {
     let skewed = Plane { skew_s: 100e-6, ..PLANE };

@@ -12,7 +12,7 @@ const SHORT: &str = "dwell = \"60 s\", rate = \"20 Hz\"";
 fn gyro_bias_is_free_of_the_earth() {
     let mut world = World::new(11);
     let earlier = calibrated(&mut world);
-    // The truth after calibration is what the bias moved by since: 20 deg/h on Y.
+    // The truth after calibration is the later change of the bias: 20 deg/h on Y.
     world.gyro_bias[1] += 20.0 / 3600.0;
     let captures = [world.still("still", 1, "z+", 30.0, 120.0, 20)];
     let text = "dwell = \"120 s\", rate = \"20 Hz\"";
@@ -22,7 +22,7 @@ fn gyro_bias_is_free_of_the_earth() {
         let (value, ..) = figure(&found, name);
         assert!((value - truth).abs() < 4.0, "{name} {value}");
     }
-    // Without heading the horizontal part stays, and the figure is labelled with it.
+    // Without a heading the horizontal part stays, and the figure's label says so.
     let unknown = ask(ItemId::GyroBias, &format!("{text}, heading = \"unknown\""), &captures, &earlier).unwrap();
     assert!(figure(&unknown, "bias_x").2.expanded().unwrap() > 12.0);
     assert!(matches!(unknown.value("label"), Some(Value::Text(text)) if text.contains("horizontal")));
@@ -33,7 +33,7 @@ fn gyro_bias_is_free_of_the_earth() {
     assert!(matches!(nowhere.value("label"), Some(Value::Text(text)) if text.contains("15.04")));
 }
 
-/// A table that is 1 mrad off level and a coupling of 1e-3 from Z to Y both cancel.
+/// A table that is 1 mrad off level cancels, and a coupling of 1e-3 from Z to Y does so too.
 #[test]
 fn accel_bias_cancels_level_and_coupling() {
     let mut world = World::new(12);
@@ -58,7 +58,7 @@ fn accel_bias_cancels_level_and_coupling() {
         let (value, ..) = figure(&found, name);
         assert!((value - truth).abs() < 0.06, "{name} {value}");
     }
-    // Turned about itself, level would stay: that pair is not taken.
+    // With a turn about the axis itself the level error would stay, so that pair is refused.
     let about_itself = [captures[0].clone(), world.still("x z-", 1, "z-", 0.0, 60.0, 20)];
     let refused = ask(ItemId::AccelBias, &format!("{SHORT}, axes = [\"x\"]"), &about_itself, &earlier);
     assert!(matches!(refused, Err(FigureError::Missing { .. })), "{refused:?}");
@@ -99,7 +99,7 @@ fn stability_and_repeatability_are_those_of_the_noise() {
     complete(ItemId::BiasRepeatability, &params(ItemId::BiasRepeatability, SHORT), &found);
     let (value, _, known) = figure(&found, "bias_repeatability_gyro_x");
     assert!((known.high / value - 2.4526).abs() < 1e-3 && (known.low / value - 0.6242).abs() < 1e-3);
-    // Each pair of channels is one of six: together they must look like the truth.
+    // Each pair of channels is one of six. Together they must match the truth.
     let squares: f64 =
         ["x", "y", "z"].iter().map(|axis| figure(&found, &format!("bias_repeatability_gyro_{axis}")).0.powi(2)).sum();
     let truth = gyro.turn_on.hypot(gyro.of_mean(60.0)) * 3600.0;
@@ -140,12 +140,12 @@ fn scale_factors_and_couplings_over_calibrations() {
     assert!((figure(&coupling, "nonorthogonality_gyro_xy").0 - 500.0).abs() < 40.0);
 }
 
-/// A part that follows small steps, one that swallows them, and a stream too coarse to show any.
+/// A part that follows small steps, a part that loses them, and a stream too coarse to show any.
 #[test]
 fn resolution_needs_both_senses_and_fine_codes() {
     let mut world = World::new(15);
     let earlier = calibrated(&mut world);
-    // Three cycles of each channel: none, one way, none, the other way, ..., none.
+    // Three cycles of each channel: zero, one way, zero, the other way, ..., zero.
     const SENSES: [f64; 13] = [0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0];
     let steps = |world: &mut World| {
         let mut captures = Vec::new();
@@ -184,7 +184,7 @@ fn resolution_needs_both_senses_and_fine_codes() {
         let value = figure(&found, &format!("step_response_{name}")).0;
         assert!((85.0..115.0).contains(&value), "{name} {value}");
     }
-    // A dead band in one sense: the means of these steps of X are those without.
+    // A dead band in one direction: the means of these steps of X are those without a step.
     let mut dead = captures.clone();
     for step in (0..13).filter(|number| SENSES[*number] > 0.0) {
         let first = 3 * SENSES.len();
@@ -192,7 +192,7 @@ fn resolution_needs_both_senses_and_fine_codes() {
     }
     let found = ask(ItemId::Resolution, text, &dead, &earlier).unwrap();
     assert!(figure(&found, "step_response_accel_x").0 < 8.0, "{:?}", figure(&found, "step_response_accel_x"));
-    // A bias that wanders by ten steps in all is no step.
+    // A wander of the bias by ten steps in all is not a step.
     let mut wandering = captures.clone();
     for (number, capture) in wandering.iter_mut().take(SENSES.len()).enumerate() {
         for sample in &mut capture.samples {
@@ -225,7 +225,7 @@ fn noise_is_found_over_time_and_frequency() {
     assert!((walk / 0.15 - 1.0).abs() < 0.03, "{walk}");
     let walk = figure(&found, "velocity_random_walk_z").0;
     assert!((walk / 0.058_84 - 1.0).abs() < 0.03, "{walk}");
-    // White noise has no flat part: no bias instability, and a bound that says it is one.
+    // White noise has no flat part: the record gives no bias instability, but a bound that is labelled as a bound.
     assert!(matches!(found.value("bias_instability_gyro_x"), Some(Value::NotAvailable(_))));
     assert!(matches!(found.value("bias_instability_bound_gyro_x"), Some(Value::Number(_))));
     let text = format!("{text}, segment = 1024");
@@ -247,7 +247,7 @@ fn noise_is_found_over_time_and_frequency() {
     assert!(line.number > 30.0, "{line}");
     let at = found.details["spectra"]["accel_x"]["strongest_line"]["frequency_hz"].as_f64().unwrap();
     assert!((at - 3.0).abs() < 0.05 && GRAVITY > 9.0, "{at}");
-    // Its density stands at its frequency, far over the white level.
+    // The density of the line stands at its frequency, far over the white level.
     let spectrum = &found.details["spectra"]["accel_x"];
     let bin = (3.0 / spectrum["frequency_step_hz"].as_f64().unwrap()).round() as usize;
     assert!(spectrum["density"][bin].as_f64().unwrap() > 30.0 * spectrum["white"].as_f64().unwrap(), "{bin}");

@@ -5,7 +5,7 @@ use gnc_protocol::stream::Losses;
 use super::sky::{Sky, sentence};
 use super::*;
 
-/// So many epochs over the site's antenna; the board's clock is 8 ppm fast.
+/// `epochs` epochs over the site's antenna. The board's clock is 8 ppm fast.
 fn listened(epochs: usize, deviation_m: [f64; 3], memory: f64, seed: u64) -> Capture {
     let antenna = site().place.unwrap();
     Sky { antenna, epochs, deviation_m, memory, speed_mps: 0.05, edge_ns: 20.0, clock_ppm: 8.0 }.listened(seed)
@@ -33,7 +33,7 @@ fn position_velocity_and_pulses() {
     assert!(matches!(found.value("effective_epochs"), Some(Value::Number(count)) if count.number > 900.0));
 }
 
-/// With nine tenths of each error from the epoch before, an epoch is worth about a tenth in a deviation.
+/// Nine tenths of each error come from the epoch before, so an epoch counts as about a tenth in a deviation.
 #[test]
 fn correlated_epochs_count_as_what_they_are_worth() {
     let sky = [listened(1200, [2.0, 3.0, 5.0], 0.9, 42)];
@@ -55,7 +55,8 @@ fn losses_and_silence_are_refused() {
     assert!(matches!(ask(ItemId::GnssAccuracy, "", &[few], &[]), Err(FigureError::FewEpochs { .. })));
 }
 
-/// A height above the ellipsoid needs the geoid's; of one above the sea alone there is no figure but a reason.
+/// A height above the ellipsoid needs the height of the geoid. For a height above the sea alone there is a reason in
+/// place of a figure.
 #[test]
 fn without_geoid_separation_there_is_no_height() {
     let mut sky = listened(60, [1.0; 3], 0.0, 45);

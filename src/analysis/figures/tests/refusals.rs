@@ -1,4 +1,4 @@
-//! What gives no figure, and says why.
+//! Records that give no figure, and the reasons.
 
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::stream::Losses;
@@ -27,12 +27,12 @@ fn positions() {
     assert_eq!(missing.to_string(), "no capture of position y-: 0 of 1");
     let doubled = with(&|captures| captures.push(captures[0].clone()));
     assert_eq!(doubled.to_string(), "x+ does not fit: it is the same attitude as x+");
-    // A single one is a failed read; many in a row are the end of the range.
+    // A single such value is a failed read; many in a row are the end of the range.
     let saturated = with(&|captures| captures[4].samples[7..27].iter_mut().for_each(|s| s.accel[2] = 8_388_607));
     assert_eq!(saturated.to_string(), "z+: accel z is saturated in 20 samples");
     let below = with(&|captures| captures[4].samples[7..27].iter_mut().for_each(|s| s.accel[2] = -8_388_608));
     assert!(matches!(below, FigureError::Saturated { samples: 20, .. }));
-    // A gyroscope that is not used may do what it likes.
+    // A gyroscope that is not used may have any fault.
     let mut idle = good.clone();
     idle[4].samples[7..27].iter_mut().for_each(|sample| sample.gyro[2] = 8_388_607);
     assert!(ask(ItemId::SixPosition, SIX, &idle, &[]).is_ok());
@@ -89,7 +89,7 @@ fn rotations() {
         }
     });
     assert!(matches!(other, FigureError::Unfit { .. }), "{other}");
-    // Wrong by a turn in both senses: only the band around the nominal scale factor sees it.
+    // The angle is wrong by a turn in both directions. Only the band around the nominal scale factor shows it.
     let turns = refuse(&|captures| {
         for capture in captures {
             if let crate::capture::Pose::Rotating { angle_deg, .. } = &mut capture.about.pose {
@@ -100,7 +100,7 @@ fn rotations() {
     assert!(matches!(turns, FigureError::Refused { refusal: gnc_metrology::Refusal::OutOfBand { .. }, .. }), "{turns}");
 }
 
-/// Who works with a calibration names the item to run first.
+/// Items that work with a calibration name the item to run first.
 #[test]
 fn what_is_not_calibrated() {
     let mut world = World::new(23);
@@ -125,7 +125,7 @@ fn what_is_not_calibrated() {
     assert_eq!(ask(ItemId::Imu, "", &still, &earlier), Err(FigureError::NoAnalysis { item: ItemId::Imu }));
 }
 
-/// Motion in the hour, a gap in it, a capture that is cut.
+/// Motion in the hour, a gap in the hour, a capture that is too short.
 #[test]
 fn an_hour_that_is_spoilt() {
     let mut world = World::new(24);
@@ -151,7 +151,7 @@ fn an_hour_that_is_spoilt() {
     assert!(matches!(uneven, Err(FigureError::Unfit { .. })), "{uneven:?}");
 }
 
-/// Samples off the grid of the board's own time have no known rate: no item makes a figure of them.
+/// Samples off the grid of the board's own time have no known rate, so no item makes a figure of them.
 #[test]
 fn samples_off_the_boards_own_time_are_refused_everywhere() {
     for item in [ItemId::SixPosition, ItemId::GyroBias, ItemId::BiasStability, ItemId::Allan, ItemId::Rotation] {
@@ -161,7 +161,7 @@ fn samples_off_the_boards_own_time_are_refused_everywhere() {
         let (rate_hz, label) = (capture.about.rate_hz, capture.about.label.clone());
         let mut clock = SampleClock::new(rate_hz);
         for number in 0..capture.samples.len() as u32 {
-            // 30 ppm fast.
+            // The clock is 30 ppm fast.
             clock.stamp(number, (f64::from(number) / f64::from(rate_hz) * 1e9 / (1.0 + 30e-6)) as u64 / 1000 * 1000);
         }
         capture.timing.board = clock;

@@ -1,24 +1,24 @@
-//! What a receiver says, made by hand, with known errors.
+//! The output of a receiver, made by hand, with known errors.
 
 use gnc_executive::bench::SitePlace;
 
 use super::world::{Dice, capture};
 use crate::capture::{Capture, Pose, Said};
 
-/// A receiver above an antenna, and the board's clock by which its pulses are seen.
+/// A receiver above an antenna, and the board's clock that times its pulses.
 pub(super) struct Sky {
     pub(super) antenna: SitePlace,
     /// One a second.
     pub(super) epochs: usize,
     /// Deviations of north, east and up.
     pub(super) deviation_m: [f64; 3],
-    /// So much of an error stays to the next epoch.
+    /// Part of an error that stays to the next epoch.
     pub(super) memory: f64,
-    /// Deviation of each of two components.
+    /// Deviation of each of two components of the velocity.
     pub(super) speed_mps: f64,
-    /// Scatter of the pulses, which are seen in steps of 10 ns.
+    /// Scatter of the pulses, which the timer records in steps of 10 ns.
     pub(super) edge_ns: f64,
-    /// What the board's clock runs too fast.
+    /// Error of the board's clock; positive where it runs fast.
     pub(super) clock_ppm: f64,
 }
 

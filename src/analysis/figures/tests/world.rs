@@ -1,4 +1,4 @@
-//! A small world of its own: attitudes, the earth, a module with known errors, seeded noise.
+//! A small independent world: attitudes, the earth, a module with known errors, seeded noise.
 
 use gnc_protocol::stream::{ImuSample, Losses};
 use gnc_rig::Along;
@@ -8,7 +8,7 @@ use crate::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 
 pub(super) const LATITUDE_DEG: f64 = 34.2;
 pub(super) const GRAVITY: f64 = 9.7954;
-/// deg/h, by the textbook.
+/// Rotation rate of the earth in deg/h, from a textbook.
 pub(super) const EARTH_DPH: f64 = 15.041_07;
 
 /// Seeded noise: splitmix64 and Box-Muller.
@@ -54,29 +54,29 @@ impl Noise {
 /// The module's truth, and the fixture's errors.
 #[derive(Debug, Clone)]
 pub(super) struct World {
-    /// g per g, deg/s per deg/s: 1 on a perfect module.
+    /// Response in g per g, deg/s per deg/s: 1 on a perfect module.
     pub(super) accel: Matrix3<f64>,
-    /// g.
+    /// Bias in g.
     pub(super) accel_bias: Vector3<f64>,
     pub(super) accel_noise: Noise,
     pub(super) gyro: Matrix3<f64>,
-    /// deg/s.
+    /// Bias in deg/s.
     pub(super) gyro_bias: Vector3<f64>,
-    /// deg/s per g.
+    /// g-sensitivity in deg/s per g.
     pub(super) per_g: Matrix3<f64>,
     pub(super) gyro_noise: Noise,
     /// Deviation of each attitude, rad.
     pub(super) pose_rad: f64,
     /// How the module's seat is mounted: rotation vector from the table's axes to the module's, rad.
     pub(super) mounting: Vector3<f64>,
-    /// What the table tilts by, towards north and east, rad.
+    /// Tilt of the table towards north and east, rad.
     pub(super) tilt: [f64; 2],
     /// Relative error of every angle.
     pub(super) angle_error: f64,
     /// Error of every heading, deg.
     pub(super) heading_error_deg: f64,
     pub(super) dice: Dice,
-    /// What the last power-on added to the biases: gyroscopes, accelerometers.
+    /// Biases that the last power-on added: gyroscopes, accelerometers.
     pub(super) turn_on: [Vector3<f64>; 2],
     pub(super) slow: [Vector3<f64>; 2],
 }
@@ -104,7 +104,7 @@ impl World {
         world
     }
 
-    /// New biases.
+    /// Draws new biases.
     pub(super) fn power_on(&mut self) {
         for (k, noise) in [self.gyro_noise, self.accel_noise].into_iter().enumerate() {
             self.turn_on[k] = Vector3::from_fn(|_, _| noise.turn_on * self.dice.normal());
@@ -196,7 +196,7 @@ impl World {
         self.turn_about(label, series, axis, angle_deg, rate_hz, &wrong)
     }
 
-    /// With the axis off by `wrong`.
+    /// The same turn with the axis off by `wrong`.
     fn turn_about(
         &mut self,
         label: &str,
@@ -231,7 +231,7 @@ impl World {
         let samples = (0..n)
             .map(|i| {
                 let (from, to) = (turned(i as f64 * dt), turned((i + 1) as f64 * dt));
-                // Right-handed about up is anticlockwise from above: the heading falls.
+                // Right-handed about up is anticlockwise from above, so the heading falls.
                 let [north, _, up] = Self::attitude(k, 1.0, -f64::midpoint(from, to));
                 let rate = (north * cos + up * sin) * EARTH_DPH / 3600.0 + spin * ((to - from) / dt);
                 self.sample(&(seat * up * GRAVITY / 9.80665), &(seat * rate), dt)
@@ -241,7 +241,7 @@ impl World {
         capture(label, series, pose, rate_hz, samples)
     }
 
-    /// Six positions, each so long.
+    /// Six positions of `dwell_s` each.
     pub(super) fn six(&mut self, prefix: &str, series: u32, dwell_s: f64, rate_hz: u16) -> Vec<Capture> {
         ["x+", "x-", "y+", "y-", "z+", "z-"]
             .iter()
@@ -253,7 +253,7 @@ impl World {
     pub(super) fn turns(&mut self, prefix: &str, series: u32, rate_hz: u16) -> Vec<Capture> {
         let mut captures = Vec::new();
         for axis in 0..3 {
-            // The module is laid down once for both senses.
+            // The module is laid down once for both directions.
             let wrong = Vector3::from_fn(|_, _| self.pose_rad * self.dice.normal());
             for (sign, angle_deg) in [("+", 1080.0), ("-", -1080.0)] {
                 let label = format!("{prefix}{}{sign} rotation", ["x", "y", "z"][usize::from(axis)]);

@@ -1,7 +1,7 @@
 //! Records with failed reads, spikes and stale rows: the interval covers the truth, or the gate refuses the record.
 //!
-//! The records are drawn from the measurement models, the truth is what they were drawn with, and nothing of the gate's
-//! own thresholds is known here.
+//! The records are drawn from the measurement models, and the truth is the input of these. This code does not know the
+//! gate's thresholds.
 
 #![allow(unreachable_pub, reason = "shared by a test and a benchmark")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a simulation may end with a panic")]
@@ -31,7 +31,7 @@ impl Dice {
     }
 }
 
-/// What spoils a row.
+/// The damage to a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Nothing,
@@ -41,13 +41,13 @@ pub enum Kind {
     RangeEnds,
     /// One channel off by 10 to 300 deviations of its noise, to one side.
     Spikes,
-    /// The row before once more.
+    /// The row before is repeated.
     Stale,
 }
 
 pub const KINDS: [Kind; 5] = [Kind::Nothing, Kind::Zeros, Kind::RangeEnds, Kind::Spikes, Kind::Stale];
 
-/// How a record is spoilt.
+/// The damage to a record.
 #[derive(Debug, Clone, Copy)]
 pub struct Spoil {
     pub kind: Kind,
@@ -55,7 +55,7 @@ pub struct Spoil {
 }
 
 impl Spoil {
-    /// Spoils rows of channels, whose noise has this deviation.
+    /// Spoils rows of channels whose noise has this deviation.
     pub fn apply(self, channels: &mut [Vec<f64>], noise: f64, dice: &mut Dice) {
         for row in 1..channels[0].len() {
             if self.kind == Kind::Nothing || dice.even() >= self.share {
@@ -78,7 +78,7 @@ impl Spoil {
     }
 }
 
-/// Which of the figures of a record lie within their interval; `None` where it was refused.
+/// Whether each figure of a record lies within its interval; `None` where the record was refused.
 pub type Trial = fn(Spoil, &mut Dice) -> Option<Vec<bool>>;
 
 /// A method and the probability of its intervals.
@@ -88,13 +88,13 @@ pub struct Method {
     pub trial: Trial,
 }
 
-/// What many records gave.
+/// The results of many records.
 pub struct Tally {
     pub refused: usize,
     pub judged: usize,
     /// Smallest coverage of a figure.
     pub coverage: f64,
-    /// What chance leaves of the probability, 3.9 standard errors below it.
+    /// Bound of the coverage: 3.9 standard errors below the probability.
     pub bound: f64,
 }
 
@@ -118,7 +118,7 @@ impl Tally {
         Self { refused, judged, coverage: least as f64 / judged.max(1) as f64, bound: p - error }
     }
 
-    /// Refused, or covered.
+    /// Whether the figures are covered, or all records were refused.
     pub fn holds(&self) -> bool {
         self.judged == 0 || self.coverage >= self.bound
     }

@@ -26,7 +26,7 @@ fn slices(channels: &[Vec<f64>]) -> Vec<&[f64]> {
     channels.iter().map(Vec::as_slice).collect()
 }
 
-/// What is left of a record for a mean or a fit to points.
+/// The rows of a record that are left for a mean or a fit to points.
 fn kept(channels: &mut [Vec<f64>], blocks: &[Range<usize>], still: bool) -> Option<Screening> {
     let layout = RecordLayout { blocks, still, range_end: None };
     let found = Screening::of(&AXES[..channels.len()], &slices(channels), &layout);
@@ -88,7 +88,7 @@ fn six_positions(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
 
 fn still_gyroscopes(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let (gravity, latitude): (f64, f64) = (9.7967, 34.0);
-    // Codes for one rad/s; a level of some codes, so that zeros lie within the noise.
+    // Codes for one rad/s, and a level of some codes, so that zeros lie within the noise.
     let lsb = 1.145_915_6e6;
     let bias = Vector3::new(1e-3, -2e-3, 5e-6);
     let sensitivity = Matrix3::new(4.0, 1.0, -2.0, 0.5, -3.0, 1.5, 1.0, 2.0, 5.0) * 1e-6;
@@ -170,7 +170,7 @@ fn rotations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
 
 fn flip(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let (offset, gain, noise) = (0.02, 1.003, 0.001);
-    // Ten-thousandths, as a logger prints them.
+    // Values in ten-thousandths, as a logger prints them.
     let mut rows =
         |level: f64| -> Vec<f64> { (0..ROWS).map(|_| ((level + noise * dice.normal()) * 1e4).round() / 1e4).collect() };
     let mut channels = [[rows(offset + gain), rows(offset - gain)].concat()];
@@ -206,7 +206,7 @@ fn ellipses(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
 fn ellipsoids(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let (centre, radius, noise) = (Vector3::new(120.0, -80.0, 45.0), 1000.0, 8.0);
     let mut channels = [Vec::new(), Vec::new(), Vec::new()];
-    // A path that winds over the sphere, as of a module turned by hand.
+    // A path that winds over the sphere, as from a module turned by hand.
     for k in 0..3000 {
         let (height, angle) = (1.0 - 2.0 * (f64::from(k) + 0.5) / 3000.0, f64::from(k) * 0.11);
         let across = (1.0 - height * height).sqrt();
@@ -237,7 +237,7 @@ fn series(spoil: Spoil, dice: &mut Dice) -> Option<Vec<f64>> {
     Some(found.refilled(&channels[0], &blocks))
 }
 
-/// Of a rounded normal value.
+/// Variance of a rounded normal value.
 fn variance() -> f64 {
     SIGMA * SIGMA + 1.0 / 12.0
 }
@@ -252,14 +252,14 @@ fn deviations(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
 fn densities(spoil: Spoil, dice: &mut Dice) -> Option<Vec<bool>> {
     let values = series(spoil, dice)?;
     let psd = psd::welch(&values, 1.0, 256).ok()?;
-    // Without the ends, which hold the mean and half a width.
+    // The ends are left out, since they hold the mean and half a width.
     let inner = &psd.density[3..psd.density.len() - 3];
-    // Halves of the band: low-passed replacements would show in the upper one.
+    // Halves of the band. Low-passed replacements would show in the upper half.
     let (low, high) = inner.split_at(inner.len() / 2);
     let covers = |band: &[f64]| {
         let mean = band.iter().sum::<f64>() / band.len() as f64;
         // Hann and half overlap leave 36/19 of the 2 / n of the segments' periodograms (Welch 1967), and neighbouring
-        // frequencies share 1 + 2 (4/9) + 2 (1/36) of theirs.
+        // frequencies share 1 + 2 (4/9) + 2 (1/36) of their variance.
         let averages = psd.segments as f64 * 19.0 / 36.0 * 2.0 / 2.0;
         let frequencies = band.len() as f64 / (1.0 + 8.0 / 9.0 + 1.0 / 18.0);
         let sd = mean * (1.0 / (averages * frequencies) * (1.0 + 1.0 / 18.0)).sqrt();

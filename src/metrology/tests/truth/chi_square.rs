@@ -1,29 +1,31 @@
-//! What the interval of an overlapping Allan deviation can cover at best: the chi-square of its exact degrees of freedom.
+//! The best possible coverage of the interval of an overlapping Allan deviation: the chi-square of its exact degrees of
+//! freedom.
 //!
-//! A squared deviation is a sum of squares of normal values that depend on each other. It is distributed as the sum of
-//! independent squares with the eigenvalues of their covariance as weights, of which chi-square has the mean and the
-//! variance but not the form. At long averaging times few of them count, and the two differ.
+//! A squared deviation is a sum of squares of correlated normal values. It is distributed like the sum of independent
+//! squares with the eigenvalues of their covariance as weights. Chi-square has the mean and the variance of this sum,
+//! but not its form. At long averaging times few of the squares count, and the two differ.
 
 use gnc_metrology::stats::{self, ONE_SIGMA};
 use nalgebra::DMatrix;
 
-/// Differences of an averaging time that are taken: as good as all of them.
+/// Number of differences taken from an averaging time; more do not change the result.
 const OF_TAU: usize = 16;
 /// Beyond this many averaging times in a record the sum is as good as chi-square.
 const LONG: usize = 20;
 
-/// Share of records whose 68.3 % interval of the deviation at m samples (a power of two) holds the truth where the degrees of freedom are
-/// exact. `of_sum` is the variance of the sum of so many samples (up to a part that no difference sees).
+/// Share of records whose 68.3 % interval of the deviation at m samples (a power of two) holds the truth where the
+/// degrees of freedom are exact. `of_sum` is the variance of the sum of a number of samples (up to a part that no
+/// difference shows).
 pub fn coverage(of_sum: &dyn Fn(usize) -> f64, samples: usize, m: usize) -> f64 {
     if samples > LONG * m {
         return ONE_SIGMA;
     }
-    // From here on all lengths are in steps.
+    // From here on all lengths count in steps.
     let step = m.div_ceil(OF_TAU);
     let (m, samples) = (m / step, samples / step);
     let count = samples - 2 * m + 1;
     let of_sum: Vec<f64> = (0..count + 2 * m).map(|n| of_sum(n * step)).collect();
-    // Covariance of the sums that begin so far apart, and of their differences.
+    // Covariance of the sums that begin `apart` steps apart, and of their differences.
     let sums = |apart: usize| (of_sum[apart + m] - 2.0 * of_sum[apart] + of_sum[apart.abs_diff(m)]) / 2.0;
     let differences = |apart: usize| 2.0 * sums(apart) - sums(apart + m) - sums(apart.abs_diff(m));
     let of_lag: Vec<f64> = (0..count).map(differences).collect();

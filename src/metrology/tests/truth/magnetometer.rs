@@ -1,4 +1,4 @@
-//! Ellipse and ellipsoid against their truth.
+//! Ellipse and ellipsoid compared with their truth.
 
 use gnc_metrology::{ellipse, ellipsoid, stats};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -15,7 +15,8 @@ pub fn ellipse_points(
     let (sin, cos) = rotation_deg.to_radians().sin_cos();
     (0..n)
         .map(|k| {
-            // 0.618 of a turn between samples would hide the order: 23.7 samples per turn, as from a table.
+            // 0.618 of a turn between samples would hide the order, so there are 23.7 samples per turn, as from a
+            // table.
             let (s, c) = (k as f64 * std::f64::consts::TAU / 23.7).sin_cos();
             let (u, v) = (a * c, b * s);
             (cx + u * cos - v * sin + noise * dice.normal(), cy + u * sin + v * cos + noise * dice.normal())
@@ -27,7 +28,8 @@ pub fn ellipse_points(
 pub fn ellipse(trials: usize, seed: u64) -> Tally {
     let n = 1000;
     let shape: [f64; 5] = [3.0, -5.0, 100.0, 80.0, 25.0];
-    // Enough for an uncorrected bias of the radius (noise^2 / 2 R) to stand out of the short run too.
+    // The noise is large enough for an uncorrected bias of the radius (noise^2 / 2 R) to stand out of the short run
+    // too.
     let noise = 2.0;
     let figures = |p: &[f64]| -> Vec<f64> {
         let (sin, cos) = p[4].to_radians().sin_cos();
@@ -35,7 +37,7 @@ pub fn ellipse(trials: usize, seed: u64) -> Tally {
         let xy = (p[2] * p[2] - p[3] * p[3]) * sin * cos;
         vec![p[0], p[1], p[2], p[3], p[4], (xx / yy).sqrt(), xy / (xx * yy).sqrt()]
     };
-    // With unknown angles only the normal component of a point says something about the curve.
+    // With unknown angles only the normal component of a point gives information about the curve.
     let mut rows = Vec::new();
     for k in 0..n {
         let (s, c) = (k as f64 * std::f64::consts::TAU / 23.7).sin_cos();

@@ -1,13 +1,13 @@
 //! Records of a still sensor whose noise is known, and how often the intervals of its Allan deviations hold the truth.
 //!
-//! Everything follows from the autocovariance of each part, written down apart from the code under test.
+//! Everything follows from the autocovariance of each part, which is written down independently of the code under test.
 
 use gnc_metrology::allan::{Analysis, Coefficient, DeviationKind, Input, MissingCoefficient, Taus, analyse};
 use gnc_metrology::stats::ONE_SIGMA;
 
 use super::{Dice, chi_square};
 
-/// A low-pass of the white noise, its corner in parts of the rate.
+/// A low-pass of the white noise, with its corner as a part of the rate.
 #[derive(Clone, Copy)]
 pub enum LowPass {
     None,
@@ -19,7 +19,7 @@ pub enum LowPass {
     DigitalFirst(f64),
     /// Digital (bilinear) Butterworth of the second order.
     DigitalSecond(f64),
-    /// Each sample of the sensor read so many times.
+    /// Each sample of the sensor is read this many times.
     Held(usize),
 }
 
@@ -36,11 +36,11 @@ pub struct Sensor {
     pub k: f64,
     /// A bias that wanders within bounds (Gauss-Markov): standard deviation, correlation time in s.
     pub wander: (f64, f64),
-    /// Frequency in Hz and amplitude.
+    /// Frequency in Hz and amplitude of the line.
     pub line: (f64, f64),
 }
 
-/// Lags after which a low-pass of 5 % of the rate has forgotten all.
+/// Lags after which the memory of a low-pass of 5 % of the rate is over.
 const MEMORY: usize = 400;
 const RELAXATIONS: f64 = 2.0;
 
@@ -107,18 +107,18 @@ impl Sensor {
         }
     }
 
-    /// N of the white level at low frequencies: with what the sampling folds there.
+    /// N of the white level at low frequencies, including the part that sampling folds there.
     pub fn n_true(&self) -> f64 {
         let r = self.memory();
         ((r[0] + 2.0 * r[1..].iter().sum::<f64>()) / self.rate_hz).sqrt()
     }
 
-    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker. IEEE Std 952
-    /// defines B by the two-sided density `B^2 / (2 pi f)`, which is one-sided `B^2 / (pi f)`. A relaxation of variance v and
-    /// corner c has the one-sided density `(2 v / pi) c / (c^2 + f^2)`, and one in each octave adds up to `v / (f ln 2)`: so v
-    /// is `B^2 ln 2 / pi`. Their corners reach from far below one over the record to half the rate, where the last one counts
-    /// half (faster ones would fold as white noise into N). So the flat part is right within 1 % up to T/4, and
-    /// within 0.1 % up to T/64.
+    /// Relaxations: coefficient from sample to sample and variance. One is the wander, the others make the flicker.
+    /// IEEE Std 952 defines B by the two-sided density `B^2 / (2 pi f)`, which is one-sided `B^2 / (pi f)`. A
+    /// relaxation of variance v and corner c has the one-sided density `(2 v / pi) c / (c^2 + f^2)`. Relaxations in
+    /// each octave add up to `v / (f ln 2)`, so v is `B^2 ln 2 / pi`. Their corners reach from far below one over the
+    /// record to half the rate. The last relaxation counts half (faster ones would fold as white noise into N). So the
+    /// flat part is right within 1 % up to T/4, and within 0.1 % up to T/64.
     fn relaxations(&self) -> Vec<(f64, f64)> {
         let (sd, correlation_s) = self.wander;
         let mut all = vec![((-1.0 / (self.rate_hz * correlation_s)).exp(), sd * sd)];
@@ -133,7 +133,8 @@ impl Sensor {
         all
     }
 
-    /// Variance of the sum of m samples without the line (of a walk without a part that no difference of means sees).
+    /// Variance of the sum of m samples without the line (for a walk, without a part that no difference of means
+    /// shows).
     fn of_sum(&self) -> impl Fn(usize) -> f64 {
         let (r, relaxations) = (self.memory(), self.relaxations());
         let step = self.k * self.k / self.rate_hz;
@@ -145,7 +146,7 @@ impl Sensor {
                 .iter()
                 .map(|(a, v)| {
                     let e = 1.0 - a;
-                    // The closed form cancels where the relaxation is slow; there the sum is plain.
+                    // The closed form cancels where the relaxation is slow. There the sum is taken term by term.
                     if e * mf > 1e-2 {
                         v * (mf * (1.0 + a) / e - 2.0 * a * (1.0 - a.powf(mf)) / (e * e))
                     } else {
@@ -200,7 +201,7 @@ impl Sensor {
                 (0..self.samples + MEMORY).map(step).collect()
             }
             LowPass::Second(corner) => {
-                // Position and speed of the filter, with the covariance of what a step adds.
+                // Position and speed of the filter, with the covariance that a step adds.
                 let (w, l) = (tau * corner, tau * corner / 2.0_f64.sqrt());
                 let (e, c, s) = ((-l).exp(), l.cos(), l.sin());
                 let f = [[e * (c + s), e * s / l], [-e * w * w * s / l, e * (c - s)]];
@@ -348,8 +349,8 @@ impl Coverage {
         )
     }
 
-    /// Bounds that are broken: each share within 3.9 standard errors of 68.3 % (of what a chi-square of the exact degrees of
-    /// freedom covers, for a deviation), every record with N, no B above its bound.
+    /// Returns the bounds that are broken: each share within 3.9 standard errors of 68.3 % (for a deviation, of the
+    /// coverage of a chi-square of the exact degrees of freedom), N in every record, B never above its bound.
     pub fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
         let mut check = |what: String, covered: usize, of: usize, expected: f64| {
@@ -367,7 +368,7 @@ impl Coverage {
         };
         check("N".into(), self.n_covered, self.n_given, ONE_SIGMA);
         check("B".into(), self.b_covered, self.b_given, ONE_SIGMA);
-        // Held samples are not stationary, so that within the hold no spectrum says how they scatter.
+        // Held samples are not stationary, so that no spectrum shows their scatter within the hold.
         let shortest = if let LowPass::Held(times) = self.sensor.low_pass { 2 * times } else { 1 };
         let of_sum = self.sensor.of_sum();
         for (m, covered) in self.points.iter().filter(|(m, _)| *m >= shortest) {

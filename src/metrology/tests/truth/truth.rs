@@ -1,7 +1,7 @@
-//! Simulated calibrations against their truth and the Cramer-Rao bound.
+//! Simulated calibrations compared with their truth and the Cramer-Rao bound.
 //!
-//! Everything here is written down from the measurement models, apart from the code under test: the bounds come from
-//! numerical derivatives of the models, not from the covariances that the methods report.
+//! Everything here is written down from the measurement models, independently of the code under test: the bounds come
+//! from numerical derivatives of the models, not from the covariances that the methods report.
 
 #![allow(unreachable_pub, dead_code, reason = "shared by a test and a benchmark")]
 #![allow(
@@ -47,7 +47,7 @@ pub struct Estimate {
     pub factor: f64,
 }
 
-/// What many simulated calibrations gave.
+/// The results of many simulated calibrations.
 pub struct Tally {
     pub method: &'static str,
     names: Vec<String>,
@@ -110,8 +110,8 @@ impl Tally {
         verdict
     }
 
-    /// The bounds of the specification, widened for fewer trials by what chance alone does: the rms of n trials
-    /// scatters by 1 / sqrt(2 n), a coverage by sqrt(0.95 * 0.05 / n); 4.2 and 4.6 times that are the bounds at 10,000.
+    /// The bounds of the specification, widened for fewer trials by the effect of chance. The rms of n trials scatters
+    /// by 1 / sqrt(2 n), a coverage by sqrt(0.95 * 0.05 / n); 4.2 and 4.6 times these are the bounds at 10,000.
     pub fn failures(&self) -> Vec<String> {
         let v = self.verdict();
         let widen = (10_000.0 / self.trials as f64).sqrt().max(1.0);
@@ -196,7 +196,7 @@ fn estimates(
     m.chain((0..3).map(|k| Estimate { value: vector[k], sd: vector_sd[k], factor })).collect()
 }
 
-/// Scale factors differ by a half between the axes, as those of real triads of different ranges do.
+/// Scale factors differ by a half between the axes, as in real triads of different ranges.
 const RESPONSE: [f64; 9] = [2000.0, 12.0, -7.0, -20.0, 3000.0, 15.0, 9.0, -5.0, 2500.0];
 
 /// Accelerometer: compensation matrix and bias from labelled positions.
@@ -208,7 +208,7 @@ pub fn six_position(trials: usize, seed: u64) -> Tally {
     })
 }
 
-/// The same from twelve attitudes between the axes.
+/// The same calibration from twelve attitudes between the axes.
 pub fn twelve_attitudes(trials: usize, seed: u64) -> Tally {
     let h = 0.5_f64.sqrt();
     let edges = [(0, 1), (0, 2), (1, 2)];
@@ -271,7 +271,7 @@ pub fn gyro_still(trials: usize, seed: u64) -> Tally {
     let bias = Vector3::new(1e-3, -2e-3, 5e-4);
     let sensitivity = Matrix3::new(4.0, 1.0, -2.0, 0.5, -3.0, 1.5, 1.0, 2.0, 5.0) * 1e-6;
     let up: Vec<Vector3<f64>> = LABELS.iter().filter_map(|l| up_of(l)).collect();
-    // North: any direction across up; a different heading in each position.
+    // North is any direction across up, with a different heading in each position.
     let north: Vec<Vector3<f64>> = up
         .iter()
         .enumerate()
@@ -333,7 +333,7 @@ impl Session {
         }
     }
 
-    /// Outputs of the run `axis`, `sense` +-1.
+    /// Outputs of the run about `axis`, with `sense` +-1.
     pub fn run(&self, axis: usize, sense: f64, dice: &mut Dice) -> [Vec<f64>; 3] {
         let [before, ramp, plateau, after] = self.times_s;
         let angle = std::f64::consts::TAU * self.turns;
@@ -377,7 +377,7 @@ impl Session {
     }
 }
 
-/// The runs as the method takes them.
+/// The runs in the form that the method takes.
 pub fn borrowed(runs: &[(String, [Vec<f64>; 3])]) -> Vec<rotation::RotationRun<'_>> {
     runs.iter()
         .map(|(label, c)| rotation::RotationRun { label: label.clone(), channels: [&c[0], &c[1], &c[2]] })
@@ -390,8 +390,8 @@ pub fn rotation(trials: usize, seed: u64) -> Tally {
     rotations("rotation", &session, rotation::RotationAxis::Polar, trials, seed)
 }
 
-/// Rotations about vertical axes of unknown heading. The pairs across an axis then hold an unknown each, so the bound
-/// uses differences and the own-axis windows: unknown sums are additional parameters.
+/// Rotations about vertical axes of unknown heading. Each pair across an axis then holds an unknown, so the bound uses
+/// differences and the own-axis windows; the unknown sums are additional parameters.
 pub fn rotation_vertical(trials: usize, seed: u64) -> Tally {
     let latitude_deg: f64 = 34.0;
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
@@ -421,7 +421,8 @@ fn rotations(method: &'static str, session: &Session, axis: rotation::RotationAx
                 turned[r / 2] = sense * angle + session.earth_rps.0 * spans[r];
                 let mut integral = response * turned + offset * spans[r];
                 if spent {
-                    // Unknowns of sensor i and the pair about axis j: parameters 12 + 3 i + j, those with i = j unused.
+                    // Unknowns of sensor i and the pair about axis j are the parameters 12 + 3 i + j. Those with i = j
+                    // are unused.
                     for i in 0..3 {
                         if i != r / 2 {
                             integral[i] += p[12 + 3 * i + r / 2] * session.response[(i, i)];
