@@ -1,6 +1,6 @@
 //! Plots as SVG: panels with axes, dots, lines and bars of intervals.
 //!
-//! It knows nothing of what it draws, and writes no file.
+//! This crate does not know the meaning of what it draws, and it writes no file.
 
 use std::fmt::Write as _;
 
@@ -34,7 +34,7 @@ pub struct Series {
     pub mark: Mark,
     /// Its points, x and y.
     pub points: Vec<(f64, f64)>,
-    /// Which colour, so that what belongs together has the same; `None`: that of its place.
+    /// The colour by number, so that related series have the same. `None`: the colour of its place in the list.
     pub hue: Option<usize>,
 }
 
@@ -59,7 +59,7 @@ impl Series {
         Self::new(name, Mark::Dashed, points)
     }
 
-    /// In the colour of a number; equal numbers look alike.
+    /// Sets the colour by number: series with equal numbers have the same colour.
     #[must_use]
     pub fn hue(self, hue: usize) -> Self {
         Self { hue: Some(hue), ..self }
@@ -76,9 +76,9 @@ pub struct Panel {
     log: bool,
     /// One scale for both axes, so that a circle looks like one.
     square: bool,
-    /// What is shown, x and y; points outside are counted in the title. `None`: all of them.
+    /// The range that is shown, x and y. The title counts the points outside. `None`: all points.
     view: [Option<(f64, f64)>; 2],
-    /// Names along the x axis in place of numbers, of 0, 1, 2 ...
+    /// Names along the x axis in place of the numbers 0, 1, 2 ...
     names: Vec<String>,
     size: (f64, f64),
 }
@@ -102,7 +102,7 @@ impl Panel {
         Self { square: true, ..self }
     }
 
-    /// Names along the x axis, for values that are 0, 1, 2 ...
+    /// Names along the x axis, for x values of 0, 1, 2 ...
     #[must_use]
     pub fn names(self, names: impl IntoIterator<Item = String>) -> Self {
         let names: Vec<String> = names.into_iter().collect();

@@ -1,4 +1,4 @@
-//! What the command line says of runs and records.
+//! Command line arguments for runs and records.
 
 use std::path::PathBuf;
 

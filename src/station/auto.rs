@@ -1,7 +1,7 @@
 //! `--auto PLAN`: a plan from the shell.
 //!
-//! The run goes on in this thread; what people or programs read is written by another ([`face`]), so that a stopped
-//! terminal never stops a test.
+//! The run goes on in this thread. Another thread ([`face`]) writes the output for people and programs, so that a
+//! stopped terminal never stops a test.
 
 mod face;
 
@@ -26,7 +26,7 @@ use crate::setup::{self, Setup};
 use crate::{files, records, serial_number};
 use face::Face;
 
-/// Events that may wait for a terminal that does not take them: more than any plan yields in a day.
+/// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
 
 /// Runs the plan as often as asked. The worst outcome decides the exit code.
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
     }
 }
 
-/// What the command line asks for, and the bench for it.
+/// Returns what the command line asks for, and the bench for it.
 fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
@@ -84,7 +84,7 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     serial_number::check(given).map_err(|error| CommandRefusal::new(error, "scan the module's label again"))
 }
 
-/// Whoever sits at the terminal; nobody where there is none.
+/// Returns the operator at the terminal as the fixture, or an absent fixture without a terminal.
 fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
     if !io::stdin().is_terminal() {
         return Ok(Fixture::Absent);
@@ -119,7 +119,7 @@ fn counts(ends: &[Outcome]) -> String {
     present.map(|outcome| format!("{} {outcome}", count(outcome))).collect::<Vec<_>>().join(", ")
 }
 
-/// A request that the service does not carry out.
+/// The refusal of a request that the service does not carry out.
 fn refusal(error: &ServiceError) -> CommandRefusal {
     CommandRefusal::new(with_causes(error), error.try_this())
 }

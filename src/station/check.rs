@@ -1,4 +1,4 @@
-//! `gnc-station plan check`: would this bench run these plans?
+//! `gnc-station plan check`: checks whether a bench can run plans.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -43,7 +43,7 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
     if wrong > 0 { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
 }
 
-/// What the items that capture take, each with its own words; nothing where there are none.
+/// Describes the bench time of each item that captures, and the sum. Empty if no item captures.
 fn bench_time(plan: &Plan) -> String {
     let mut lines = String::new();
     let mut whole_s = 0.0;
@@ -60,14 +60,15 @@ fn bench_time(plan: &Plan) -> String {
     }
 }
 
-/// `None` if no bench is named and none is here: the language alone is checked then.
+/// Returns what the bench can do. `None` if no bench is named and there is no `bench.toml`: then only the language of
+/// the plan is checked.
 fn abilities(bench: Option<&Path>, sim: bool) -> Result<Option<BenchAbilities>, CommandRefusal> {
     if sim {
         return Ok(Some(setup::SIMULATED));
     }
     let here = Path::new(setup::BENCH_FILE);
     match bench.or_else(|| here.exists().then_some(here)) {
-        // Somebody will be there when it is run; `--auto` without a terminal looks again.
+        // Assume that an operator is there when the plan is run; `--auto` without a terminal checks again.
         Some(path) => Ok(Some(setup::abilities(&files::bench(path)?, true))),
         None => Ok(None),
     }

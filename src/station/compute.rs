@@ -1,4 +1,4 @@
-//! `gnc-station compute METHOD FILE`: the mathematics of the station on anyone's record.
+//! `gnc-station compute METHOD FILE`: the mathematics of the station for any record.
 //!
 //! A result goes to standard output, as a table or with `--json` as one JSON object. Exit code 0; 1 when the method
 //! refuses the record, with the reason; 2 when the command line or the file cannot be read, with line and column.
@@ -104,7 +104,7 @@ enum ComputeError {
 }
 
 impl ComputeError {
-    /// What somebody can try, where the error itself does not show it.
+    /// What the user can try, if the error itself does not show it.
     fn try_this(&self) -> Option<&'static str> {
         match self {
             Self::Unreadable(error) => error.try_this(),
@@ -128,7 +128,7 @@ impl From<TableError> for ComputeError {
 }
 
 impl Args {
-    /// The method's name and what it gave.
+    /// Runs the method, and returns its name and its outcome.
     fn outcome(&self) -> (&'static str, Result<ComputeOutcome, ComputeError>) {
         match &self.method {
             Method::SixPosition(m) => ("six-position", m.compute(&self.reading)),
@@ -183,12 +183,12 @@ fn write(path: &Path, text: &str) -> Result<(), ComputeError> {
     std::fs::write(path, text).map_err(|source| ComputeError::Write { path: path.to_owned(), source })
 }
 
-/// A reader that went away (`| head`) is no error of ours.
+/// Prints. A reader that closed the pipe (`| head`) is not an error.
 fn print(text: &str) {
     let _ = std::io::stdout().lock().write_all(text.as_bytes());
 }
 
-/// Lines whose control characters are shown and not sent: names of columns come from the file.
+/// Escapes the control characters of each line, because names of columns come from the file.
 fn harmless(text: &str) -> String {
     text.split('\n').map(printable).collect::<Vec<_>>().join("\n")
 }

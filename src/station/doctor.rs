@@ -1,5 +1,5 @@
-//! `gnc-station doctor`: looks at everything that a bench leans on, and says in one line each what is wrong and the
-//! command that mends it. It changes nothing itself.
+//! `gnc-station doctor`: checks everything that a bench depends on. For each fault it prints one line with the command
+//! that mends it. It changes nothing itself.
 
 mod bus;
 mod place;
@@ -19,10 +19,10 @@ use gnc_text::printable;
 use crate::files;
 use crate::setup::{BENCH_FILE, RECORDS};
 
-/// Exit code when something keeps a module from being tested.
+/// Exit code when a fault makes a test of a module impossible.
 const ILL: u8 = 1;
 
-/// Where the kernel tells of its devices. Tests have a folder of their own.
+/// The folder in which the kernel describes its devices. Tests use a folder of their own.
 #[derive(Debug, Clone)]
 pub(crate) struct Sys(PathBuf);
 
@@ -33,7 +33,7 @@ impl Default for Sys {
 }
 
 impl Sys {
-    /// One line of a file below it.
+    /// Returns the first line of a file below this folder.
     fn line(&self, path: impl AsRef<Path>) -> Option<String> {
         let text = std::fs::read_to_string(self.0.join(path)).ok()?;
         Some(text.lines().next().unwrap_or_default().trim().to_owned())
@@ -48,12 +48,12 @@ impl Sys {
     }
 }
 
-/// How bad something is.
+/// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Health {
     /// As it should be.
     Good,
-    /// Modules can be tested, and something will trouble sooner or later.
+    /// Modules can be tested, but this will cause trouble sooner or later.
     Warning,
     /// No module can be tested like this.
     Bad,
@@ -63,9 +63,9 @@ pub(crate) enum Health {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Finding {
     pub(crate) health: Health,
-    /// What it is like.
+    /// What was found.
     pub(crate) what: String,
-    /// The command or step that mends it; empty where nothing is to be done.
+    /// The command or step that mends it; empty if nothing is to be done.
     pub(crate) mend: String,
 }
 
@@ -98,7 +98,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Looks and tells. `named` is the bench file of the command line.
+/// Checks the bench and prints the findings. `named` is the bench file of the command line.
 pub(crate) fn run(named: Option<&Path>, records: Option<&Path>) -> ExitCode {
     let findings = look(named, records, &Sys::default());
     let mut out = std::io::stdout().lock();

@@ -87,13 +87,13 @@ pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>)
     }
 }
 
-/// What the user of an export has to know of a file.
+/// A warning about an exported file, for the user.
 struct Doubt {
     what: String,
     try_this: &'static str,
 }
 
-/// What a file and its captures lack.
+/// Returns what a file and its captures lack.
 fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
     let cut_off = record.cut_off.then(|| Doubt {
         what: format!("{} was cut off", file.display()),
@@ -113,14 +113,15 @@ fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
     cut_off.into_iter().chain(lossy).collect()
 }
 
-/// Raw samples have a form of their own, so those of a run of a later version are exported as far as they can be read.
+/// Warns of a run that a later version wrote. Raw samples have a format of their own, so they are exported as far as
+/// this version can read them.
 fn newer(folder: &Path) -> Option<Doubt> {
     let error = reader::fold(folder).err().filter(ReadError::is_newer)?;
     let what = format!("{}: {error}; its raw samples are exported as this version reads them", folder.display());
     Some(Doubt { what, try_this: error.try_this() })
 }
 
-/// Exports every raw file; gives what there is to know of them.
+/// Exports every raw file, and returns the warnings about them.
 fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportError> {
     let files = captures::files(folder)?;
     if files.is_empty() {

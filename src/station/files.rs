@@ -1,4 +1,4 @@
-//! Plans and bench files from the disk, and whether they are still as they were read.
+//! Reads plans and bench files from the disk, and finds out whether they have changed since.
 
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -39,7 +39,7 @@ pub(crate) struct ReadFile {
     pub bytes: Vec<u8>,
 }
 
-/// A file that is no longer as it was read.
+/// A file that has changed since it was read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChangedFile {
     /// Its name, as the user or an include gave it.
@@ -48,14 +48,14 @@ pub(crate) struct ChangedFile {
     pub unreadable: Option<String>,
 }
 
-/// The files of a plan that are not as they were checked.
+/// The files of a plan that have changed since they were checked.
 pub(crate) fn changed_plan(path: &Path, plan: &CheckedPlan) -> Vec<ChangedFile> {
-    // The plan's own name may have been spelt in another encoding; its path is as it was given.
+    // The plan's name may be written in another encoding than its path, so compare by the path as it was given.
     let paths = std::iter::once(path).chain(plan.plan().files().skip(1).map(|(name, _)| Path::new(name)));
     paths.zip(plan.plan().files()).filter_map(|(path, (_, text))| changed(path, text)).collect()
 }
 
-/// A file, if it is not as it was read.
+/// Returns a file that has changed since it was read.
 pub(crate) fn changed(path: &Path, was: &[u8]) -> Option<ChangedFile> {
     let name = path.display().to_string();
     match read(path, was.len()) {
@@ -65,7 +65,7 @@ pub(crate) fn changed(path: &Path, was: &[u8]) -> Option<ChangedFile> {
     }
 }
 
-/// At most one byte more than the limit, so that the checker can say that there are too many.
+/// Reads at most one byte more than the limit, so that the checker can report a file that is too long.
 fn read(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(limit as u64 + 1).read_to_end(&mut bytes)?;

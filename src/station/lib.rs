@@ -1,7 +1,7 @@
 //! The station's faces: the command line, `--auto`, the operator's screen, `doctor`, `compute` and `export`.
 //!
-//! Only this crate knows arguments and terminals, and only it links the simulated bench, by its feature `sim`. Tests are run
-//! by `gnc-bench` and filed by `gnc-records`; no crate is built on this one.
+//! Only this crate knows arguments and terminals, and only it links the simulated bench, by its feature `sim`.
+//! `gnc-bench` runs tests and `gnc-records` files them; no crate is built on this one.
 
 mod args;
 mod auto;

@@ -1,4 +1,4 @@
-//! `gnc-station ports`: what could be a bench's port.
+//! `gnc-station ports`: lists the ports that a bench could use.
 
 use std::io::Write as _;
 use std::process::ExitCode;

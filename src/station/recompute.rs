@@ -1,4 +1,5 @@
-//! `gnc-station recompute RUN`: all figures and verdicts of a run once more, from its raw record and its plan alone.
+//! `gnc-station recompute RUN`: works out all figures and verdicts of a run once more, from its raw record and its plan
+//! alone.
 
 mod again;
 mod differences;
@@ -20,10 +21,10 @@ use crate::{files, records};
 use again::Again;
 use source::{RecordedRun, RunError};
 
-/// Exit code where something is not as it was.
+/// Exit code when something differs from the record.
 const DIFFERS: u8 = 1;
 
-/// What `--help` says of exit codes.
+/// The part of `--help` about exit codes.
 pub(crate) const EXIT_CODES: &str = "\
 Exit codes without --plan:
   0  everything came out as it was, bit for bit
@@ -45,7 +46,7 @@ pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
 }
 
 fn same(folder: &Path) -> Result<ExitCode, RunError> {
-    // A sample that was changed is told by the digests, also where no figure depends on it.
+    // The digests show every changed sample, even if no figure depends on it.
     let problems = reader::verify(folder);
     let run = RecordedRun::read(folder)?;
     let plan = run.recorded_plan()?;
@@ -116,7 +117,7 @@ fn info(plan: &Plan) -> PlanInfo {
     PlanInfo { name: plan.name.clone(), version: plan.version.clone(), sha256: digest::of_plan(plan.files()) }
 }
 
-/// The fold over some events, for its outcome.
+/// Folds events into the state of a run, which has the outcome.
 fn fold(events: &[Event]) -> Result<RunState, RunError> {
     let mut state = RunState::new();
     for event in events {

@@ -1,4 +1,4 @@
-//! `gnc-station records`: a look at what was tested.
+//! `gnc-station records`: lists, shows and verifies runs.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -143,7 +143,7 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
     Ok(ExitCode::SUCCESS)
 }
 
-/// Says what the chain of closed runs shows; how much of it is not as it was written.
+/// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
     let chain::ChainCheck { runs, first, problems } = chain::verify(records)?;
     if problems.is_empty() && runs > 0 {
@@ -170,7 +170,8 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
 /// The one run that the user named.
 ///
 /// # Errors
-/// The exit code, after a word to the user: there is none, there are several, or they cannot be read.
+/// Returns the exit code, after a message to the user: no run has this name, several have it, or the records cannot be
+/// read.
 pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
     match resolve(records, named) {
         Err(error) => Err(refuse(gnc_text::with_causes(&error), error.try_this())),
@@ -182,10 +183,10 @@ pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
     }
 }
 
-/// The one run that is to be taken up again.
+/// The one run to take up again.
 ///
 /// # Errors
-/// There is none, there are several, or the folder cannot be read.
+/// No run has this name, several have it, or the folder cannot be read.
 pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, CommandRefusal> {
     let mut runs = resolve(records, named)
         .map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))?;

@@ -27,7 +27,7 @@ pub(crate) fn refuse(what: impl std::fmt::Display, try_this: &str) -> ExitCode {
 /// An error for people, on standard error: what went wrong, and what can be tried.
 pub(crate) fn complain(what: impl std::fmt::Display, try_this: &str) {
     use std::io::Write as _;
-    // Where nobody can read it there is nobody to tell.
+    // Ignore the error: without standard error there is no other place for the message.
     let _ = writeln!(std::io::stderr(), "gnc-station: {what}");
     if !try_this.is_empty() {
         let _ = writeln!(std::io::stderr(), "  try: {try_this}");

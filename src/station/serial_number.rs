@@ -1,11 +1,11 @@
-//! Serial numbers as scanned: from outside, so they may hold anything.
+//! Serial numbers as scanned. They come from outside, so they may hold any text.
 
 use gnc_text::quoted;
 
 /// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
 pub(crate) const MAX_CHARACTERS: usize = 64;
 
-/// Why a text is no serial number.
+/// Why a text is not a serial number.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum SerialNumberError {
     #[error("the serial number is empty")]
@@ -16,7 +16,8 @@ pub(crate) enum SerialNumberError {
     Control { text: String },
 }
 
-/// The serial number without white space round it: a scanner may end with some; inside it belongs to the number.
+/// Returns the serial number without white space around it, which some scanners add. White space inside belongs to the
+/// number.
 pub(crate) fn check(scanned: &str) -> Result<String, SerialNumberError> {
     let text = scanned.trim();
     let characters = text.chars().count();

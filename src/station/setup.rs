@@ -1,4 +1,4 @@
-//! From the command line to a bench: a real one by its file, or the simulated one.
+//! Makes a bench from the command line: a real one from its file, or the simulated one.
 
 #[cfg(feature = "sim")]
 mod simulated;
@@ -18,9 +18,9 @@ use crate::args::RunArgs;
 use crate::files::{self, ReadFile};
 use crate::refusal::CommandRefusal;
 
-/// The bench file that is taken where none is named.
+/// The bench file that is used when none is named.
 pub(crate) const BENCH_FILE: &str = "bench.toml";
-/// Where records go if nobody says otherwise.
+/// The records folder that is used when none is named.
 pub(crate) const RECORDS: &str = "records";
 
 /// A bench that is ready to be used.
@@ -36,15 +36,15 @@ pub(crate) type Simulation = Option<hw_mocks::RunningBench>;
 #[cfg(not(feature = "sim"))]
 pub(crate) type Simulation = Option<std::convert::Infallible>;
 
-/// A bench whose files are read and checked, and of which nothing is opened. What was read stays as it is: a file that is
-/// changed later does not change the bench.
+/// A bench whose files are read and checked, but whose devices are not opened. A file that changes later does not
+/// change the bench.
 #[derive(Debug, Clone)]
 pub(crate) struct CheckedBench {
     pub station: String,
     pub records: PathBuf,
-    /// The bench as records name it; of a simulated one without its port, which is another one for each module.
+    /// The bench as records name it. A simulated bench is without its port here, since each module gets another port.
     pub bench: BenchInfo,
-    /// What it can do with an operator.
+    /// What the bench can do with an operator.
     pub abilities: BenchAbilities,
     /// The file that describes it, unless it is built in.
     pub text: Option<ReadFile>,
@@ -82,7 +82,7 @@ pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
 }
 
 impl CheckedBench {
-    /// Opens it. `operator` is asked only for a real bench: the simulated one turns its module by itself.
+    /// Opens the bench. `operator` is called only for a real bench: the simulated bench turns its module by itself.
     #[cfg_attr(not(feature = "sim"), expect(unused_variables, reason = "a real module has its number without us"))]
     pub(crate) fn open(
         &self,
@@ -170,8 +170,8 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
     })
 }
 
-/// What a real bench can do. With somebody at it: that is known only when a plan is run. Where the board is reached by
-/// CAN, nobody knows of an RS-422 line.
+/// What a real bench can do. The caller says whether an operator is there, since that is known only when a plan is run.
+/// A bench that reaches its board by CAN is taken to have no RS-422 line.
 pub(crate) fn abilities(file: &BenchFile, operator: bool) -> BenchAbilities {
     BenchAbilities { rs422: file.socket != Some(TestSocket::Can), can: file.can.is_some(), operator }
 }
@@ -183,7 +183,7 @@ fn station(args: &RunArgs, file: &BenchFile) -> String {
     args.station.clone().unwrap_or_else(|| file.station_id.clone())
 }
 
-/// Where records go, as far as can be said without starting anything.
+/// Returns the records folder, as far as it is known without starting anything.
 pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
     let path = args.bench.clone().unwrap_or_else(|| BENCH_FILE.into());
     match files::bench(&path) {
@@ -192,7 +192,7 @@ pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
     }
 }
 
-/// The station's key, by the folder of the bench file.
+/// Reads the station's key. Its path is relative to the folder of the bench file.
 fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, CommandRefusal> {
     let Some(key) = &file.key else { return Ok(None) };
     let path = folder.unwrap_or_else(|| Path::new("")).join(key);
@@ -201,7 +201,7 @@ fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, Co
         .map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))
 }
 
-/// A folder in a bench file goes from the folder of that file.
+/// Returns the records folder. A relative path in a bench file starts at the folder of that file.
 fn records(args: &RunArgs, file: &BenchFile, folder: Option<&Path>) -> PathBuf {
     let named = file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records));
     args.records.clone().or(named).unwrap_or_else(|| RECORDS.into())

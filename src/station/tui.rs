@@ -1,7 +1,7 @@
 //! The operator's screen.
 //!
-//! Three threads: this one runs tests on its own runtime, one draws, one reads keys. They talk by channels, so that a
-//! terminal that stands still delays drawing and typing, and never a test.
+//! Three threads: this one runs the tests on its own runtime, one draws, one reads keys. They exchange messages over
+//! channels, so a blocked terminal delays drawing and typing, but never a test.
 
 mod decode;
 mod field;
@@ -46,15 +46,15 @@ use terminal::Guard;
 pub use lang::Lang;
 pub use scene::Scene;
 
-/// The plan that is chosen where none is named.
+/// The plan that is used when the command line names none.
 const PLAN: &str = "test-plans/functional.toml";
-/// Events and answers that may wait for a terminal that does not take them: more than any plan yields in a day.
+/// Largest number of events and answers that wait for a blocked terminal: more than any plan yields in a day.
 const MESSAGES: usize = 1 << 16;
-/// Batches of keys that may wait; then the typist waits.
+/// Largest number of key batches that wait. When the queue is full, the thread that reads keys waits.
 const KEYS: usize = 16;
-/// Commands that may wait: as many as somebody can press in a moment.
+/// Largest number of commands that wait: as many as an operator can press in a moment.
 const COMMANDS: usize = 64;
-/// Longest wait for the last drawing and for a terminal to be given back; one that stands still never comes.
+/// Longest wait for the last drawing and for the return of the terminal. A blocked terminal never finishes either.
 const GIVE_BACK_WITHIN: Duration = Duration::from_secs(1);
 
 /// Opens the screen.
@@ -105,9 +105,9 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusa
         resizes.abort();
         outcome
     });
-    // Reading records may go on; nobody waits for it.
+    // A read of records may still be under way; do not wait for it.
     runtime.shutdown_background();
-    // The session is gone, so the screen ends by itself, unless its terminal stands still.
+    // The session has ended, so the drawing thread ends by itself, unless its terminal is blocked.
     match gone.recv_timeout(GIVE_BACK_WITHIN) {
         Ok(Ok(())) => {}
         Ok(Err(error)) => complain(format_args!("the screen ended: {error}"), "check the terminal, and open it again"),
@@ -121,7 +121,7 @@ fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Command
     spawned.map(drop).map_err(|error| CommandRefusal::new(format!("cannot start the screen: {error}"), ""))
 }
 
-/// The run that is to be taken up, and the serial number of its module.
+/// Returns the run to take up, and the serial number of its module.
 fn to_resume(args: &RunArgs, run: &Path) -> Result<(PathBuf, String), CommandRefusal> {
     let folder = crate::records::to_resume(&setup::records_folder(args), run)?;
     match reader::read(&folder) {
@@ -179,7 +179,7 @@ struct Drawing {
 }
 
 impl Drawing {
-    /// Ends when somebody leaves or the terminal is gone; then the commands end, and the session hears of it.
+    /// Draws until the operator leaves or the terminal is gone. Then the command channel closes, and the session ends.
     fn run(mut self) -> io::Result<()> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         let shown = self.guard.take().and_then(|mut terminal| {

@@ -1,4 +1,4 @@
-//! Text for people, below every crate that says something to them.
+//! Text for people. Every crate that shows text to people is built on this one.
 //!
 //! It knows nothing of tests, boards or records.
 

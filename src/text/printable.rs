@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Characters of foreign text that a message repeats; more would bury what the message says.
+/// Largest number of characters of foreign text in a message; more would hide what the message says.
 const QUOTED_CHARACTERS: usize = 60;
 
 /// The text with every control, direction and invisible character written as its escape.
@@ -39,7 +39,7 @@ pub fn quoted(text: &str) -> String {
     format!("\"{}\"", shortened(text, QUOTED_CHARACTERS))
 }
 
-/// The printable text, cut with an ellipsis where it has more than so many characters.
+/// The printable text, cut with an ellipsis if it has more than `characters` characters.
 #[must_use]
 pub fn shortened(text: &str, characters: usize) -> String {
     match text.char_indices().nth(characters) {

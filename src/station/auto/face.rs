@@ -18,7 +18,7 @@ use tokio::sync::watch;
 
 /// How often a bar moves.
 const BAR_EVERY: Duration = Duration::from_millis(100);
-/// How often a line says how far it is, where there is no terminal to draw a bar on.
+/// How often a line reports the progress, if there is no terminal for a bar.
 const LINE_EVERY: Duration = Duration::from_secs(2);
 const BAR_WIDTH: usize = 12;
 
@@ -48,7 +48,7 @@ impl Face {
         Ok(Self { thread })
     }
 
-    /// Waits until everything is written, or nobody wants to wait any more: a terminal may stand still for ever.
+    /// Waits until everything is written, or until the second request to stop: a blocked terminal may never finish.
     pub(super) async fn join(self, control: &RunControl) {
         let joined = tokio::task::spawn_blocking(move || self.thread.join());
         tokio::select! {
@@ -82,11 +82,11 @@ impl Writer {
     fn event(&mut self, event: &Event) {
         if self.events_to_stdout {
             let mut out = io::stdout().lock();
-            // A reader that has gone is no reason to stop the test.
+            // A reader that is gone must not stop the test.
             let _ = serde_json::to_writer(&mut out, event).map_err(io::Error::from).and_then(|()| writeln!(out));
             let _ = out.flush();
         }
-        // The journal took the same event before, so that it is in order.
+        // The journal has accepted the same event before, so the event is in order.
         if self.state.apply(event).is_err() {
             return;
         }
@@ -152,7 +152,7 @@ impl Writer {
         self.say(&format!("record: {}", self.folder.display()));
     }
 
-    /// A bar on a terminal, else a line now and then.
+    /// Draws a bar on a terminal; elsewhere it writes a line now and then.
     fn progress(&mut self) {
         let doing = self.live.borrow().clone();
         if doing.is_empty() {
@@ -162,7 +162,7 @@ impl Writer {
         let each: Vec<String> = doing.iter().map(|doing| describe(doing, self.terminal)).collect();
         let line = each.join("   ");
         if self.terminal {
-            // One line, or it could not be wiped.
+            // Keep to one line: more than one could not be wiped.
             let line: String = line.chars().take(self.columns()).collect();
             self.write(&format!("\r\x1b[K{line}"));
             self.bar_drawn = true;
@@ -193,18 +193,18 @@ impl Writer {
     }
 }
 
-/// A line for people, where no run is shown.
+/// A line for people, while no run is shown.
 pub(super) fn say(events_to_stdout: bool, line: &str) {
     write(events_to_stdout, &format!("{line}\n"));
 }
 
-/// A terminal that is gone is no reason to stop the test.
+/// Writes a text. A terminal that is gone must not stop the test.
 fn write(events_to_stdout: bool, text: &str) {
     let mut out: Box<dyn Write> = if events_to_stdout { Box::new(io::stderr()) } else { Box::new(io::stdout()) };
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
-/// An item that runs, with a bar or a share where its length is known.
+/// Describes an item that runs, with a bar or a percentage if its length is known.
 fn describe(doing: &Doing, bar: bool) -> String {
     let advance = *doing.advance.borrow();
     let (item, elapsed) = (printable(&doing.item), text::duration(doing.began.elapsed().as_secs_f64()));

@@ -1,5 +1,5 @@
-//! What the station itself costs: time and memory of an item, and of a 1 kHz stream; a day of it in board time, at full
-//! speed; how late a wait ends beside one. Prints figures with their bounds.
+//! Measures what the station itself costs: time and memory of an item and of a 1 kHz stream, a day of that stream in
+//! board time at full speed, and how late a wait ends beside one. Prints figures with their bounds.
 //!
 //!     cargo bench -p gnc-station --bench own_cost [-- cost | items N | stream SECONDS | day HOURS | waits N]
 //!
@@ -26,15 +26,16 @@ use gnc_records::store::{RecordWriter, RunFolder};
 use hw_mocks::{BenchOptions, RunningBench, Speed};
 use tokio::sync::watch;
 
-/// Own cost of a trivial item, journal and record included.
+/// Time that a trivial item costs, journal and record included.
 const ITEM_MS: f64 = 0.1;
-/// Memory of an item between 200 and 20,000 of them.
+/// Memory of one item, measured between plans of 200 and of 20,000 items.
 const ITEM_BYTES: f64 = 1000.0;
 /// Share of a core for a stream of 1 kHz.
 const STREAM_SHARE: f64 = 0.05;
-/// A wait of half a second ends so soon, milliseconds.
+/// Shortest and longest duration of a wait of half a second, milliseconds.
 const WAIT_MS: (f64, f64) = (500.0, 520.0);
-/// Memory that a stream of a day may hold at its end more than after its first hour: what the allocator keeps by chance.
+/// Memory that a stream of a day may hold at its end beyond that after its first hour: what the allocator keeps by
+/// chance.
 const DAY_BYTES: f64 = 1e6;
 const RATE_HZ: u16 = 1000;
 
@@ -79,7 +80,8 @@ fn verdict(what: &str, value: f64, bound: f64, unit: &str) {
     println!("{what:<42} {value:>10.4} {unit:<6} {word} the bound of {bound} {unit}");
 }
 
-/// A run in a process of its own, so that its memory is its own; its last line holds the figures.
+/// Runs this program again in a process of its own, so that its memory is measured alone. The last line of output holds
+/// the figures.
 fn child(args: &[&str]) -> Vec<f64> {
     let program = std::env::current_exe().expect("this program");
     let output = Command::new(program).args(args).output().expect("this program again");
@@ -89,7 +91,7 @@ fn child(args: &[&str]) -> Vec<f64> {
     figures.map(|figure| figure.parse().expect("a number")).collect()
 }
 
-/// A plan of trivial items, each with one measurement, through job, journal and record. Prints seconds and bytes.
+/// Runs a plan of trivial items, each with one measurement, through job, journal and record. Prints seconds and bytes.
 fn items(count: usize) {
     use std::fmt::Write as _;
     let mut text = "name = \"many\"\nversion = \"1\"\n".to_owned();
@@ -99,7 +101,7 @@ fn items(count: usize) {
     let plan = Plan::read("many.toml", text.into_bytes(), &mut |_| Err(String::new())).expect("a plan");
     let bench = BenchAbilities { rs422: true, can: false, operator: false };
     let job = Job::new(plan, bench, None).expect("a job");
-    // In memory, so that the disk's own pace does not count.
+    // A folder in memory, so that the speed of the disk does not count.
     let folder = tempfile::TempDir::new_in("/dev/shm").expect("a folder in memory");
     let before = resident_bytes();
     let began = Instant::now();
@@ -158,8 +160,8 @@ fn header() -> RunHeader {
     }
 }
 
-/// A 1 kHz stream of the IMU from the simulated board. Prints the share of a core that this end took, and the samples
-/// lost.
+/// Reads a 1 kHz stream of the IMU from the simulated board. Prints the share of a core that this end took, and the
+/// samples lost.
 fn stream(seconds: u32) {
     let wanted = seconds * u32::from(RATE_HZ);
     let (lost, busy) = beside_a_board(Speed::Times(1.0), async |lease| {
@@ -171,8 +173,8 @@ fn stream(seconds: u32) {
     println!("{} {lost}", busy.as_secs_f64() / f64::from(seconds));
 }
 
-/// The same at full speed. Prints the samples lost, the memory held at the end more than after an hour of board time, and
-/// samples a second.
+/// Reads the same stream at full speed. Prints the samples lost, the memory held at the end beyond that after an hour
+/// of board time, and samples a second.
 fn day(hours: u32) {
     let hour = 3600 * u32::from(RATE_HZ);
     let wanted = hours * hour;
@@ -194,8 +196,8 @@ fn day(hours: u32) {
     println!("{lost} {grown} {}", f64::from(wanted) / began.elapsed().as_secs_f64());
 }
 
-/// Waits of half a second, one after the other, on the thread that reads a 1 kHz stream. Prints the shortest and the
-/// longest in milliseconds.
+/// Waits half a second again and again, on the thread that reads a 1 kHz stream. Prints the shortest and the longest
+/// wait in milliseconds.
 fn waits(count: u32) {
     let wait = Duration::from_millis(WAIT_MS.0 as u64);
     let lasted = beside_a_board(Speed::Times(1.0), async |lease| {
@@ -213,7 +215,7 @@ fn waits(count: u32) {
     println!("{shortest} {}", lasted.iter().copied().fold(0.0, f64::max));
 }
 
-/// Works at a board whose module is switched on, as one item does.
+/// Works at a board whose module is switched on, in the way of an item.
 fn beside_a_board<T>(speed: Speed, work: impl AsyncFnOnce(&BoardLease<'_>) -> T) -> T {
     let options = BenchOptions { speed, ..BenchOptions::default() };
     let bench = RunningBench::start(&options).expect("a simulated bench");
@@ -228,7 +230,7 @@ fn beside_a_board<T>(speed: Speed, work: impl AsyncFnOnce(&BoardLease<'_>) -> T)
     })
 }
 
-/// The stream of the IMU, so many samples of it; without end for 0.
+/// Starts the stream of the IMU with `count` samples; without end for 0.
 async fn started(lease: &BoardLease<'_>, count: u32) -> Stream {
     let stream = lease.listen(StreamId::Imu).await.expect("a stream");
     let start = StreamStart { stream: StreamId::Imu as u8, rate_hz: RATE_HZ, count, samples_per_frame: 0 };
@@ -247,12 +249,12 @@ fn thread_time() -> Duration {
     Duration::from(time)
 }
 
-/// Most memory that this process ever held.
+/// Largest memory that this process has held.
 fn resident_bytes() -> f64 {
     memory("VmHWM:")
 }
 
-/// Memory that it holds now.
+/// Memory that this process holds now.
 fn held_bytes() -> f64 {
     memory("VmRSS:")
 }

@@ -1,5 +1,5 @@
-//! What the screen costs: drawing, idling, a stream that is shown, its first picture, and how soon it answers a key.
-//! Prints figures with their bounds.
+//! Measures what the screen costs: drawing, idling, a stream that is shown, its first picture, and the time to answer a
+//! key. Prints figures with their bounds.
 //!
 //!     cargo bench -p gnc-station --bench screen
 
@@ -19,21 +19,21 @@ use nix::pty::{Winsize, openpty};
 use nix::time::{ClockId, clock_gettime};
 use nix::unistd::{SysconfVar, sysconf};
 
-/// Drawing of 160 x 50, the slowest of a hundred.
+/// Drawing of 160 x 50: the slowest of a hundred.
 const DRAW_MS: f64 = 2.0;
-/// Samples of a spin of which as many points are kept as there may be.
+/// Samples of a spin for which the picture keeps the largest number of points.
 const POINTS: u32 = 4095;
 /// Samples of a capture.
 const SAMPLES: u32 = 1_000_000;
-/// What a picture may cost for each sample where it comes by: a tenth of a percent of a core at 1 kHz.
+/// What a picture may cost for each sample that it takes: a tenth of a percent of a core at 1 kHz.
 const SAMPLE_US: f64 = 1.0;
 /// Share of a core while nothing happens.
 const IDLE_SHARE: f64 = 0.01;
 /// Share of a core of the program, station included, while a stream is shown.
 const STREAM_SHARE: f64 = 0.10;
-/// From the start of the program to its first picture.
+/// Time from the start of the program to its first picture.
 const FIRST_MS: f64 = 100.0;
-/// From a key to what it changes, while a run is on.
+/// Time from a key to the change on the screen, while a run is on.
 const KEY_MS: f64 = 50.0;
 /// How long shares of a core are measured.
 const MEASURED: Duration = Duration::from_secs(8);
@@ -52,7 +52,7 @@ fn verdict(what: &str, value: f64, bound: f64, unit: &str) {
     println!("{what:<46} {value:>10.4} {unit:<4} {word} the bound of {bound} {unit}");
 }
 
-/// Every page of a run at work, with curves that go on, and what a capture shows on its own.
+/// Draws every page of a run at work, with curves that go on, and the pictures of captures.
 fn drawing() {
     let size = (160, 50);
     let scene = |scene: std::io::Result<Scene>| scene.expect("a screen in memory");
@@ -80,7 +80,7 @@ fn drawing() {
     }
 }
 
-/// What pictures cost where samples come by: most of what a scene does is to take them.
+/// Measures what pictures cost for each sample: most of the work of such a scene is to take samples.
 fn pictures() {
     type Play = fn(Lang, (u16, u16), u32) -> std::io::Result<Scene>;
     let plays: [(&str, Play); 2] = [("field", Scene::spinning), ("Allan deviations", Scene::resting)];
@@ -95,13 +95,13 @@ fn pictures() {
     }
 }
 
-/// Processor time of this thread: on a busy machine the wall's time is that of the others.
+/// Processor time of this thread: on a busy machine wall time includes the work of other programs.
 fn own_time() -> Duration {
     let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).expect("a clock");
     Duration::from(time)
 }
 
-/// The program itself on a pseudo-terminal.
+/// Measures the program itself on a pseudo-terminal.
 fn program() {
     let mut first: Vec<f64> = (0..10)
         .map(|_| {
@@ -136,7 +136,7 @@ fn program() {
     let mut screen = Screen::open();
     screen.wait_for("functional 1.0");
 
-    // A run: the cursor moves while items are at work.
+    // During a run: the cursor moves while items are at work.
     screen.types(b"BENCH-1\r");
     screen.types(b"\x1b[15~");
     screen.wait_for("Started   ");
@@ -199,7 +199,7 @@ impl Screen {
         self.master.write_all(bytes).expect("a terminal");
     }
 
-    /// Takes what comes within a time.
+    /// Reads the output that comes within a time.
     fn read(&mut self, time: Duration) {
         let wait = PollTimeout::try_from(time).unwrap_or(PollTimeout::MAX);
         let ready = poll(&mut [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)], wait).expect("poll");
@@ -232,7 +232,7 @@ impl Screen {
         (self.cpu_s() - before) / began.elapsed().as_secs_f64()
     }
 
-    /// Processor time of all threads that are not the simulated board's.
+    /// Processor time of all threads except those of the simulated board.
     fn cpu_s(&self) -> f64 {
         let ticks = sysconf(SysconfVar::CLK_TCK).ok().flatten().unwrap_or(100) as f64;
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.child.id())).expect("threads");

@@ -146,7 +146,7 @@ fn interval(c: Coefficient) -> Value {
     json!({ "value": c.value, "low": c.low, "high": c.high })
 }
 
-/// How well the fit holds, and N once more by the spectrum.
+/// Adds how well the fit holds, and N once more from the spectrum.
 fn told(report: &mut FigureReport, analysis: &Analysis) {
     let fit = analysis.fit.as_ref().map_or(Value::Null, fit_json);
     let spectrum = analysis.plateau.as_ref().map_or(Value::Null, |plateau| {

@@ -1,4 +1,4 @@
-//! The gate before every method, on the columns that it reads.
+//! The gate on the columns that a method reads. It stands before every method.
 
 use std::ops::Range;
 
@@ -17,19 +17,20 @@ pub(super) struct GateColumns {
     names: Vec<String>,
 }
 
-/// Rows of a record that passed.
+/// Rows of a record that passed the gate.
 pub(super) struct Gated {
     screening: Screening,
     replaced: bool,
 }
 
 impl GateColumns {
-    /// The columns of a method, and behind them those of the gate.
+    /// The columns of a method, followed by those of the gate.
     pub(super) fn behind<'a>(&'a self, own: &[&'a str]) -> Vec<&'a str> {
         own.iter().copied().chain(self.names.iter().map(String::as_str)).collect()
     }
 
-    /// Still positions: stretches of one label, or of one direction in the columns behind the chip's; rows are dropped.
+    /// Screens still positions: stretches of one label, or of one direction in the columns behind the chip's. Bad rows
+    /// are dropped.
     pub(super) fn positions(
         &self,
         chip: &[&str],
@@ -48,8 +49,8 @@ impl GateColumns {
         Ok(gated)
     }
 
-    /// Levels, each as long as the columns at these places stay the same; rows are dropped. A level of one row has nothing
-    /// beside it, and passes.
+    /// Screens levels. A level lasts as long as the columns at these places stay the same. Bad rows are dropped. A
+    /// level of one row has no row to compare with, and passes.
     pub(super) fn levels(&self, chip: &[&str], columns: &mut Columns, by: &[usize]) -> Result<Gated, Refusal> {
         let numbers = &columns.numbers;
         let rows = numbers.first().map_or(0, Vec::len);
@@ -64,7 +65,7 @@ impl GateColumns {
         Ok(gated)
     }
 
-    /// Points of a curve; rows are dropped.
+    /// Screens points of a curve. Bad rows are dropped.
     pub(super) fn points(
         &self,
         chip: &[&str],
@@ -78,7 +79,7 @@ impl GateColumns {
         Ok(gated)
     }
 
-    /// Runs of one label that are integrated; rows are bridged.
+    /// Screens runs of one label that are integrated. Bad rows are bridged.
     pub(super) fn motion(
         &self,
         chip: &[&str],
@@ -97,13 +98,13 @@ impl GateColumns {
         Ok(gated)
     }
 
-    /// One column over time; rows are refilled.
+    /// Screens one column over time. Bad rows are refilled.
     pub(super) fn series(&self, column: &str, columns: &mut Columns, still: bool) -> Result<Gated, Refusal> {
         let blocks = one_stretch(columns.numbers.first().map_or(0, Vec::len));
         self.stretches_of_series(column, columns, &blocks, still)
     }
 
-    /// One column over time, in stretches between which time is not known; rows are refilled.
+    /// Screens one column over time, in stretches. The time between stretches is unknown. Bad rows are refilled.
     pub(super) fn stretches_of_series(
         &self,
         column: &str,
@@ -119,7 +120,8 @@ impl GateColumns {
         Ok(gated)
     }
 
-    /// Screens the first columns, which are those of one chip, and the last ones, which are the gate's and are dropped.
+    /// Screens the first columns, which belong to one chip, and the last columns, which belong to the gate and are
+    /// dropped.
     ///
     /// # Errors
     /// A value that is not finite, and what [`Screening::admit`] refuses.
@@ -146,7 +148,7 @@ impl GateColumns {
             screening = screening.and(Screening::of(&names, &slices(&others), &layout));
         }
         if screening.left_out().total() > 0 {
-            // Its row is that of the file only as long as no row is dropped.
+            // Check here: as long as no row is dropped, the row in a refusal is the row in the file.
             series::channels(chip, &slices(&columns.numbers[..chip.len()]))?;
         }
         screening.admit(match rows {
@@ -169,7 +171,7 @@ impl Gated {
         columns.labels = self.screening.kept(&columns.labels);
     }
 
-    /// For the result.
+    /// The result of the gate for the report.
     pub(super) fn json(&self) -> Value {
         let left_out = self.screening.left_out();
         let mut gate = json!({

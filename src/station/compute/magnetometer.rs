@@ -85,7 +85,7 @@ impl EllipseArgs {
         let corrected = || pairs().map(|(x, y)| e.correction.apply(x, y));
         let radial =
             corrected().map(|(u, v)| (v.atan2(u).to_degrees(), (u.hypot(v) - e.radius) / e.radius)).collect::<Vec<_>>();
-        // Spikes are counted, not shown: the curve would be a dot beside them.
+        // Spikes are counted and not shown: beside them the curve would shrink to a dot.
         let about = |centre: f64, half: f64| Some((centre - 1.3 * half, centre + 1.3 * half));
         let limit = 8.0 * e.sigma / e.semi_axes[1];
         let (major, [cx, cy]) = (e.semi_axes[0], e.centre);
@@ -161,7 +161,7 @@ impl EllipsoidArgs {
         let corrected: Vec<Vector3<f64>> =
             (0..x.len()).map(|i| e.matrix * (Vector3::new(x[i], y[i], z[i]) - e.centre)).collect();
         let raw: [&[f64]; 3] = [x, y, z];
-        // Spikes are counted, not shown: the cloud would be a dot beside them.
+        // Spikes are counted and not shown: beside them the cloud would shrink to a dot.
         let about = |centre: f64, half: f64| Some((centre - 1.3 * half, centre + 1.3 * half));
         let view = |a: usize, b: usize| {
             let (p, q) = (AXES[a], AXES[b]);

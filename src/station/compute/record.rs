@@ -1,8 +1,9 @@
-//! A record to compute with: a table (text, Parquet, numpy), or raw captures of this station (`FILE.mcap`, or one capture
-//! of it: `FILE.mcap#LABEL`, as of an export: `FILE.csv#LABEL`).
+//! A record to compute with: a table (text, Parquet, numpy), or raw captures of this station. `FILE.mcap` stands for
+//! all captures of a file, `FILE.mcap#LABEL` for one of them, as `FILE.csv#LABEL` does for an export.
 //!
-//! Of raw captures the columns are `gyro_x` to `mag_z` in counts, and `x`, `y`, `z` of the triad that the method is about;
-//! `position` and `run` come from how the module lay or turned, `ux`, `uy`, `uz` from the direction that pointed up.
+//! Raw captures have the columns `gyro_x` to `mag_z` in counts, and `x`, `y`, `z` of the triad that the method is
+//! about. `position` and `run` come from how the module lay or turned, `ux`, `uy`, `uz` from the direction that pointed
+//! up.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ pub(super) enum OutputTriad {
     Mag,
 }
 
-/// Why captures cannot be computed with.
+/// Why captures are unfit for a method.
 #[derive(Debug, Error)]
 pub(super) enum RecordError {
     #[error(transparent)]
@@ -69,7 +70,7 @@ impl Record {
         Ok(Self::Raw(raw))
     }
 
-    /// Whether it has a column.
+    /// Whether the record has a column.
     pub(super) fn has(&self, name: &str) -> bool {
         match self {
             Self::Table(table, _) => table.has(name),
@@ -93,7 +94,7 @@ impl Record {
 type Column = fn(&Capture, usize, usize) -> f64;
 
 impl Raw {
-    /// Every still capture has an axis up, and none comes twice: then their names are labels.
+    /// Whether every still capture has an axis up and all these axes differ. Then their names are labels.
     fn has_positions(&self) -> bool {
         let still = self.captures.iter().filter(|capture| matches!(capture.about.pose, Pose::Still { .. }));
         let mut names: Vec<String> = still.map(|capture| capture.about.position_and_run().0).collect();
@@ -103,7 +104,7 @@ impl Raw {
         count > 0 && names.len() == count && names.iter().all(|name| !name.is_empty())
     }
 
-    /// How a column is taken from a sample, and its axis.
+    /// How to take a column from a sample, and its axis.
     fn column(&self, name: &str) -> Option<(Column, usize)> {
         let (sensor, axis) = match name.rsplit_once('_') {
             Some((sensor, axis)) => (sensor, axis),
@@ -201,7 +202,7 @@ impl Raw {
     }
 }
 
-/// The rate that captures share, Hz; or why they have none.
+/// The rate that all captures have, Hz; or why they have no common rate.
 fn rate(captures: &[&Capture]) -> Result<f64, String> {
     let rates_hz: BTreeSet<u16> = captures.iter().map(|capture| capture.about.rate_hz).collect();
     match rates_hz.iter().copied().collect::<Vec<_>>().as_slice() {

@@ -31,23 +31,23 @@ struct Run {
 
 impl RepeatabilityArgs {
     pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
-        // Between runs time passes as it likes.
+        // Any time may pass between runs.
         let table = RecordTable::open(&self.file, reading)?;
         let has_run = table.has("run");
         let mut names = vec![self.column.as_str()];
         names.extend(has_run.then_some("run"));
         let names = self.gate.behind(&names);
         let mut columns = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
-        // A dead run is named as such before the gate counts its rows.
+        // A dead run is reported as such before the gate counts its rows.
         alive(&self.column, &self.runs(&columns, has_run)?)?;
-        // Without runs every row is one, and no row is beside another.
+        // Without runs every row is a run of its own, so the gate has no neighbours to compare.
         let gated = if has_run { Some(self.gate.levels(&names[..1], &mut columns, &[1])?) } else { None };
         let runs = self.runs(&columns, has_run)?;
         let means: Vec<f64> = runs.iter().map(|run| stats::mean(&run.values)).collect();
         let stretches: Vec<&[f64]> = runs.iter().map(|run| run.values.as_slice()).collect();
         let figures = [means.as_slice()];
         let are_rows = stretches.iter().all(|values| values.len() == 1);
-        // Figures of one row each are values of the output, and show its steps together.
+        // Figures of one row each are values of the output; together they show its steps.
         let resolution_sd = quantisation::mean_error_sd(if are_rows { &figures } else { &stretches });
         let found = stability::repeatability(&means, resolution_sd)?;
         let unit = format!("unit of {}", self.column);
@@ -134,7 +134,7 @@ fn runs(numbers: &[f64], values: &[f64]) -> Vec<Run> {
     runs
 }
 
-/// No run shows one value throughout where another is noisy.
+/// Refuses a run that shows one value throughout while another run is noisy.
 fn alive(column: &str, runs: &[Run]) -> Result<(), Refusal> {
     let still = |run: &Run| run.values.iter().all(|v| *v == run.values[0]);
     let stretches: Vec<&[f64]> = runs.iter().map(|run| run.values.as_slice()).collect();

@@ -1,4 +1,4 @@
-//! A result as a table for people and as JSON for programs, from one list of entries.
+//! A result as a table for people and as JSON for programs. Both come from one list of entries.
 
 use std::fmt::Write as _;
 
@@ -12,9 +12,9 @@ use super::table::{Columns, RecordClock};
 pub(super) struct FigureReport {
     method: &'static str,
     entries: Vec<Entry>,
-    /// Keys whose figure does not exist, and why.
+    /// Keys whose figure does not exist, with the reason.
     absent: Vec<(&'static str, String)>,
-    /// Keys of the version before, which programs may still read, and what they are.
+    /// Keys of the version before, which programs may still read, with the description of each.
     deprecated: Vec<(&'static str, Value, &'static str)>,
 }
 
@@ -30,7 +30,7 @@ enum Body {
         columns: &'static [&'static str],
         rows: Vec<Vec<Value>>,
     },
-    /// Objects of equal keys under a name each; a name, its unit and the object or null.
+    /// Named objects with equal keys: each row is a name, its unit, and the object or null.
     Named {
         columns: &'static [&'static str],
         rows: Vec<(&'static str, &'static str, Value)>,
@@ -46,7 +46,7 @@ impl FigureReport {
         Self { method, entries: Vec::new(), absent: Vec::new(), deprecated: Vec::new() }
     }
 
-    /// Adds a figure; the unit is for people, programs read it in the documentation.
+    /// Adds a figure. The unit is for people; programs find it in the documentation.
     pub(super) fn put(&mut self, key: &'static str, unit: impl Into<String>, value: impl Into<Value>) -> &mut Self {
         self.entries.push(Entry { key, unit: unit.into(), body: Body::Value(value.into()) });
         self
@@ -60,8 +60,8 @@ impl FigureReport {
         self
     }
 
-    /// Keeps a key of the version before, or `key.of it`, for programs; `deprecated` says what it is and what to read in
-    /// its place. People do not see it.
+    /// Keeps a key of the version before, or `key.of it`, for programs. `instead` says what it is and which key to read
+    /// in its place. People do not see it.
     pub(super) fn deprecated(
         &mut self,
         key: &'static str,
@@ -72,7 +72,7 @@ impl FigureReport {
         self
     }
 
-    /// Adds what is said about the record itself: what was understood of its form, its units and its clock.
+    /// Adds facts about the record itself: what was understood of its form, its units and its clock.
     pub(super) fn record(&mut self, columns: &Columns) -> &mut Self {
         let understood = &columns.about.understood;
         let line = if understood.is_empty() { "as it stands".to_owned() } else { understood.join(", ") };
@@ -100,7 +100,7 @@ impl FigureReport {
         self
     }
 
-    /// Adds objects of equal keys under a name each; the last column is that of their units.
+    /// Adds named objects with equal keys; the last column is that of their units.
     pub(super) fn named(
         &mut self,
         key: &'static str,
@@ -111,7 +111,7 @@ impl FigureReport {
         self
     }
 
-    /// Adds what people do not read from a table.
+    /// Adds an entry for programs only.
     pub(super) fn hidden(&mut self, key: &'static str, value: impl Into<Value>) -> &mut Self {
         self.entries.push(Entry { key, unit: String::new(), body: Body::Hidden(value.into()) });
         self
@@ -185,7 +185,7 @@ impl FigureReport {
     }
 }
 
-/// What a clock says, in words and as an object.
+/// The result of a clock check, in words and as an object.
 fn told(clock: &RecordClock) -> (String, Value) {
     match clock {
         RecordClock::OnGrid => {
@@ -199,7 +199,7 @@ fn told(clock: &RecordClock) -> (String, Value) {
             (said, object)
         }
         RecordClock::Checked { rate, column, tolerance } => {
-            // 95 % of a normal deviation, with two digits of it.
+            // 95 % interval of a normal distribution, with two digits.
             let expanded_hz = 1.96 * rate.rate_u_hz;
             let decimals = (1.0 - expanded_hz.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
             let mut said = format!("checked, {:.decimals$} Hz +- {expanded_hz:.decimals$}", rate.rate_hz);

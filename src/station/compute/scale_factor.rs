@@ -15,7 +15,7 @@ use super::{ComputeError, ComputeOutcome};
 /// Relative figures are given in parts per million.
 const PPM: f64 = 1e6;
 
-/// More points than a table is set to are samples with measured rates.
+/// A table is not set to more points than this: then the points are samples with measured rates.
 const MANY_POINTS: usize = 100;
 
 #[derive(Debug, Args)]
@@ -40,7 +40,7 @@ pub(super) struct ScaleFactorArgs {
 
 impl ScaleFactorArgs {
     pub(super) fn compute(&self, reading: &ReadingOptions) -> Result<ComputeOutcome, ComputeError> {
-        // Means at settled rates are cut out of a longer record: their times say nothing.
+        // Means at settled rates are cut out of a longer record, so the times between them have no meaning.
         let table = RecordTable::open(&self.file, reading)?;
         let (has_cycle, has_point) = (table.has("cycle"), table.has("point"));
         let mut names = vec![self.column.as_str(), self.input.as_str()];
@@ -49,7 +49,7 @@ impl ScaleFactorArgs {
         let names = self.gate.behind(&names);
         let mut read = table.read(&Wanted { numbers: &names, time: TimeUse::Free, ..Wanted::default() }, None)?;
         let point = 2 + usize::from(has_cycle);
-        // Numbered points may have rates that were measured and differ from row to row.
+        // Numbered points may have measured rates, which differ from row to row.
         let mut by = vec![if has_point { point } else { 1 }];
         by.extend(has_cycle.then_some(2));
         let gated = self.gate.levels(&names[..1], &mut read, &by)?;

@@ -28,7 +28,7 @@ struct Source {
     gate: GateColumns,
 }
 
-/// Part of a block within which it is a whole number of samples.
+/// Relative tolerance within which a block counts as a whole number of samples.
 const WHOLE: f64 = 1e-6;
 
 /// The column that was read.
@@ -116,12 +116,13 @@ impl StabilityArgs {
         let panel = Panel::new(title, "time, s", "mean of a block", vec![Series::dots("blocks", points)]);
         Ok(ComputeOutcome { report, panels: vec![panel] })
     }
-    /// Length of a block, s, of whole samples: rounded where clocks told the rate, since they tell no whole number.
+    /// Length of a block, s. It is rounded to whole samples if clocks gave the rate, since such a rate is not a whole
+    /// number.
     fn block_s(&self, rate_hz: f64, columns: &mut Columns) -> f64 {
         let whole = (rate_hz * self.block).round();
         let block_s = whole / rate_hz;
         let fits = (block_s / self.block - 1.0).abs() < WHOLE;
-        // A block that does not fit a stated rate is a mistake, and refused.
+        // A block that does not fit a stated rate is a mistake; the method refuses it.
         if fits || whole < 1.0 || !whole.is_finite() || self.source.rate.is_some() {
             return self.block;
         }

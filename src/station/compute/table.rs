@@ -1,7 +1,7 @@
-//! Records as tables, in the forms in which people have them: text of every dress, Parquet, arrays of numpy.
+//! Reads records as tables, in the forms that people have: text of every kind, Parquet, arrays of numpy.
 //!
-//! What is unambiguous is read, and what was understood is said; what is ambiguous is refused with the option that
-//! decides it. A time column is checked and not handed on.
+//! The reader takes what is unambiguous, and says what it understood. It refuses what is ambiguous, and names the
+//! option that decides it. It checks a time column and does not hand it on.
 
 mod columns;
 mod error;
@@ -31,9 +31,9 @@ use pieces::PIECE;
 use source::Source;
 pub(super) use units::Named;
 
-/// Longest line that is taken for a line of a record.
+/// Longest line of a record, bytes.
 const LONGEST_LINE: usize = 1 << 20;
-/// Values of the columns that a method uses: 4 GB of memory, and a day of six channels at 1 kHz.
+/// Largest number of values in the columns of a method: 4 GB of memory, and a day of six channels at 1 kHz.
 const MOST_VALUES: usize = 1 << 29;
 
 /// How records are read, where the file leaves it open.
@@ -93,13 +93,13 @@ impl RecordTable {
         }
     }
 
-    /// Whether the header has a column; a name that fits twice is refused when it is read.
+    /// Whether the header has a column. A name that fits two columns is refused when it is read.
     pub(super) fn has(&self, name: &str) -> bool {
         !matches!(self.header().find(name), Ok(None))
     }
 
-    /// Reads the wanted columns. Time must rise without a gap as long as the label stays. `sensor` is whose `x`, `y` and
-    /// `z` are wanted of a table of several sensors.
+    /// Reads the wanted columns. Within one label time must rise without a gap. In a table of several sensors `sensor`
+    /// says whose `x`, `y` and `z` are wanted.
     pub(super) fn read(self, wanted: &Wanted, sensor: Option<&str>) -> Result<Columns, TableError> {
         match self.form {
             Form::Text(text) => text.read(wanted, &self.reading, sensor),

@@ -1,4 +1,5 @@
-//! Every method on a record that it likes and on some that it must not: keys of the fixed interface, refusals, pictures.
+//! Every method with a good record and with records that it must refuse: keys of the fixed interface, refusals,
+//! pictures.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -23,7 +24,7 @@ fn table(header: &str, rows: impl IntoIterator<Item = String>) -> String {
     })
 }
 
-/// A noise that repeats itself exactly: the differences of a Weyl sequence, rms 0.4.
+/// Noise that repeats exactly: the differences of a Weyl sequence, rms 0.4.
 fn noise(k: usize) -> f64 {
     let weyl = |k: usize| (k as f64 * 0.754_877_666_246_693).fract();
     weyl(k + 1) - weyl(7 * k + 3)
@@ -87,7 +88,7 @@ fn compute(words: &str, record: &str) -> Result<ComputeOutcome, ComputeError> {
     Command::try_parse_from(words).unwrap_or_else(|e| panic!("{e}")).args.outcome().1
 }
 
-/// Keys as `a.b`; a list is looked into by its first item.
+/// Checks that the result has these keys, written as `a.b`. In a list the first item is checked.
 #[track_caller]
 fn gives(words: &str, record: &str, keys: &str) -> Value {
     let outcome = compute(words, record).unwrap_or_else(|e| panic!("{words}: {e}"));
@@ -128,7 +129,7 @@ fn cannot_read(words: &str, record: &str, expected: &str) {
     }
 }
 
-/// All that is told of a file that somebody wrote: line, column, what is wrong, and what can be tried.
+/// All mistakes that are reported in a file: line, column, what is wrong, and what the user can try.
 #[track_caller]
 fn mistakes(words: &str, file: &str) -> Vec<String> {
     let Err(ComputeError::File(mistakes)) = compute(words, file) else { panic!("{words}: no mistakes") };
@@ -346,7 +347,8 @@ fn records_with_troubles() {
     );
 }
 
-/// 203.9 Hz are not 200 Hz for any method that uses a rate, and are said where they are right.
+/// Each method that uses a rate refuses stamps of 203.9 Hz if the stated rate is 200 Hz. If the rate is right, the
+/// result reports the clock.
 #[test]
 fn the_clock_is_compared_with_the_rate() {
     let stamped = table("t,w", (0..5000).map(|k| format!("{:.6},{}", k as f64 / 203.9, 7.0 + noise(k))));
@@ -366,7 +368,7 @@ fn the_clock_is_compared_with_the_rate() {
     gives("rotation --rate 100 --turns 3", &at(100.0001), "clock.rate_hz");
 }
 
-/// Units of a header are used: the same record in deg/s and rad/s gives the same bias, and contradictions are refused.
+/// Units of a header are used: the same record in deg/s and in rad/s gives the same bias. Contradictions are refused.
 #[test]
 fn units_of_a_header_are_used() {
     let rows = |factor: f64| still(100, 1e-6 * factor, |i, f| factor * (0.01 * i as f64 + 1e-4 * f + 1e-3));
@@ -403,7 +405,7 @@ fn gravity_in_other_units_is_refused() {
     }
 }
 
-/// An export of this station, with its rotations among the positions, and captures that are asked for by name.
+/// An export of this station with rotations among the positions, and captures chosen by name.
 #[test]
 fn exports_are_read() {
     let head = "capture,series,position,run,number,t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z";
@@ -431,7 +433,7 @@ fn exports_are_read() {
     cannot_read("allan --rate 100 --column gyro_x", &export, "#turn z+ #still, z- #turn z-");
 }
 
-/// Without `--rate` the rate is that of the time column, where the column tells it well enough.
+/// Without `--rate` the rate is that of the time column, if the column gives it well enough.
 #[test]
 fn the_record_tells_its_rate() {
     let stamped = |head: &str, step: f64, jitter: f64, count: usize| {
@@ -465,7 +467,7 @@ fn the_record_tells_its_rate() {
         5.0,
         "the sample rate is not known: column `t` names no unit, and steps of 5 may be s, ms or numbers of samples",
     );
-    // Jitter hides the rate of a short record: enough for a density, too much for a scale factor.
+    // Jitter hides the rate of a short record: the rate is good enough for a density, but not for a scale factor.
     let jittery: Vec<String> = runs(3.0)
         .iter()
         .enumerate()
@@ -482,7 +484,7 @@ fn the_record_tells_its_rate() {
     gives("rotation --turns 3 --rate 100", &record, "matrix");
 }
 
-/// Stamps with jitter tell 100 Hz to some parts in a million: blocks have whole samples all the same.
+/// Stamps with jitter give 100 Hz to some parts in a million, and yet blocks have whole samples.
 #[test]
 fn blocks_of_a_rate_that_stamps_tell() {
     let row = |k: usize| format!("{:.6},{}", (k as f64 + 0.05 * noise(3 * k)) * 0.01, 7.0 + noise(k));
@@ -491,7 +493,7 @@ fn blocks_of_a_rate_that_stamps_tell() {
     assert_eq!((told["block_samples"].as_f64(), told["blocks"].as_f64()), (Some(100.0), Some(20.0)));
     let understood = told["understood"].take().to_string();
     assert!(understood.contains("blocks of 100 samples, 1.0000"), "{understood}");
-    // The jitter of 0.4 ms leaves 1e-5 Hz or so open over 20 s: no digits beyond.
+    // Over 20 s the jitter of 0.4 ms leaves about 1e-5 Hz open: no digits beyond.
     let rate = understood.split(" Hz of column").next().unwrap().rsplit('"').next().unwrap();
     assert!((rate.parse::<f64>().unwrap() - 100.0).abs() < 0.01 && rate.len() <= 9, "{understood}");
     let stated = gives("stability --column w --block 1 --rate 100", &record, "understood");
@@ -504,7 +506,7 @@ fn blocks_of_a_rate_that_stamps_tell() {
     );
 }
 
-/// What people type is judged by the command line itself.
+/// The command line itself checks what people type.
 #[test]
 fn usage() {
     for words in [
@@ -517,7 +519,7 @@ fn usage() {
     }
 }
 
-/// Output of a sensor of 200 LSB per deg/s at eleven rates in each of these cycles, many rows a rate.
+/// Output of a sensor of 200 LSB per deg/s at eleven rates in each of these cycles, with `rows` rows at each rate.
 fn rated(cycles: usize, rows: usize, cubic: f64) -> Vec<String> {
     let row = |k: usize| {
         let (cycle, rate) = (k / (11 * rows), (k / rows % 11) as f64 * 60.0 - 300.0);
@@ -541,7 +543,7 @@ fn scale_factors() {
     let number = |key: &str| json.pointer(key).and_then(Value::as_f64).unwrap();
     assert!((number("/scale_factor") - 200.0).abs() < number("/expanded/scale_factor") && number("/dof") == 2.0);
     assert!((number("/bias") - 31.0 / 200.0).abs() < 1e-3, "measured less true, by the output at rest");
-    // Gains of 0, 20 and -10 ppm: n - 1 gives 15.3.
+    // Gains of 0, 20 and -10 ppm: with n - 1 the deviation is 15.3.
     assert!((number("/repeatability/relative_ppm") - 15.275).abs() < 1.0);
     assert_eq!((json["points"].as_array().unwrap().len(), json["suspects"].as_array().unwrap().len()), (11, 0));
     // A cubic term of 27 LSB at the full scale of 60,000.
@@ -561,7 +563,7 @@ fn scale_factors_of_one_cycle_and_refusals() {
     assert!(json["repeatability"].is_null() && json["dof"] == 9.0);
     let one_sense = gives("scale-factor", &table("rate,x", rows[5..].to_vec()), "absent.asymmetry");
     assert_eq!(one_sense["absent"]["asymmetry"], "0 rates of the negative sense, a line needs 2");
-    // Other names, and times with gaps, which say nothing here.
+    // Other names, and times with gaps, which have no meaning here.
     let timed = rows.iter().enumerate().map(|(k, row)| format!("{},{row}", k * k));
     gives("scale-factor --input table --column wx", &table("t,table,wx", timed), "scale_factor");
     // Rates as an encoder measures them, with the points numbered and without.
@@ -581,7 +583,7 @@ fn scale_factors_of_one_cycle_and_refusals() {
 
 #[test]
 fn repeatabilities() {
-    // By hand: 1 to 6 have a standard deviation of sqrt(3.5), t of 5 is 2.5706.
+    // Worked out by hand: 1 to 6 have a standard deviation of sqrt(3.5), t of 5 is 2.5706.
     let figures = (1..=6).map(|k| k.to_string());
     let json =
         gives("repeatability", &table("x", figures), "runs mean sd sd_low sd_high mean_expanded means.deviation");

@@ -13,10 +13,10 @@ use super::report::FigureReport;
 use super::table::{self, ReadingOptions, TableError, TimeUse, Wanted};
 use super::{ComputeError, ComputeOutcome};
 
-/// Bytes of a budget; one has about 1 kB.
+/// Largest budget, bytes; a usual one has about 1 kB.
 const MOST_BYTES: usize = 1 << 20;
 
-/// A contribution: beyond a thousand g somebody mistook the unit.
+/// Range of a contribution: above a thousand g the unit is a mistake.
 const MOST_MG: (f64, f64) = (0.0, 1e6);
 
 /// Labels of a flip.

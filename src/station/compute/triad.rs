@@ -33,7 +33,7 @@ struct Gravity {
     any_gravity: bool,
 }
 
-/// A gravity that was given in m/s^2: on the ground of the earth it lies within 9.76 and 9.84.
+/// Checks a gravity that was given in m/s^2: on the ground of the earth it lies within 9.76 and 9.84.
 fn given_gravity(gravity: f64, any: bool) -> Result<f64, ComputeError> {
     let expected = "9.7 to 9.9: 979 is in Gal and 1 in g; --any-gravity takes it as it is";
     if any || (9.7..=9.9).contains(&gravity) {
@@ -234,7 +234,7 @@ impl GyroStillArgs {
 }
 
 impl GyroStillArgs {
-    /// Factor from the outputs of a record to rad/s: what the options say and what the header says are compared.
+    /// Factor from the outputs of a record to rad/s. Compares the options with the units of the header.
     fn rps_per_unit(&self, columns: &mut Columns) -> Result<f64, ComputeError> {
         let named = columns.unit(0..3, Dimension::AngularRate)?;
         let contradiction = |option: &str| {
@@ -261,12 +261,12 @@ impl GyroStillArgs {
 struct Still {
     columns: Columns,
     positions: Vec<Position>,
-    /// North of each position, where the record has it.
+    /// North of each position, if the record has it.
     north: Option<Vec<Vector3<f64>>>,
     gated: Gated,
 }
 
-/// Reads still positions, outputs times a factor that may depend on their units.
+/// Reads still positions. The outputs are multiplied by a factor that may depend on their units.
 fn still_positions(
     file: &std::path::Path,
     reading: &ReadingOptions,
@@ -286,7 +286,7 @@ fn still_positions(
         names.extend(["nx", "ny", "nz"]);
     }
     let label = (!directions).then_some(("position", &LABELS[..]));
-    // Between attitudes that are given as directions time passes as it likes.
+    // Any time may pass between attitudes that are given as directions.
     let time = if directions { TimeUse::Free } else { TimeUse::Unbroken };
     let mut columns = table.read(&Wanted { numbers: &gate.behind(&names), label, time, ..Wanted::default() })?;
     let gated = gate.positions(&AXES, &mut columns, limits.saturation)?;
@@ -300,7 +300,7 @@ fn still_positions(
     } else {
         let labels: Vec<&str> = columns.labels.iter().map(|c| LABELS[usize::from(*c)]).collect();
         if columns.about.export && position::blocks(&labels).is_err() {
-            // Positions that come at several headings are attitudes, as those of raw captures are.
+            // Positions at several headings count as attitudes, as they do in raw captures.
             let ups: Vec<Vector3<f64>> = labels.iter().filter_map(|label| position::up_of(label)).collect();
             let [x, y, z] = [0, 1, 2].map(|i| ups.iter().map(|up| up[i]).collect::<Vec<f64>>());
             position::from_directions([&x, &y, &z], channels, &limits)?
@@ -323,7 +323,7 @@ fn still_positions(
     Ok(Still { columns, positions, north, gated })
 }
 
-/// Fit over truth and residuals by position.
+/// Panels of the fit over the truth, and of the residuals by position.
 fn residual_panels(
     symbol: &str,
     unit: &str,

@@ -63,7 +63,7 @@ impl ZeroBias {
         let mut names = vec![self.column.as_str()];
         names.extend(has_cycle.then_some("cycle"));
         names.extend(has_still.then_some("still"));
-        // Time stands still between power cycles.
+        // Time starts anew with each power cycle.
         let anew = has_cycle.then_some(1);
         let names = self.gate.behind(&names);
         let wanted = Wanted { numbers: &names, rate_hz: self.rate, time: TimeUse::Rate, anew, ..Wanted::default() };
@@ -77,7 +77,8 @@ impl ZeroBias {
         let rates = &columns.numbers[0];
         let cycle_of = |i: usize| if has_cycle { columns.numbers[1][i] } else { 0.0 };
         let mut steps: Vec<f64> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-        // Median of |difference| of normal noise is 0.954 of its standard deviation; motion does not enter.
+        // The median of |difference| of normal noise is 0.954 of its standard deviation; motion does not change the
+        // median.
         let noise = series::positive("noise of a sample", stats::median(&mut steps) / 0.953_87)?;
         let model = self.repeatability.zip(self.instability).map(|(repeatability, b)| BiasModel {
             repeatability,

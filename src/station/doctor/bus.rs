@@ -1,4 +1,4 @@
-//! A CAN interface of the kernel: there, up, at the rate, on the bus, without a short queue.
+//! Checks a CAN interface of the kernel: it exists, is up, has the bit rate, is on the bus, and has no short queue.
 
 use std::process::{Command, Stdio};
 
@@ -31,15 +31,16 @@ pub(super) fn look(interface: &str, sys: &Sys) -> Vec<Finding> {
     findings
 }
 
-/// What iproute2 tells of an interface; its files do not show the controller. `None` where there is no such program.
+/// Asks iproute2 about an interface, since the files of the kernel do not show the controller. `None` without that
+/// program.
 fn asked(interface: &str) -> Option<Value> {
     let arguments = ["-json", "-details", "link", "show", "dev", interface];
     let output = Command::new("ip").args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
     serde_json::from_slice(&output.stdout).ok()
 }
 
-/// The controller's bit rate, its state, and what it does after bus-off. An interface without a controller (vcan) has
-/// none of them.
+/// Checks the controller's bit rate, its state, and its restart after bus-off. An interface without a controller (vcan)
+/// has none of these.
 pub(super) fn controller(interface: &str, told: &Value) -> Vec<Finding> {
     let data = &told[0]["linkinfo"]["info_data"];
     let mut findings = Vec::new();
@@ -77,9 +78,9 @@ pub(super) fn controller(interface: &str, told: &Value) -> Vec<Finding> {
     findings
 }
 
-/// What the kernel tells of an interface.
+/// Checks what the kernel's files show of an interface.
 pub(super) fn state(interface: &str, sys: &Sys) -> Vec<Finding> {
-    // A name with a slash is none, and must not lead out of the folder.
+    // A name with a slash is not an interface, and must not lead out of the folder.
     let folder = format!("net/{}", interface.replace('/', "_"));
     let (Some(kind), Some(flags)) = (sys.number(format!("{folder}/type")), sys.number(format!("{folder}/flags")))
     else {

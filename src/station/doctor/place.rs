@@ -1,4 +1,4 @@
-//! Where records go, what time it is, and what the screen is drawn on.
+//! Checks the records folder, the clock and the terminal.
 
 use std::io::IsTerminal as _;
 use std::path::Path;
@@ -10,16 +10,16 @@ use nix::unistd::{AccessFlags, access};
 
 use super::Finding;
 
-/// Below this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
+/// With less room than this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
 const LITTLE_MB: u64 = 2000;
-/// Below this the next run may already fail.
+/// With less room than this the next run may already fail.
 const NOTHING_MB: u64 = 300;
-/// No clock that runs is before the year in which this was written.
+/// The year in which this was written. A clock that shows an earlier date is wrong.
 const NOT_BEFORE: (i32, u32, u32) = (2026, 1, 1);
-/// The screen is whole from this size on.
+/// The smallest size at which the screen shows everything.
 const COLUMNS_AND_ROWS: (u16, u16) = (80, 24);
 
-/// The folder of the records, and runs in it that have no end.
+/// Checks the records folder, and finds runs without an end.
 pub(super) fn records(folder: &Path) -> Vec<Finding> {
     let shown = folder.display();
     if !folder.exists() {
@@ -50,7 +50,7 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
     findings
 }
 
-/// Room on the disk of the records.
+/// Checks the room on the disk of the records.
 pub(super) fn disk(folder: &Path) -> Option<Finding> {
     let there = existing(folder);
     let disk = statvfs(there).ok()?;
@@ -63,7 +63,7 @@ pub(super) fn disk(folder: &Path) -> Option<Finding> {
     })
 }
 
-/// A clock that was set back gives folders of a day that was already there.
+/// Checks the clock. A clock that was set back gives folders of a day that already exists.
 pub(super) fn clock(folder: &Path) -> Finding {
     let now = Local::now();
     let (year, month, day) = NOT_BEFORE;
@@ -92,7 +92,7 @@ pub(super) fn terminal() -> Finding {
     Finding::good(what)
 }
 
-/// The folder, or the next one above it that is there.
+/// The folder, or the nearest folder above it that exists.
 fn existing(folder: &Path) -> &Path {
     let above = folder.ancestors().find(|folder| folder.exists() && !folder.as_os_str().is_empty());
     above.unwrap_or_else(|| Path::new("."))

@@ -1,4 +1,4 @@
-//! A serial port: there, ours to use, at the rate, and without an adapter that waits.
+//! Checks a serial port: it exists, this user may use it, it has the rate, and its adapter does not wait.
 
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::path::Path;
@@ -8,7 +8,7 @@ use nix::unistd::{AccessFlags, Gid, Group, access};
 
 use super::{Finding, Sys};
 
-/// FTDI adapters keep a byte for so long to fill a packet; the ICD's waits bear one that waits a little.
+/// FTDI adapters keep a byte this long to fill a packet. The waits of the ICD allow for an adapter that waits a little.
 const LATENCY_MS: i64 = 2;
 
 pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
@@ -32,7 +32,8 @@ pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
     findings
 }
 
-/// Opens it as the station does and closes it again: another program on it and a rate that the driver refuses show.
+/// Opens the port as the station does and closes it again. This shows another program on the port, and a rate that the
+/// driver refuses.
 fn opened(port: &Path, rate_baud: u32) -> Finding {
     match serial::try_open(port, rate_baud) {
         Ok(()) => Finding::good(format!("port {} at {rate_baud} bit/s", port.display())),

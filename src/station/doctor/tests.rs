@@ -1,4 +1,4 @@
-//! What is said of a bench that is ill, on folders that stand for the kernel's.
+//! Findings about a faulty bench, with folders in place of the kernel's.
 
 use std::fs;
 use std::path::Path;
@@ -44,7 +44,7 @@ fn what_is_no_can_interface_is_said() {
     assert_eq!(health(&bus::state("../../etc", &sys)), [Health::Bad]);
 }
 
-/// As iproute2 6.1 tells it of a card.
+/// The output of iproute2 6.1 for a CAN card.
 #[test]
 fn a_controller_at_another_rate_or_in_trouble_has_its_command() {
     let check = |rate: u32, state: &str, restart_ms: u32, expected: &[Health], mend: &str| {
@@ -76,7 +76,7 @@ fn a_port_that_is_missing_or_a_file_is_said() {
     assert!(found[0].what.ends_with("is not a serial port"), "{}", found[0]);
 }
 
-/// A pseudo-terminal is a port; one that another program has locked is said, with its name.
+/// A pseudo-terminal that can be opened is a good port.
 #[test]
 fn a_port_that_opens_is_good() {
     let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");
@@ -84,7 +84,7 @@ fn a_port_that_opens_is_good() {
     assert_eq!(health(&port::look(&port, 921_600, &Sys::default())), [Health::Good]);
 }
 
-/// An adapter that keeps bytes back for 16 ms is warned of.
+/// The doctor warns of an adapter that keeps bytes back for 16 ms.
 #[test]
 fn the_latency_timer_is_read() {
     let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");

@@ -30,7 +30,7 @@ pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item 
     out.flush()
 }
 
-/// A text from outside as a field.
+/// A text from outside as a field in quotes.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\"").replace(char::is_control, " "))
 }

@@ -13,7 +13,7 @@ use ::parquet::schema::parser::parse_message_type;
 
 use super::table::{PLACE, SampleTable, TEMPERATURES, TableKind};
 
-/// Rows of a group, which is worked out in memory: some 50 MB.
+/// Rows of a group. A group is built in memory: some 50 MB.
 const GROUP: usize = 500_000;
 
 pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item = SampleTable<'a>>) -> Result<()> {
@@ -31,8 +31,8 @@ pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item 
     Ok(())
 }
 
-/// The columns with their types, in the words of the format. Whole numbers have 64 bits: programs that square and sum
-/// in the type of the column would wrap without a word in 32.
+/// The columns with their types, in the words of the format. Whole numbers have 64 bits: with 32 bits the sums of
+/// programs that square and add in the type of the column would overflow silently.
 fn schema(kind: TableKind) -> String {
     let columns = |kind: &str, names: &[&str]| -> String {
         names.iter().map(|name| format!("required {kind} {name}; ")).collect()
@@ -82,7 +82,7 @@ fn rows(
     Ok(())
 }
 
-/// The next column of the group.
+/// Writes the next column of the group.
 fn put<T: DataType>(group: &mut SerializedRowGroupWriter<'_, File>, values: &[T::T]) -> Result<()> {
     let mut column =
         group.next_column()?.ok_or_else(|| ParquetError::General("more columns than the schema has".into()))?;

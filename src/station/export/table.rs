@@ -1,4 +1,4 @@
-//! The columns of an export, whatever form it takes.
+//! The columns of an export, the same in every format.
 
 use gnc_analysis::capture::Capture;
 use gnc_protocol::calibration::{FIELD_PER_GAUSS, FORCE_PER_MPS2, RATE_PER_RPS, ROLL_PER_RAD};
@@ -7,14 +7,14 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, MAG_LSB_PER_GAUSS}
 /// What a table holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TableKind {
-    /// Raw samples: counts.
+    /// Raw samples, in counts.
     Raw,
-    /// Samples that the board compensated: their units.
+    /// Samples that the board compensated, in their units.
     Compensated,
 }
 
 impl TableKind {
-    /// Names of the counts of a sample: whole numbers as they came.
+    /// Names of the counts of a sample: whole numbers as they arrived.
     pub(super) fn counts(self) -> &'static [&'static str] {
         match self {
             Self::Raw => &["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z"],
@@ -22,7 +22,8 @@ impl TableKind {
         }
     }
 
-    /// Names of the values of a sample that have units: counts at the nominal scale, or what the board compensated.
+    /// Names of the values of a sample that have units: counts at the nominal scale, or values that the board
+    /// compensated.
     pub(super) fn values(self) -> &'static [&'static str] {
         match self {
             Self::Raw => &[
@@ -51,7 +52,7 @@ impl TableKind {
         }
     }
 
-    /// Names of the masks of a sample: whole numbers, a bit for each of something.
+    /// Names of the masks of a sample: whole numbers with one bit for each flag.
     pub(super) fn masks(self) -> &'static [&'static str] {
         match self {
             Self::Raw => &[],
@@ -59,7 +60,7 @@ impl TableKind {
         }
     }
 
-    /// What the name of the file ends with.
+    /// The end of the file's name.
     pub(super) fn suffix(self) -> &'static str {
         match self {
             Self::Raw => "",
@@ -75,7 +76,7 @@ impl TableKind {
     }
 }
 
-/// Names of the columns that say which sample a row is.
+/// Names of the columns that identify the sample of a row.
 pub(super) const PLACE: [&str; 6] = ["capture", "series", "position", "run", "number", "t_s"];
 /// Names of the last columns: temperatures of gyroscopes and accelerometers.
 pub(super) const TEMPERATURES: [&str; 2] = ["gyro_temperature_degc", "accel_temperature_degc"];
@@ -84,9 +85,9 @@ pub(super) const TEMPERATURES: [&str; 2] = ["gyro_temperature_degc", "accel_temp
 pub(super) struct SampleTable<'a> {
     capture: &'a Capture,
     kind: TableKind,
-    /// The axis that is up, or nothing.
+    /// The axis that is up; empty if there is none.
     pub(super) position: String,
-    /// The axis and the sense of a turn, or nothing.
+    /// The axis and the sense of a turn; empty if there is none.
     pub(super) run: String,
 }
 
@@ -113,8 +114,8 @@ impl<'a> SampleTable<'a> {
         row as u64 * 1_000_000 / u64::from(self.capture.about.rate_hz.max(1))
     }
 
-    /// A value of a sample, in the order of [`Kind::values`]. Scales are whole numbers, so that the quotient is the number
-    /// next to the decimal fraction that it stands for.
+    /// A value of a sample, in the order of [`TableKind::values`]. Scales are whole numbers, so that the quotient is
+    /// the number nearest to its decimal fraction.
     pub(super) fn value(&self, row: usize, value: usize) -> f64 {
         let (count, scale) = match self.kind {
             TableKind::Raw => {
@@ -134,7 +135,7 @@ impl<'a> SampleTable<'a> {
         f64::from(count) / scale
     }
 
-    /// A count of a raw sample, in the order of [`Kind::counts`].
+    /// A count of a raw sample, in the order of [`TableKind::counts`].
     pub(super) fn count(&self, row: usize, value: usize) -> i32 {
         let sample = &self.capture.samples[row];
         match value {
@@ -144,12 +145,12 @@ impl<'a> SampleTable<'a> {
         }
     }
 
-    /// The mask of a compensated sample: its raw channels that were saturated.
+    /// The mask of a compensated sample: the raw channels that were saturated.
     pub(super) fn mask(&self, row: usize) -> u16 {
         self.capture.compensated[row].saturated
     }
 
-    /// Of gyroscopes and accelerometers, degC.
+    /// Temperatures of gyroscopes and accelerometers, degC.
     pub(super) fn temperatures(&self, row: usize) -> [f64; 2] {
         let raw = match self.kind {
             TableKind::Raw => {

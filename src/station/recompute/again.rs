@@ -1,4 +1,4 @@
-//! The events of a run once more: what was captured stays, what was worked out and judged is worked out and judged anew.
+//! Repeats the events of a run. Captured samples stay; figures and verdicts are worked out anew.
 
 use std::collections::BTreeMap;
 
@@ -20,17 +20,17 @@ use super::{fold, info};
 pub(super) struct Again {
     pub(super) events: Vec<Event>,
     pub(super) outcome: Outcome,
-    /// What is not as it was.
+    /// What differs from the record.
     pub(super) differences: Vec<String>,
     measurements: usize,
     /// Attempts whose figures were worked out from raw samples.
     captured: usize,
-    /// Attempts whose raw samples are not all there, so that their figures stay as they were.
+    /// Attempts with incomplete raw samples, whose figures stay as they were.
     incomplete: usize,
 }
 
 impl Again {
-    /// In a line; `same` says whether nothing at all differs.
+    /// The summary in a line; `same` says whether nothing at all differs.
     pub(super) fn summary(&self, same: bool) -> String {
         let Self { measurements, captured, incomplete, .. } = self;
         let same = match same {
@@ -45,7 +45,7 @@ impl Again {
     }
 }
 
-/// Judges all events of a run by a plan. `of` names the run where the plan is another one.
+/// Judges all events of a run by a plan. `of` names the run if the plan is another one.
 pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> Result<Again, RunError> {
     check_items(run, plan)?;
     let again = Again {
@@ -77,7 +77,7 @@ pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> R
     Ok(judge.again)
 }
 
-/// The plan has the items of the run, in its order.
+/// Checks that the plan has the items of the run, in their order.
 fn check_items(run: &RecordedRun, plan: &Plan) -> Result<(), RunError> {
     let Some(EventKind::RunStarted { items, .. }) = run.events.first().map(|event| &event.kind) else { return Ok(()) };
     let same = items.len() == plan.items().len()
@@ -100,19 +100,19 @@ struct Judge<'a> {
     of: Option<EarlierRun>,
     again: Again,
     findings: BTreeMap<usize, Findings>,
-    /// Of each item the attempt that runs or ran last: its number, and what was recorded of it.
+    /// For each item the attempt that runs or ran last: its number, and what was recorded of it.
     attempts: BTreeMap<usize, Recorded>,
     /// Positions of the items that have ended.
     over: Vec<usize>,
-    /// Whether bad samples are measured: a record from before that measurement does not have it, and is compared without.
+    /// Whether bad samples are measured. An older record has no such measurement, and is compared without it.
     screened: bool,
 }
 
-/// What was recorded of an attempt, and what is now in its place.
+/// What was recorded of an attempt, and the new results in its place.
 #[derive(Default)]
 struct Recorded {
     attempt: u32,
-    /// Items that had ended when it began: what they found it could work with.
+    /// Number of items that had ended when the attempt began: it could use their findings.
     over: usize,
     measured: Vec<Measurement>,
     details: Vec<serde_json::Value>,
@@ -158,7 +158,7 @@ impl Judge<'_> {
                 self.emit(event, EventKind::ItemEnded { item, outcome, cause });
             }
             EventKind::RunEnded { outcome } => {
-                // What was held against the run beside its items stays.
+                // An outcome of the run that does not come from its items stays.
                 let before = fold(&self.run.events)?.outcome_so_far();
                 let now = fold(&self.again.events)?.outcome_so_far();
                 let beside = (*outcome != before).then_some(*outcome);
@@ -189,7 +189,7 @@ impl Judge<'_> {
                 }
                 self.recorded(position).measured = measured;
                 for details in self.recorded(position).details.clone() {
-                    // Later items may work with it.
+                    // Later items may use these details.
                     self.findings.insert(position, Findings { measured: Vec::new(), details: details.clone() });
                     self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details });
                 }
@@ -235,7 +235,7 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// An analysis that refuses the captures: as it did, or it did not.
+    /// Reports an analysis that refuses the captures, and compares with the recorded error.
     fn refused(
         &mut self,
         item: &PlanItem,
@@ -265,7 +265,7 @@ impl Judge<'_> {
         self.emit(event, EventKind::Measured { item: item.name.clone(), attempt, measurement });
     }
 
-    /// Figures from the raw samples of an attempt, one for each round.
+    /// Works out figures from the raw samples of an attempt, one set for each round.
     fn work_out(&mut self, item: &PlanItem, position: usize, attempt: u32) -> Result<Figures, RunError> {
         let program = motion::program(item.id, &item.params)?;
         let source = item.params.source("of").ok().flatten();
@@ -297,7 +297,7 @@ impl Judge<'_> {
         Ok(Figures::WorkedOut(rounds))
     }
 
-    /// Without what the record could not have.
+    /// Leaves out findings that the record could not have.
     fn as_recorded(&self, mut findings: Findings) -> Findings {
         if !self.screened {
             findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(&name.as_str()));
@@ -308,7 +308,7 @@ impl Judge<'_> {
         findings
     }
 
-    /// The captures of a round; `None` if they are not all there, since the attempt came to no end.
+    /// The captures of a round; `None` if some are missing because the attempt did not reach its end.
     fn captures(
         &self,
         position: usize,
@@ -365,13 +365,13 @@ impl Judge<'_> {
     }
 }
 
-/// Shares of bad samples, and why there are no figures.
+/// Shares of bad samples, and the reason why there are no figures.
 type Refused = (Vec<(String, Value)>, FigureError);
 
 enum Figures {
-    /// Nothing can be worked out: what was measured is judged as it stands.
+    /// Nothing can be worked out: the recorded measurements are judged.
     Recorded,
-    /// From raw samples.
+    /// Figures from raw samples.
     WorkedOut(Vec<Result<Findings, Refused>>),
 }
 
@@ -379,14 +379,14 @@ fn measures_integrity(event: &Event) -> bool {
     matches!(&event.kind, EventKind::Measured { measurement, .. } if figures::INTEGRITY.contains(&measurement.name.as_str()))
 }
 
-/// The outcome of an attempt: by its measurements, unless something ended it.
+/// The outcome of an attempt: by its measurements, unless an error ended it.
 fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Option<&AttemptError>) -> Outcome {
     let violates = measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed));
     match was {
         Outcome::Aborted => Outcome::Aborted,
         _ if error.is_none() => item.attempt_outcome(measured),
         _ if violates => Outcome::Failed,
-        // What was good and cannot be worked out any more is not known to be good.
+        // A good attempt that cannot be worked out any more is not known to be good.
         was if was.is_good() => Outcome::Errored,
         other => other,
     }

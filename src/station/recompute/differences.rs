@@ -1,12 +1,12 @@
-//! Where two results are not the same, in words.
+//! The differences between two results, in words.
 
 use gnc_executive::measurement::Measurement;
 use serde_json::Value;
 
-/// Differences shown of one attempt; more only fill the screen.
+/// Largest number of differences shown of one attempt; more would only fill the screen.
 const MOST: usize = 20;
 
-/// Of measurements, in the order of measuring.
+/// Differences of measurements, in the order of measuring.
 pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Vec<String> {
     let mut found = Vec::new();
     for (was, is) in before.iter().zip(now) {
@@ -17,7 +17,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
         let text = if was.name != is.name {
             format!("{} came where {} was", is.name, was.name)
         } else if json(&was.value) != json(&is.value) || was.raw != is.raw {
-            // As written, so that a last digit shows too.
+            // Exactly as written, so that a difference in the last digit shows too.
             format!("{} was {}, is {}", was.name, exact(was), exact(is))
         } else {
             let limits = (was.limit_text(), is.limit_text());
@@ -31,7 +31,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
     shorten(found)
 }
 
-/// Of details: where they differ.
+/// Differences of details, with their places.
 pub(super) fn of_details(before: &[Value], now: &[Value]) -> Vec<String> {
     let mut found = Vec::new();
     if before.len() != now.len() {
@@ -43,7 +43,7 @@ pub(super) fn of_details(before: &[Value], now: &[Value]) -> Vec<String> {
     shorten(found)
 }
 
-/// Of one value that has a name: where it differs.
+/// Differences of one named value, with their places.
 pub(super) fn of_values(name: &str, was: &Value, is: &Value) -> Vec<String> {
     let mut found = Vec::new();
     walk(&format!("{name} "), was, is, &mut found);
@@ -75,7 +75,7 @@ fn exact(measurement: &Measurement) -> String {
     }
 }
 
-/// The bits: two numbers print alike only if they are the same.
+/// A value as JSON. Two numbers print alike only if all their bits are equal.
 pub(super) fn json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }

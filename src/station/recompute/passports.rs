@@ -1,4 +1,4 @@
-//! The passport that was filed with a run, against that of the run judged again.
+//! Compares the passport that was filed with a run with that of the run judged again.
 
 use std::io;
 use std::path::Path;
@@ -12,7 +12,7 @@ use gnc_records::store::{StoreError, pretty, reader};
 use super::differences;
 use super::source::RunError;
 
-/// What is not as it was, and a word for the summary.
+/// The differences, and a few words for the summary.
 pub(super) struct PassportCheck {
     pub(super) differences: Vec<String>,
     pub(super) summary: String,
@@ -35,7 +35,7 @@ pub(super) fn check(folder: &Path, state: &RunState) -> Result<PassportCheck, Ru
                 checked.summary = "; the passport too".to_owned();
             }
         }
-        // It was recorded by a program that wrote none.
+        // The program that recorded the run wrote no passports.
         Ok(_) => checked.summary = "; no passport was filed".to_owned(),
         Err(why) if filed => {
             checked.differences.push(format!("a passport was filed, and the run has earned none: {why}"));

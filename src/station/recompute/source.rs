@@ -1,4 +1,4 @@
-//! The run as it was recorded: events, plan.
+//! The run as it was recorded: its events and its plan.
 
 use std::path::{Path, PathBuf};
 
@@ -59,7 +59,7 @@ pub(super) struct RecordedRun {
 
 impl RecordedRun {
     pub(super) fn read(folder: &Path) -> Result<Self, RunError> {
-        // Folding it finds what is damaged, and what a later version of the station wrote.
+        // The fold finds damage, and events of a later version of the station.
         reader::fold(folder)?;
         let events = reader::events(folder)?;
         let Some(EventKind::RunStarted { header, .. }) = events.first().map(|event| &event.kind) else {
@@ -72,10 +72,10 @@ impl RecordedRun {
         Ok(Self { folder: folder.to_owned(), header, events })
     }
 
-    /// The plan as it was run, and nothing else.
+    /// Reads the plan that was run, from the record alone.
     pub(super) fn recorded_plan(&self) -> Result<Plan, RunError> {
         let files = reader::plan(&self.folder)?;
-        // They come in the order of reading, which is that in which they are asked for.
+        // The record lists the files in the order of reading. The plan asks for them in the same order.
         let mut files = files.into_iter();
         let (name, bytes) = files.next().unwrap_or_default();
         let mut load = |_: &str| match files.next() {

@@ -1,4 +1,4 @@
-//! The simulated bench: a module described by a file, or one that is built in.
+//! The simulated bench: a module that a file describes, or one that is built in.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::refusal::CommandRefusal;
 pub(super) struct SimulatedModule {
     options: BenchOptions,
     link: SimLink,
-    /// Interfaces of the kernel for its CAN bus: the station's and the board's.
+    /// Interfaces of the kernel for the simulated CAN bus: the station's and the board's.
     interfaces: Option<(String, String)>,
 }
 
@@ -34,7 +34,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         .map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     let interfaces = args.sim_can.as_deref().map(|names| names.split_once(',').unwrap_or((names, names)));
     if let Some((_, board)) = interfaces {
-        // What it says of an interface that is not there is better than what the simulated board could.
+        // Check here, since this error about a missing interface is better than that of the simulated board.
         let open = gnc_link::can::check_interface(board);
         open.map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
     }
@@ -55,7 +55,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
     })
 }
 
-/// The module with its file, unless it is built in.
+/// The module and its file; no file if the module is built in.
 fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), CommandRefusal> {
     let (personality, text) = match hw_mocks::boards().iter().find(|(built_in, _)| *built_in == name) {
         Some((_, text)) if !path.exists() => (Personality::from_toml(name, text), None),
@@ -112,7 +112,7 @@ impl SimulatedModule {
         let equipment = Equipment {
             station: checked.station.clone(),
             records: checked.records.clone(),
-            // Simulation is never evidence, and needs no signature.
+            // A simulated run is never evidence, and needs no signature.
             key: None,
             bench: BenchInfo { port, rate_bps, ..checked.bench.clone() },
             target,

@@ -19,7 +19,7 @@ struct Run {
     err: String,
 }
 
-/// Runs `compute` with words of arguments in a folder that holds `file` as `r.csv`.
+/// Runs `compute` with the arguments `words` in a folder that holds `file` as `r.csv`.
 fn run(file: &str, words: &str) -> Run {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("r.csv"), file).unwrap();
@@ -38,7 +38,7 @@ fn run(file: &str, words: &str) -> Run {
     Run { code: status.code().unwrap(), out: text(stdout), err: text(stderr) }
 }
 
-/// A good run: JSON with all of the keys, and a table and picture of the same.
+/// Checks a good run: JSON with all of the keys, and a table and a picture of the same result.
 #[track_caller]
 fn good(file: &str, words: &str, keys: &[&str]) -> Value {
     let json = run(file, &format!("{words} --json --plot p.svg"));
@@ -161,13 +161,14 @@ fn gyro_still() {
     near(&in_lsb["bias_rps"][0], 0.03);
     near(&in_lsb["bias_lsb"][0], 30.0);
     near(&v["g_sensitivity"][1][1], 900.0);
-    // At the pole the earth's rotation along up is taken out of g-sensitivity: 7.29e-5 rad/s over 9.8 m/s^2.
+    // At the pole the earth's rotation along up is removed from the g-sensitivity: 7.29e-5 rad/s over 9.8 m/s^2.
     let v = good(&six(9.8), "gyro-still r.csv --latitude 90 --gravity 9.8", &[]);
     near(&v["g_sensitivity"][1][1], 900.0 - 7.292_115e-5 / 9.8);
     bad(&six(9.8), "gyro-still r.csv --latitude 91", 1, "latitude (deg) is 91");
 }
 
-/// Rotation of three turns in 5 s, whole samples, S = diag(1000, 2000, 3000), b = (5, 6, 7), axes to the celestial north.
+/// Rotation of three turns in 5 s, whole samples, S = diag(1000, 2000, 3000), b = (5, 6, 7), axes to the celestial
+/// north.
 fn rotations() -> String {
     let mut text = "run\tx\ty\tz\n".to_owned();
     for axis in 0..3 {
@@ -216,7 +217,7 @@ fn rotation() {
     bad(&rotations(), "rotation r.csv --turns 3", 2, "--rate");
 }
 
-/// A sensor that reads high has a positive bias in every method: measured less true.
+/// A sensor that reads too high has a positive bias in every method: measured minus true.
 #[test]
 fn bias_has_one_sign() {
     // b = (30, -20, 10) LSB at 1000, 900, 1100 LSB per m/s^2.
@@ -226,7 +227,7 @@ fn bias_has_one_sign() {
     {
         near(&v["bias_mps2"][i], truth);
         near(&v["bias_lsb"][i], [30.0, -20.0, 10.0][i]);
-        // Measured less true, by the equation that is printed: f = matrix N + nabla.
+        // Measured minus true, by the equation that is printed: f = matrix N + nabla.
         near(&v["nabla"][i], -truth);
     }
     let v = good(&six(9.8), "gyro-still r.csv --latitude 0 --gravity 9.8", &[]);
@@ -238,7 +239,7 @@ fn bias_has_one_sign() {
     near(&v["bias"], 0.025 / 1.01);
 }
 
-/// Keys of the version before keep their values, and say what they are.
+/// Keys of the version before keep their values, and describe themselves.
 #[test]
 fn old_keys_of_the_bias() {
     let v = good(&six(9.8), "six-position r.csv --gravity 9.8", &["sd.bias", "expanded.bias"]);
@@ -368,7 +369,7 @@ fn tilt_and_zero_bias() {
     let mut text = "cycle,w\n".to_owned();
     for cycle in 0..3 {
         for k in 0..6000 {
-            // A noise of known kind, and a bias of 100.
+            // Noise of a known kind, and a bias of 100.
             let _ = writeln!(text, "{cycle},{}", 100.0 + f64::from((k * 7919) % 101 - 50) * 0.1);
         }
     }
@@ -388,7 +389,7 @@ fn usage() {
     bad("", "psd r.csv --rate 1 --column x", 2, "no header row");
 }
 
-/// A sensor with a low-pass of the second order at a fifth of the rate, white noise of N = 3 behind it, no flat part.
+/// A sensor with a second-order low-pass at a fifth of the rate, white noise of N = 3 behind it, and no flat part.
 #[test]
 fn a_band_limit_bends_neither_n_nor_makes_b() {
     let text = include_str!("data/allan-band-limited.csv");

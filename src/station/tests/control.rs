@@ -1,5 +1,5 @@
-//! What people ask of the run service and of a run while it goes on, on the simulated bench: rounds, a pause, an item given
-//! up, a look without a run.
+//! What people ask of the run service and of a run that goes on, on the simulated bench: rounds, a pause, the end of an
+//! item, a look without a run.
 
 #![cfg(feature = "sim")]
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
@@ -47,7 +47,7 @@ requires = ["cpu"]
 "timer1_interrupts_missing" = "<= 0"
 "#;
 
-/// Two streams that a line of 115,200 baud carries one at a time.
+/// Two streams. A line of 115,200 baud carries only one of them at a time.
 const CROWDED: &str = r#"
 name = "crowded"
 version = "1"
@@ -63,7 +63,7 @@ params = { samples = 400, rate = "200 Hz" }
 gyro_x = "0 +- 1 deg/s"
 "#;
 
-/// Runs the short plan; `watch` sees every event and asks what it likes. Tells the run as it ended.
+/// Runs the short plan. `watch` sees every event and may ask for anything. Returns the run as it ended.
 fn run(speed: Speed, watch: impl Fn(&Event, &RunControl) + Send + 'static) -> RunState {
     run_plan(PLAN, &BenchOptions { speed, ..BenchOptions::default() }, watch)
 }
@@ -78,7 +78,7 @@ enum Fate {
     Removed,
 }
 
-/// The fates of the rounds one after the other; later ones are shown.
+/// The fates of the rounds in order; later rounds are shown.
 struct Fated<'a> {
     fates: std::slice::Iter<'a, Fate>,
 }
@@ -100,7 +100,7 @@ impl Observer for Fated<'_> {
     async fn end(&mut self, _: &Path, _: &Ending) {}
 }
 
-/// Which rounds there are, and how the last one that was asked for was refused.
+/// Checks the outcomes of the rounds, and the refusal of the last round that was asked for.
 #[track_caller]
 fn check_rounds(rounds: Rounds, on_fail: Option<OnFail>, limit: &str, fates: &[Fate], expected: (&[Outcome], &str)) {
     let plan = format!(
@@ -123,13 +123,13 @@ fn rounds_end_when_there_is_a_reason() {
     check_rounds(Rounds::Count(3), stop, good, &[], (&[Passed; 3], ""));
     check_rounds(Rounds::Count(3), stop, bad, &[], (&[Failed], ""));
     check_rounds(Rounds::For(Duration::ZERO), None, good, &[], (&[Passed], ""));
-    // A module is not tested on without a record, nor unseen.
+    // A module is not tested further without a record, nor without a face that shows it.
     check_rounds(Rounds::Count(3), None, good, &[Fate::Shown, Fate::Removed], (&[Passed, Errored], ""));
     let unshown = (&[Passed, Errored][..], "cannot start: no thread");
     check_rounds(Rounds::Count(3), None, good, &[Fate::Shown, Fate::Unshown], unshown);
 }
 
-/// Nothing is run where the first round cannot begin.
+/// If the first round cannot begin, nothing is run.
 #[test]
 fn a_first_round_that_cannot_begin_is_refused() {
     let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
@@ -146,7 +146,8 @@ fn a_first_round_that_cannot_begin_is_refused() {
     assert!(refused(&gone, &[]).starts_with(told), "{}", refused(&gone, &[]));
 }
 
-/// A capture of 100 s at true speed is given up at once; the run goes on with the next item, and is aborted.
+/// A capture of 100 s at true speed ends at once when its item is given up. The run goes on with the next item, and is
+/// aborted.
 #[test]
 fn an_item_that_is_given_up_ends_and_the_run_goes_on() {
     let state = run(Speed::Times(1.0), |event, control| {
@@ -158,7 +159,7 @@ fn an_item_that_is_given_up_ends_and_the_run_goes_on() {
     assert!(state.stop().is_none(), "nobody wanted the run to end");
 }
 
-/// Asked for while the first item runs, let go by the note that says that nothing runs any more.
+/// The pause is asked for while the first item runs. It ends with the note that nothing runs any more.
 #[test]
 fn a_pause_holds_the_next_item_and_is_in_the_log() {
     let state = run(Speed::Max, |event, control| match &event.kind {
@@ -183,7 +184,7 @@ fn a_stop_ends_a_pause_and_the_run() {
     assert_eq!(state.outcome_so_far(), Outcome::Aborted);
 }
 
-/// The second stream is refused while the first one runs; both have their verdict, one after the other.
+/// The second stream is refused while the first one runs. Both get their verdict, one after the other.
 #[test]
 fn what_does_not_fit_beside_others_runs_after_them() {
     let state = run_plan(
@@ -196,7 +197,7 @@ fn what_does_not_fit_beside_others_runs_after_them() {
     assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
 }
 
-/// Looks at a bench until what is shown is whole.
+/// Looks at a bench until the readings are complete.
 async fn look_until(bench: &RunningBench, whole: impl Fn(&Readings) -> bool) -> Readings {
     let target = Target::Serial { port: bench.port().to_owned(), rate_baud: 921_600 };
     let (live, control) = (Live::default(), RunControl::default());
@@ -216,8 +217,8 @@ async fn look_until(bench: &RunningBench, whole: impl Fn(&Readings) -> bool) -> 
     seen
 }
 
-/// Raw values come without a run: a module that lies level shows 1 g on Z, and its AD channels. One that was never
-/// calibrated shows no roll angle.
+/// Raw values are shown without a run: a module that lies level shows 1 g on Z, and its AD channels. A module that was
+/// never calibrated shows no roll angle.
 #[test]
 fn raw_values_are_shown_without_a_run() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
@@ -230,12 +231,12 @@ fn raw_values_are_shown_without_a_run() {
     assert_eq!((seen.correction, seen.compensated), (None, None));
 }
 
-/// A calibrated module shows its roll angle by its own reckoning, and the correction by which it can be checked.
+/// A calibrated module shows the roll angle that it works out itself, and the correction with which it can be checked.
 #[test]
 fn the_roll_angle_of_a_calibrated_module_is_shown() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     let bench = RunningBench::start(&BenchOptions::default()).expect("a simulated bench");
-    // Coefficients that nobody would find: what is read back is what was written.
+    // Unusual coefficients: the values read back must be the values written.
     let scale =
         |per_count: f64| [0, 1, 2].map(|row| [0, 1, 2].map(|column| if row == column { per_count } else { 0.0 }));
     let calibration = Calibration {
@@ -269,6 +270,6 @@ fn the_roll_angle_of_a_calibrated_module_is_shown() {
     let by_hand_deg = (-y).atan2(x).to_degrees();
     let by_board_deg = (f64::from(seen.compensated.expect("a sample").1.roll) * 1e-8).to_degrees();
     let apart_deg = (by_hand_deg - by_board_deg + 180.0).rem_euclid(360.0) - 180.0;
-    // Of two samples that need not be the same one: some noise lies between them.
+    // The two samples need not be the same one, so some noise lies between them.
     assert!(apart_deg.abs() < 1.0, "{by_hand_deg} deg here, {by_board_deg} deg on the board");
 }

@@ -1,5 +1,5 @@
-//! `gnc-station compute` on records with failed reads, spikes, stale and clipped rows: the figure is right and says what was
-//! left out, or it is refused with the first row.
+//! `gnc-station compute` on records with failed reads, spikes, stale and clipped rows. Either the figure is right and
+//! says what was left out, or it is refused with the first bad row.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may end with a panic")]
 
@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// The result of `compute` on a record, or what it refused.
+/// The result of `compute` for a record, or the refusal.
 fn compute(record: &str, words: &str) -> Result<Value, String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("r.csv"), record).unwrap();
@@ -33,7 +33,7 @@ fn near(value: &Value, truth: f64, within: f64) {
     assert!((value - truth).abs() <= within, "{value} is not {truth} +- {within}");
 }
 
-/// Even noise of deviation 0.577 that a linear congruence repeats after 2^31 values.
+/// Uniform noise of deviation 0.577, which a linear congruence repeats after 2^31 values.
 fn noise(state: &mut u64) -> f64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
@@ -58,7 +58,7 @@ fn a_spike_leaves_no_trace_in_a_flip() {
     assert_eq!(found["gate"]["first_row"], 51);
 }
 
-/// 5000 codes for 1 deg/s at eleven rates, every 25th read failed: each rate is a level of its own.
+/// 5000 codes for 1 deg/s at eleven rates, with every 25th read failed. Each rate is a level of its own.
 #[test]
 fn failed_reads_leave_no_trace_in_a_scale_factor() {
     let record = |failed: usize| {
@@ -76,11 +76,11 @@ fn failed_reads_leave_no_trace_in_a_scale_factor() {
     let found = compute(&record(25), "scale-factor r.csv").unwrap();
     near(&found["scale_factor"], 5000.0, 0.05);
     near(&found["offset"], 40.0, 2.0);
-    // 88 reads failed; 40 codes are 2.3 deviations of the noise, so that those at rest cannot be told from it.
+    // 88 reads failed; 40 codes are 2.3 deviations of the noise, so failed reads at rest cannot be told from noise.
     assert!((72..=88).contains(&found["gate"]["left_out"]["failed_reads"].as_u64().unwrap()), "{}", found["gate"]);
     let refused = compute(&record(8), "scale-factor r.csv").unwrap_err();
     assert!(refused.contains("failed reads"), "{refused}");
-    // One row a rate has nothing beside it.
+    // One row a rate has no row beside it to compare with.
     let single = "rate,x\n-10,-50\n-5,-25\n0,0\n5,25.1\n10,50\n";
     assert_eq!(compute(single, "scale-factor r.csv").unwrap()["gate"]["used"], 5);
 }
@@ -128,7 +128,7 @@ fn a_rotation_bridges_failed_reads_and_refuses_time_that_did_not_pass() {
     assert!(one.contains("first in row 502"), "{one}");
 }
 
-/// White noise about 0 in codes, with what spoils it.
+/// White noise about 0 in codes; `spoil` damages it.
 fn series(rows: usize, mut spoil: impl FnMut(usize, f64, f64) -> f64) -> String {
     let mut state = 11;
     let mut last = 0.0;
@@ -185,7 +185,7 @@ fn other_columns_may_count_too() {
     assert_eq!(found["gate"]["left_out"]["spikes"], 1);
 }
 
-/// A name of a column may hold an escape sequence; a terminal must not obey it.
+/// The name of a column may hold an escape sequence; a terminal must not obey it.
 #[test]
 fn a_file_cannot_send_commands_to_the_terminal() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Power cycles on the simulated bench: a good module passes, each fault has its verdict, and the module is left without
-//! power.
+//! Power cycles on the simulated bench: a good module passes, each fault has its verdict, and the module is left
+//! without power.
 
 #![cfg(feature = "sim")]
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
@@ -15,7 +15,7 @@ use gnc_executive::state::{Attempt, RunState};
 use hw_mocks::{BenchOptions, Personality, Speed};
 use played::{outcomes, run_plan};
 
-/// The plan of the repository. It expects the module that the bench is told to have.
+/// The plan of the repository, without its limit on the serial number.
 fn plan() -> String {
     include_str!("../../../test-plans/power-cycle.toml").replace("serial_number = \"== $serial_number\"\n", "")
 }
@@ -48,7 +48,7 @@ fn failed(attempt: &Attempt) -> Vec<&str> {
     failed.map(|measured| measured.name.as_str()).collect()
 }
 
-/// Such cycles are no evidence: the item is errored, says why, and says nothing of the module.
+/// Checks that such cycles are no evidence: the item is errored, says why, and says nothing about the module.
 #[track_caller]
 fn check_no_evidence(faults: &str, why: &str) {
     let state = run(faults);
@@ -59,8 +59,8 @@ fn check_no_evidence(faults: &str, why: &str) {
     assert!(attempt.measurements.is_empty(), "{:?}", attempt.measurements);
 }
 
-/// 150 ms of switching on and 20 ms of the request for the identity, by the interface document; 5.012 V and 0.487 A by a
-/// meter that scatters by 1 mV and 0.5 mA, six deviations of which are the bounds.
+/// By the interface document, switching on takes 150 ms and the request for the identity 20 ms. The meter shows 5.012 V
+/// and 0.487 A, and scatters by 1 mV and 0.5 mA; the bounds are six deviations.
 #[test]
 fn a_good_module_starts_each_time() {
     let state = run("");
@@ -79,8 +79,8 @@ fn a_good_module_starts_each_time() {
     assert!(rows.iter().all(|row| row["time_to_identity_s"].as_f64().is_some_and(|time_s| time_s < 0.2)), "{rows:?}");
 }
 
-/// The run's own power-on is the first, so that cycles 2, 5 and 8 have every third one. Up 750 ms after it, the module is
-/// asked each 120 ms: the eighth time it answers, 0.150 + 7 x 0.120 + 0.020 s after the request for power.
+/// The run's own power-on is the first, so cycles 2, 5 and 8 have every third one. The module is up 750 ms after it and
+/// is asked every 120 ms. It answers the eighth time, 0.150 + 7 x 0.120 + 0.020 s after the request for power.
 #[test]
 fn a_module_that_is_late_once_in_three_fails_by_its_limit() {
     let state = run("[start]\nlate_every = 3\nlate_ms = 750\n");
@@ -97,7 +97,7 @@ fn a_module_that_is_late_once_in_three_fails_by_its_limit() {
     assert_eq!(late, [2, 5, 8]);
 }
 
-/// A module that needs a second power-on now and then fails, with or without a limit, and the other cycles are still done.
+/// A module that sometimes needs a second power-on fails, with or without a limit, and the other cycles are still done.
 #[test]
 fn a_module_that_needs_two_tries_fails() {
     let starts = "[start]\nhangs_every = 3\n";
@@ -127,7 +127,7 @@ fn a_module_that_is_not_off_is_no_evidence() {
         "[supply]\noff_voltage_v = 5.012\noff_current_a = 0.487\n",
         "cycle 1: the supply is switched off",
     );
-    // Fed through a signal line, past the meter of the current.
+    // The module is fed through a signal line, past the current meter.
     check_no_evidence("[supply]\noff_voltage_v = 1.9\n", "still has 1.");
 }
 
@@ -168,8 +168,8 @@ fn captures_over_power_cycles_are_of_one_module() {
     assert!(error.text.contains("after the power cycle: the module says that it is SIM-OTHER"), "{error:?}");
 }
 
-/// Request for power 4: the run's own, and in cycle 1 off, the second look, on. The restart is the item's, since nothing
-/// runs beside it.
+/// Request for power 4: the run's own, then in cycle 1 off, the second look, and on. The restart belongs to the item,
+/// since nothing runs beside it.
 #[test]
 fn a_board_that_restarts_in_a_cycle_fails_the_item() {
     let state = run("[reboot]\non = \"power\"\nnth = 4\nafter_ms = 50\n");
@@ -178,14 +178,14 @@ fn a_board_that_restarts_in_a_cycle_fails_the_item() {
     assert!(error.text.contains("the board restarted"), "{error:?}");
 }
 
-/// Asks for something when the module of the first cycle has no supply.
+/// Asks for something while the module of the first cycle has no supply.
 fn when_off(event: &Event, control: &RunControl, ask: impl Fn(&RunControl)) {
     if matches!(&event.kind, EventKind::Power(power) if !power.on) {
         ask(control);
     }
 }
 
-/// A run looks whether the module is left without power, whatever ends it.
+/// A run checks whether the module is left without power, whatever ends the run.
 #[test]
 fn a_stop_in_the_middle_leaves_the_module_off() {
     let long = plan().replace("off_time = \"2 s\"", "off_time = \"600 s\"");
@@ -196,7 +196,7 @@ fn a_stop_in_the_middle_leaves_the_module_off() {
     }
 }
 
-/// An item that is given up without supply leaves the module to the next one under power.
+/// If an item without supply is given up, the next item gets a module under power.
 #[test]
 fn the_next_item_after_one_that_is_given_up_has_power() {
     let more = "[[item]]\nid = \"cpu\"\n[item.limits]\ncore1_register_errors = \"<= 0\"\n";

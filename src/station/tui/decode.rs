@@ -1,10 +1,10 @@
-//! From bytes of a terminal to keys.
+//! Decodes the bytes of a terminal into keys.
 //!
-//! A decoder of our own, since a scanner, a slow line and a terminal that goes away need three things that the event
-//! readers of terminal libraries do not promise: half a key never blocks, nothing grows without bound, and what is no
-//! key is dropped, never taken for one.
+//! This is a decoder of our own. A scanner, a slow line and a terminal that goes away need three things that the event
+//! readers of terminal libraries do not promise: an incomplete key never blocks, nothing grows without bound, and bytes
+//! that are not a key are dropped and never taken for one.
 
-/// Bytes of the longest escape sequence that is looked at; a longer one is no key.
+/// Largest number of bytes of an escape sequence; a longer one is not a key.
 const MAX_SEQUENCE: usize = 32;
 /// The end of pasted text.
 const PASTE_END: &[u8] = b"\x1b[201~";
@@ -14,7 +14,7 @@ const PASTE_END: &[u8] = b"\x1b[201~";
 pub(crate) enum Key {
     /// A printable character, from a keyboard or a scanner.
     Char(char),
-    /// A printable character from the clipboard: text, whatever it is.
+    /// A printable character from the clipboard: always text.
     Pasted(char),
     /// F1 to F12.
     F(u8),
@@ -44,11 +44,11 @@ pub(crate) enum Key {
     Backspace,
     /// Tab, which some scanners send at the end.
     Tab,
-    /// A control character that is no key: part of a code that cannot be a serial number.
+    /// A control character that is not a key: part of a code that cannot be a serial number.
     Control,
 }
 
-/// Takes bytes as they come.
+/// Decodes bytes as they arrive.
 #[derive(Debug, Default)]
 pub(crate) struct KeyDecoder {
     pending: Vec<u8>,
@@ -58,7 +58,7 @@ pub(crate) struct KeyDecoder {
 }
 
 impl KeyDecoder {
-    /// Decodes more bytes; what is incomplete waits.
+    /// Decodes more bytes; an incomplete key waits for the next call.
     pub(crate) fn feed(&mut self, bytes: &[u8], keys: &mut Vec<Key>) {
         for byte in bytes {
             self.pending.push(*byte);
@@ -66,13 +66,14 @@ impl KeyDecoder {
         }
     }
 
-    /// Whether a lone escape waits for what may follow it.
+    /// Whether an incomplete key waits for more bytes.
     #[must_use]
     pub(crate) fn is_waiting(&self) -> bool {
         !self.pending.is_empty() && !self.pasting
     }
 
-    /// Nothing follows: a lone escape is the key; anything else that is incomplete is none.
+    /// Ends the wait, since no more bytes arrive: a lone escape is the key Esc, and any other incomplete key is
+    /// dropped.
     pub(crate) fn flush(&mut self, keys: &mut Vec<Key>) {
         if self.pending == [0x1b] {
             keys.push(Key::Esc);
@@ -123,7 +124,7 @@ impl KeyDecoder {
                     self.dropping = true;
                 }
             }
-            // Escape and then something else: two keys.
+            // Escape and then another character: two keys.
             [0x1b, _] => {
                 keys.push(Key::Esc);
                 self.pending.remove(0);
@@ -133,14 +134,14 @@ impl KeyDecoder {
         }
     }
 
-    /// One character, or the beginning of one.
+    /// Takes one character, or the beginning of one.
     fn text(&mut self, keys: &mut Vec<Key>) {
         if let Some(character) = self.character() {
             keys.push(plain(character));
         }
     }
 
-    /// The text pasted so far, but for its end; line ends in it are no Enter.
+    /// Takes pasted text up to its end mark. A line end in it is not Enter.
     fn paste(&mut self, keys: &mut Vec<Key>) {
         if self.pending == PASTE_END {
             self.pending.clear();
@@ -156,7 +157,7 @@ impl KeyDecoder {
         }
     }
 
-    /// A whole character out of what waits. Bytes that are no UTF-8 come out as the replacement character.
+    /// Takes a whole character from the pending bytes. Invalid UTF-8 becomes the replacement character.
     fn character(&mut self) -> Option<char> {
         let found = match std::str::from_utf8(&self.pending) {
             Ok(text) => text.chars().next(),
@@ -176,7 +177,7 @@ enum Csi {
 fn csi(middle: &[u8], last: u8) -> Option<Csi> {
     let number = |bytes: &[u8]| std::str::from_utf8(bytes).ok().and_then(|text| text.parse::<u8>().ok());
     let key = match (middle, last) {
-        // With a modifier it is another key, and none of ours.
+        // A key with a modifier is another key, and the screen does not use it.
         (b"" | b"1", b'A') => Key::Up,
         (b"" | b"1", b'B') => Key::Down,
         (b"" | b"1", b'C') => Key::Right,
@@ -238,7 +239,7 @@ mod tests {
 
     fn check(bytes: &[u8], expected: &[Key]) {
         assert_eq!(decode(bytes), expected, "{}", bytes.escape_ascii());
-        // A slow line delivers every byte on its own.
+        // A slow line may deliver each byte on its own.
         let (mut decoder, mut keys) = (KeyDecoder::default(), Vec::new());
         bytes.iter().for_each(|byte| decoder.feed(&[*byte], &mut keys));
         decoder.flush(&mut keys);
@@ -295,7 +296,7 @@ mod tests {
         assert_eq!(keys[last], Key::F(10));
     }
 
-    /// A megabyte of dice leaves nothing behind in the decoder.
+    /// A megabyte of random bytes leaves nothing behind in the decoder.
     #[test]
     fn garbage_is_bounded() {
         let (mut decoder, mut state) = (KeyDecoder::default(), 0x2545_f491_4f6c_dd1du64);

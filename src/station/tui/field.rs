@@ -1,4 +1,4 @@
-//! A line of text that is typed, scanned or pasted; whatever comes, it stays short and printable.
+//! A line of text that is typed, scanned or pasted. It stays short and printable, whatever the input.
 
 /// What was typed into a line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -6,7 +6,7 @@ pub(crate) struct InputField {
     text: String,
     /// Characters beyond the limit.
     dropped: usize,
-    /// A control character came: this is no text for a person.
+    /// A control character came: this is not text for a person.
     control: bool,
 }
 
@@ -30,7 +30,7 @@ impl InputField {
         }
     }
 
-    /// A control character that is no key.
+    /// Marks the field after a control character that is not a key.
     pub(crate) fn spoil(&mut self) {
         self.control = true;
     }
@@ -55,7 +55,7 @@ impl InputField {
         self.text.is_empty() && !self.control
     }
 
-    /// All characters that came, kept or not.
+    /// The number of characters that came, kept or not.
     pub(crate) fn characters(&self) -> usize {
         self.text.chars().count() + self.dropped
     }

@@ -1,4 +1,4 @@
-//! Which key does what, where: one table, from which keys are looked up and help and footers are drawn.
+//! The table of keys: which key does what, and where. Keys are looked up in it, and help and footers are drawn from it.
 //!
 //! No letter is ever a command, since a scanner types letters.
 
@@ -13,7 +13,7 @@ pub(crate) enum KeyAction {
     Setup,
     /// Runs the item under the cursor alone.
     One,
-    /// Runs again what was not good.
+    /// Runs again the items that did not pass, or passed only marginally.
     Repeat,
     /// Starts a run.
     Start,
@@ -141,9 +141,9 @@ impl KeyContext {
 pub(crate) struct Binding {
     /// The key.
     pub key: Key,
-    /// What it asks for.
+    /// The action that it asks for.
     pub action: KeyAction,
-    /// Where.
+    /// The places in which it works.
     pub places: &'static [KeyContext],
     /// Whether the last line of the screen shows it.
     pub footer: bool,
@@ -204,7 +204,7 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(4), KeyAction::Filter, &[KeyContext::Records]),
     shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
     shown(Key::Enter, KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Confirm]),
-    // Not with F5: a key that is pressed twice must not answer.
+    // Not F5: a second press of F5 must not answer the question.
     shown(Key::Enter, KeyAction::LoadNew, &[KeyContext::Changed]),
     shown(Key::F(6), KeyAction::RunChecked, &[KeyContext::Changed]),
     shown(Key::Enter, KeyAction::TakeUp, &[KeyContext::Interrupted]),
@@ -241,7 +241,7 @@ pub(crate) const BINDINGS: &[Binding] = &[
     silent(Key::End, KeyAction::End, LISTS),
 ];
 
-/// What a key asks for in a place.
+/// The action of a key in a place.
 #[must_use]
 pub(crate) fn action(place: KeyContext, key: Key) -> Option<KeyAction> {
     bindings(place).find(|binding| binding.key == key).map(|binding| binding.action)
@@ -280,7 +280,7 @@ pub(crate) fn name(key: Key) -> String {
 mod tests {
     use super::*;
 
-    /// A scanner types letters and digits: none of them may do anything.
+    /// A scanner types letters and digits, so these keys must not do anything.
     #[test]
     fn no_letter_is_a_command() {
         for binding in BINDINGS {

@@ -1,5 +1,5 @@
-//! What the screen says, in each language. Every language is one value of [`Texts`], so that the compiler finds a
-//! text that is missing.
+//! The texts of the screen in each language. Each language is one value of [`Texts`], so that the compiler finds a
+//! missing text.
 
 mod en;
 mod motion;
@@ -31,7 +31,7 @@ impl Lang {
         }
     }
 
-    /// The language of a locale's name, "zh_CN.UTF-8"; English where there is no better.
+    /// The language of a locale's name, "zh_CN.UTF-8"; English if the station has no texts in that language.
     #[must_use]
     pub(crate) fn of_locale(locale: &str) -> Lang {
         match locale.split(['_', '.', '@']).next() {
@@ -42,7 +42,7 @@ impl Lang {
     }
 }
 
-/// What a key is called: a word for the last line, and a sentence for the help.
+/// The texts of a key: a word for the last line, and a sentence for the help.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct KeyText {
     /// At most two short words.
@@ -51,7 +51,7 @@ pub(crate) struct KeyText {
     pub long: &'static str,
 }
 
-/// All texts of one language. `{}` stands for what is filled in.
+/// All texts of one language. `{}` is a place to fill in.
 #[derive(Debug)]
 pub(crate) struct Texts {
     /// The language's own name.
@@ -259,10 +259,10 @@ pub(crate) struct Texts {
     pub start_time: &'static str,
     pub too_many_runs: &'static str,
     pub enter_opens: &'static str,
-    // What depends on a value.
+    // Texts that depend on a value.
     pub key: fn(KeyAction) -> KeyText,
     pub outcome_word: fn(Outcome) -> &'static str,
-    /// At most six capital letters, drawn as big as the screen allows; letters of [`super::view::big`] alone.
+    /// At most six capital letters, drawn as large as the screen allows. Only letters of [`super::view::big`].
     pub verdict: fn(Outcome) -> &'static str,
     pub item_title: fn(ItemId) -> &'static str,
     pub level: fn(NoteLevel) -> &'static str,
@@ -272,7 +272,7 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
-    /// What is to be done.
+    /// The request to the operator in words.
     pub(crate) fn ask(&self, ask: &Ask) -> String {
         match ask {
             Ask::Switches(None) => self.switch_all_off.to_owned(),

@@ -1,4 +1,4 @@
-//! Live readings as the screen keeps them: the newest of each, and a while of those that are drawn over time.
+//! Live readings on the screen: the newest value of each, and the recent values of those that are drawn over time.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -6,12 +6,12 @@ use std::time::Duration;
 use gnc_board::Readings;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS};
 
-/// Points of each curve: a minute at ten a second.
+/// Points of each curve: one minute at ten points a second.
 const POINTS: usize = 600;
-/// Time between two points; what comes faster replaces the newest.
+/// Time between two points; a faster sample replaces the newest point.
 const EVERY: Duration = Duration::from_millis(100);
 
-/// What is drawn over time.
+/// A point of the curves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LivePoint {
     /// Time since the start of the program.
@@ -41,11 +41,11 @@ impl From<&ImuSample> for LiveSample {
     }
 }
 
-/// The newest readings, and a while of curves.
+/// The newest readings, and the recent points of the curves.
 #[derive(Debug, Default)]
 pub(crate) struct History {
     pub newest: Readings,
-    /// When the newest came.
+    /// When the newest readings came.
     pub at: Option<Duration>,
     pub points: VecDeque<LivePoint>,
 }
@@ -55,7 +55,7 @@ impl History {
         self.at.is_none()
     }
 
-    /// Takes readings; those that were taken already change nothing.
+    /// Takes readings; equal readings change nothing.
     pub(crate) fn take(&mut self, readings: Readings, at: Duration) {
         if readings == self.newest {
             return;

@@ -1,9 +1,9 @@
-//! What the terminal can show, by its environment.
+//! Finds out from the environment what the terminal can show.
 
 use super::lang::Lang;
 use super::model::{Glyphs, Look};
 
-/// The part of the environment that matters.
+/// The environment variables that matter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Environment {
     pub term: String,
@@ -29,13 +29,13 @@ impl Environment {
     }
 }
 
-/// The language, and how the terminal is drawn on. A terminal without the glyphs of a language gets English.
+/// Chooses the language and how to draw on the terminal. A terminal without the glyphs of a language gets English.
 pub(crate) fn choose(environment: &Environment, wanted: Option<Lang>) -> (Lang, Look) {
     let locale = environment.locale.to_ascii_lowercase();
     let utf8 = locale.ends_with("utf-8") || locale.ends_with("utf8");
     let glyphs = match environment.term.as_str() {
         _ if !utf8 => Glyphs::Ascii,
-        // The kernel's own console has 512 glyphs, and says so by this name alone.
+        // The kernel's own console has only 512 glyphs. Only this name identifies it.
         "linux" => Glyphs::Console,
         "dumb" | "vt100" | "vt220" => Glyphs::Ascii,
         _ => Glyphs::Unicode,

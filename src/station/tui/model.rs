@@ -37,7 +37,7 @@ pub(crate) struct Look {
     pub colour: bool,
     /// Which characters it has.
     pub glyphs: Glyphs,
-    /// Another language was wanted than the terminal can show.
+    /// The terminal cannot show the language that was asked for.
     pub poor: bool,
 }
 
@@ -56,13 +56,13 @@ pub(crate) enum Glyphs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ScreenPage {
     Tests,
-    /// Guidance through captures; only where the plan has some.
+    /// Guidance through captures; only if the plan captures.
     Calibration,
     Live,
     Records,
 }
 
-/// What lies over a page.
+/// A layer over a page.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Over {
     /// The keys of the place below.
@@ -100,12 +100,12 @@ pub(crate) struct BenchView {
     pub records: PathBuf,
 }
 
-/// Something that is read from a file, which may be refused.
+/// The content of a file that may be refused.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Loaded<T> {
     /// Being read.
     Loading,
-    /// As read.
+    /// The content as it was read.
     Ready(T),
     /// Why it is refused, mistakes and hints included; lines for people.
     Refused(String),
@@ -125,12 +125,12 @@ impl<T> Loaded<T> {
 pub(crate) struct PlanView {
     pub name: String,
     pub version: String,
-    /// Digest of what was checked: that, and nothing else, is what a start runs.
+    /// Digest of the plan that was checked. A start runs exactly this plan.
     pub sha256: String,
     pub items: Vec<PlannedItem>,
-    /// What its items do with the module, of those that capture.
+    /// The programs of the items that capture.
     pub programs: Vec<ProgramView>,
-    /// The part that the plan is for, where it says so.
+    /// The part that the plan is for, if the plan names one.
     pub part: Option<String>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
@@ -150,7 +150,7 @@ pub(crate) struct ProgramView {
 }
 
 impl ProgramView {
-    /// That of an item; `None` if it captures nothing by itself.
+    /// The program of an item; `None` if it captures nothing by itself.
     pub(crate) fn of(item: &PlanItem) -> Option<Self> {
         let program = motion::program(item.id, &item.params).ok()??;
         let captures = program.steps.iter().filter_map(MotionStep::about).count();
@@ -200,7 +200,7 @@ pub(crate) struct Prompt {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pause {
     No,
-    /// What runs is finished first.
+    /// The pause begins when the items at work have finished.
     Asked,
 }
 
@@ -211,7 +211,7 @@ pub(crate) struct RunView {
     pub state: RunState,
     /// The module, as scanned.
     pub serial_number: String,
-    /// Where its record is.
+    /// The folder of its record.
     pub folder: Option<PathBuf>,
     /// No event and no round follows.
     pub over: bool,
@@ -253,7 +253,7 @@ impl RunView {
         }
     }
 
-    /// The verdict, once nothing follows. What could not be recorded is no pass.
+    /// The verdict, once the run is over. A run that could not be recorded does not pass.
     pub(crate) fn verdict(&self) -> Option<Outcome> {
         if !self.over {
             return None;
@@ -276,14 +276,14 @@ impl RunView {
     }
 }
 
-/// The serial number: what is typed, what is scanned, what comes next.
+/// Serial numbers: the one being typed, the current one, and the next one.
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
     pub typed: InputField,
     pub current: Option<String>,
     /// Scanned while a run was on.
     pub next: Option<String>,
-    /// The newest run of `current` today; `None` as long as nobody looked.
+    /// The newest run of `current` today; `None` until the records were searched.
     pub earlier: Option<Option<Earlier>>,
 }
 
@@ -335,9 +335,9 @@ pub(crate) struct ScreenModel {
     /// Raw values are shown without a run.
     pub watching: bool,
     pub records: Records,
-    /// Leaves as soon as the run has stopped.
+    /// The program ends as soon as the run has stopped.
     pub leaving: bool,
-    /// Every cell is to be drawn again, since something else wrote over them.
+    /// The screen must draw every cell again, since other output has overwritten the cells.
     pub redraw: bool,
     /// How far the last drawing could scroll.
     pub scroll_end: Cell<usize>,
@@ -384,7 +384,7 @@ impl ScreenModel {
         self.run.as_ref().is_some_and(|run| !run.over)
     }
 
-    /// Where the next key is pressed.
+    /// The context in which the next key is pressed.
     pub(crate) fn place(&self) -> KeyContext {
         match self.over.last() {
             Some(Over::Again(_) | Over::NoResume { .. } | Over::Leave) => return KeyContext::Confirm,
@@ -450,7 +450,7 @@ impl ScreenModel {
         self.message = Some((weight, text.into()));
     }
 
-    /// Whether time alone changes what is shown within a second.
+    /// Whether the picture changes by time alone within a second.
     pub(crate) fn moves(&self) -> bool {
         self.is_running() || self.watching
     }

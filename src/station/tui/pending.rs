@@ -1,4 +1,4 @@
-//! A run that was asked for and has not begun: what must be known first, and what is still to be asked.
+//! A run that was asked for and has not begun: the checks before it, and the questions that are still open.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub(crate) struct Interrupted {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Resumable {
     Yes(Interrupted),
-    /// The command line asked for one that cannot.
+    /// The run that the command line named cannot be taken up.
     No {
         why: String,
     },
@@ -37,19 +37,19 @@ pub(crate) struct Prepared {
     pub resume: Option<Resumable>,
 }
 
-/// What was asked for and waits for answers.
+/// A start that waits for answers.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PendingStart {
     pub selection: Option<Vec<String>>,
     pub rounds: RoundsSetting,
     /// The run that is taken up again.
     pub resume: Option<PathBuf>,
-    /// What is still to be asked, the next one first.
+    /// The open questions, the next one first.
     pub questions: VecDeque<Over>,
 }
 
 impl PendingStart {
-    /// A run about which nothing was asked yet.
+    /// A start without open questions.
     pub(crate) fn new(selection: Option<Vec<String>>, rounds: RoundsSetting) -> Self {
         Self { selection, rounds, resume: None, questions: VecDeque::new() }
     }

@@ -9,7 +9,7 @@ use gnc_executive::state::RunState;
 use super::field::InputField;
 use super::lang::Texts;
 
-/// Runs of one day that are shown: more than one socket tests in a day of seconds.
+/// Largest number of runs of one day that are shown: more than one socket can test in a day.
 pub(crate) const MAX_RUNS: usize = 5000;
 
 /// A day with runs.
@@ -24,20 +24,20 @@ pub(crate) struct Day {
 /// How a run came out, as far as a list shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RunMark {
-    /// It has this outcome, and its folder was closed.
+    /// The run has this outcome, and its folder was closed.
     Outcome(Outcome),
-    /// It has no end.
+    /// The run has no end.
     Interrupted,
     /// Its folder was not closed.
     Unsealed,
-    /// It cannot be read.
+    /// The run cannot be read.
     Unreadable,
     /// A later version of the station wrote it.
     Newer,
 }
 
 impl RunMark {
-    /// It in a word.
+    /// The mark in a word.
     pub(crate) fn word(self, texts: &Texts) -> &'static str {
         match self {
             Self::Outcome(outcome) => (texts.outcome_word)(outcome),
@@ -66,7 +66,7 @@ pub(crate) struct RunLine {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Runs {
     pub day: String,
-    /// By serial number, and by time within one.
+    /// Sorted by serial number, and by time within one.
     pub lines: Vec<RunLine>,
     /// There are more than [`MAX_RUNS`].
     pub cut: bool,
@@ -93,22 +93,22 @@ pub(crate) enum Check {
 /// How a run compares with its digests and its journal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Checked {
-    /// What is wrong; nothing if all is as written.
+    /// What is wrong; empty if all is as written.
     pub problems: Vec<String>,
-    /// What this version does not know in the journal of a later one; its digests alone were compared.
+    /// What this version does not know in the journal of a later version. Then only the digests were compared.
     pub newer: Option<String>,
 }
 
 /// Why a run is not shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Unopened {
-    /// A later version of the station wrote it: what this one does not know.
+    /// A later version of the station wrote it. The text names what this version does not know.
     Newer(String),
     /// Why it cannot be read.
     Unreadable(String),
 }
 
-/// What the page knows.
+/// The state of the records page.
 #[derive(Debug, Default)]
 pub(crate) struct Records {
     /// Newest first; `None` until read.
@@ -133,14 +133,14 @@ impl Records {
             .filter(|line| match (self.filter, line.mark) {
                 (None, _) => true,
                 (Some(wanted), RunMark::Outcome(outcome)) => wanted == outcome,
-                // A run without an end or a seal is no pass; it is found beside the aborted ones.
+                // A run without an end or a seal does not pass; the filter for aborted runs shows it.
                 (Some(wanted), _) => wanted == Outcome::Aborted,
             })
             .filter(|line| wanted.is_empty() || line.serial_number.to_lowercase().contains(&wanted))
             .collect()
     }
 
-    /// The next filter.
+    /// Chooses the next filter.
     pub(crate) fn turn_filter(&mut self) {
         const TURN: [Option<Outcome>; 6] = [
             None,

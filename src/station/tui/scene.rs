@@ -1,5 +1,4 @@
-//! A screen without a terminal, on which a run is played: for snapshots and benchmarks. Time stands still unless it is
-//! moved.
+//! A screen in memory that plays a run, for snapshots and benchmarks. Its clock stands still unless the scene moves it.
 
 mod captures;
 
@@ -44,7 +43,7 @@ impl Scene {
     /// An idle screen of a simulated bench with the table of single-function tests.
     ///
     /// # Errors
-    /// Never in memory; the terminal's type has room for it.
+    /// A terminal in memory never fails; only its type allows an error.
     pub(crate) fn new(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let look = Look { colour: true, glyphs: Glyphs::Unicode, poor: false };
         let now = Now { at: noon(), since_start: Duration::ZERO };
@@ -72,10 +71,10 @@ impl Scene {
         Ok(Self { model, plan, terminal, now, run_began: Duration::ZERO, seq: 0 })
     }
 
-    /// The same with a run that stands in its middle: three items at work, curves of a minute on the live page.
+    /// A screen in the middle of a run: three items at work, curves of a minute on the live page.
     ///
     /// # Errors
-    /// What the terminal in memory says.
+    /// An error of the terminal in memory.
     pub fn at_work(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let mut scene = Self::new(lang, width, height)?;
         scene.start("DEMO-1");
@@ -89,16 +88,16 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Draws it.
+    /// Draws the screen.
     ///
     /// # Errors
-    /// What the terminal in memory says.
+    /// An error of the terminal in memory.
     pub fn draw(&mut self) -> std::io::Result<()> {
         let model = &self.model;
         self.terminal.draw(|frame| view::draw(model, frame)).map(drop).map_err(std::io::Error::other)
     }
 
-    /// Another sample of all sensors, a tenth of a second later.
+    /// Adds another sample of all sensors, a tenth of a second later.
     pub fn next_sample(&mut self) {
         self.pass_time(Duration::from_millis(100));
         self.readings(1);
@@ -199,7 +198,7 @@ impl Scene {
         self.tell(Msg::Progress(each.collect()));
     }
 
-    /// So many tenths of a second of readings.
+    /// Adds `count` readings, one for each tenth of a second.
     pub(crate) fn readings(&mut self, count: u32) {
         for index in 0..count {
             if count > 1 {
@@ -261,7 +260,7 @@ impl Scene {
         cells.filter(|cell| cell.fg != Color::Reset || cell.bg != Color::Reset).count()
     }
 
-    /// An event that the screen never hears of.
+    /// Leaves an event out, so that the screen misses it.
     #[cfg(test)]
     pub(crate) fn miss_an_event(&mut self) {
         self.seq += 1;

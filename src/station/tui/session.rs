@@ -1,4 +1,5 @@
-//! What stands behind the screen: it carries out its commands, one run at a time, and never waits for it.
+//! The session behind the screen. It carries out the screen's commands, one run at a time, and never waits for the
+//! screen.
 
 mod archive;
 mod files;
@@ -24,9 +25,9 @@ use crate::tui::model::Loaded;
 use files::{Held, HeldPlan, Looked};
 use rounds::{Finished, Handles};
 
-/// Questions that may wait: one of each item that runs.
+/// Largest number of questions that wait: one of each item that runs.
 const QUESTIONS: usize = 8;
-/// Parts of looks at bench and plan that may wait.
+/// Largest number of results that wait from checks of bench and plan.
 const LOOKS: usize = 8;
 
 /// Signals that end the program.
@@ -38,7 +39,7 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
-    /// Takes them over.
+    /// Takes over the signals.
     pub(crate) fn new() -> std::io::Result<Self> {
         Ok(Self {
             interrupt: signal(SignalKind::interrupt())?,
@@ -67,7 +68,7 @@ pub(crate) struct ScreenSession {
     live: Live,
     /// Bench and plan as they were checked.
     held: Held,
-    /// Counts the looks at bench and plan: of two the later one counts.
+    /// Number of the latest check of bench and plan. Results of earlier checks are dropped.
     look: u64,
     tell_look: mpsc::Sender<(u64, Looked)>,
     looks: mpsc::Receiver<(u64, Looked)>,
@@ -92,7 +93,7 @@ impl ScreenSession {
         Self { args, plan, screen, commands, signals, live, held: Held::default(), look: 0, tell_look, looks }
     }
 
-    /// Serves the screen until somebody leaves. The outcome is that of a run that was ended by the end of the program.
+    /// Serves the screen until the operator leaves. Returns the outcome of a run that the end of the program stopped.
     pub(crate) async fn serve(mut self) -> Option<Outcome> {
         let (ask, mut questions) = mpsc::channel::<OperatorQuestion>(QUESTIONS);
         let mut waiting: VecDeque<OperatorQuestion> = VecDeque::new();
@@ -179,7 +180,7 @@ impl ScreenSession {
         }
     }
 
-    /// What needs no run.
+    /// Carries out a command that needs no run.
     fn other(&mut self, command: Effect) {
         match command {
             Effect::LookUp(serial_number) => {
@@ -206,7 +207,7 @@ impl ScreenSession {
             Effect::OpenRun(path) => self.aside(move || Msg::Opened(archive::open(path))),
             Effect::Verify(path) => self.aside(move || archive::verify(path)),
             Effect::Refold(path) => self.aside(move || archive::refold(path)),
-            // Belongs to a run, and none is on.
+            // The command belongs to a run, and no run is on.
             _ => {}
         }
     }
@@ -216,12 +217,12 @@ impl ScreenSession {
             self.plan = plan.into();
             files::set_bench(&mut self.args, &bench);
         }
-        // Nothing of the old ones runs any more.
+        // Drop the old bench and plan, so that they cannot be started any more.
         (self.held, self.look) = (Held::default(), self.look + 1);
         let (args, plan, look, looks) = (self.args.clone(), self.plan.clone(), self.look, self.tell_look.clone());
         tokio::task::spawn_blocking(move || {
             files::look(&args, &plan, |looked| {
-                // A session that has ended wants to know nothing.
+                // Ignore the error: the session has ended.
                 let _ = looks.blocking_send((look, looked));
             });
         });
@@ -251,18 +252,18 @@ impl ScreenSession {
         self.tell(msg);
     }
 
-    /// Where runs are recorded: by the bench that is shown, or as far as that can be said without one.
+    /// The records folder of the bench on the screen; without a bench, the folder as far as it is known.
     fn records(&self) -> PathBuf {
         self.held.bench.as_ref().map_or_else(|| files::records(&self.args), |bench| bench.records.clone())
     }
 
-    /// Work on files, beside the run.
+    /// Works on files on another thread, beside the run.
     fn aside(&self, work: impl FnOnce() -> Msg + Send + 'static) {
         let screen = self.screen.clone();
         tokio::task::spawn_blocking(move || screen.blocking_send(work()));
     }
 
-    /// Says something to the screen, which may be far behind: nobody waits for it.
+    /// Sends a message to the screen without waiting, since the screen may be far behind.
     fn tell(&self, msg: Msg) {
         let screen = self.screen.clone();
         tokio::spawn(async move { screen.send(msg).await });
@@ -288,7 +289,7 @@ async fn run_of(running: &mut Option<Running>) -> Finished {
     }
 }
 
-/// Ends when nobody waits for the answer to the first question any more.
+/// Returns when the item no longer waits for the answer to the first question.
 async fn given_up(waiting: &mut VecDeque<OperatorQuestion>) {
     match waiting.front_mut() {
         Some(OperatorQuestion { answer, .. }) => oneshot::Sender::closed(answer).await,

@@ -5,7 +5,7 @@ use super::field::InputField;
 use super::lang::Lang;
 use super::model::{AfterFailure, RoundsSetting, ScreenModel};
 
-/// Most rounds or minutes that can be asked for: a month of minutes.
+/// Largest number of rounds or minutes that can be asked for: a month of minutes.
 pub(crate) const MAX_ROUNDS: u32 = 43_200;
 
 /// Files to choose from.
@@ -37,7 +37,7 @@ impl FormLine {
     ];
 }
 
-/// What counts rounds.
+/// What limits the rounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RoundsKind {
     Once,
@@ -81,7 +81,7 @@ impl Form {
         FormLine::ALL[self.line.min(FormLine::ALL.len() - 1)]
     }
 
-    /// The rounds asked for; `None` if the number is none.
+    /// The rounds that were asked for; `None` if the number is not valid.
     pub(crate) fn asked_rounds(&self) -> Option<RoundsSetting> {
         let number = || self.number.text().parse().ok().filter(|number| (1..=MAX_ROUNDS).contains(number));
         match self.rounds {
@@ -91,7 +91,7 @@ impl Form {
         }
     }
 
-    /// What is typed goes to the line under the cursor.
+    /// Adds typed text to the line under the cursor.
     pub(crate) fn typed(&mut self, key: Key) {
         let number = self.here() == FormLine::Rounds;
         let field = match self.here() {
@@ -101,7 +101,7 @@ impl Form {
             FormLine::Rounds if self.rounds != RoundsKind::Once => &mut self.number,
             FormLine::Rounds | FormLine::AfterFailure | FormLine::Language => return,
         };
-        // A number has no letters and stays short.
+        // A number has only digits and stays short.
         let fits =
             |character: char, field: &InputField| !number || (character.is_ascii_digit() && field.characters() < 5);
         match key {
@@ -111,7 +111,7 @@ impl Form {
         }
     }
 
-    /// The value before (-1) or after (+1).
+    /// Chooses the value before (-1) or after (+1).
     pub(crate) fn turn(&mut self, choices: &Choices, step: isize) {
         match self.here() {
             FormLine::Plan => next_text(&mut self.plan, &choices.plans, step),

@@ -18,12 +18,12 @@ use super::view;
 
 /// Time between two drawings.
 const FRAME: Duration = Duration::from_millis(33);
-/// How often what moves by itself is drawn: bars, times, curves.
+/// How often moving parts are drawn: bars, times, curves.
 const TICK: Duration = Duration::from_millis(100);
-/// Messages that are taken before a drawing: a screen far behind catches up in few drawings.
+/// Largest number of messages that are taken before a drawing, so that a screen far behind catches up in few drawings.
 const BATCH: usize = 4096;
 
-/// What the loop listens to.
+/// The inputs of the loop.
 #[derive(Debug)]
 pub(crate) struct Inbox {
     pub messages: mpsc::Receiver<Msg>,
@@ -49,13 +49,13 @@ impl ScreenClock {
 /// Why the loop ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum LoopEnd {
-    /// Somebody wanted to leave, or nothing is behind the screen any more.
+    /// The operator left, or the session behind the screen has ended.
     Left,
-    /// Nobody can type any more.
+    /// The terminal gives no keys any more.
     TerminalLost,
 }
 
-/// Shows the model until somebody leaves, or the terminal is no longer `ours`.
+/// Shows the model until the operator leaves, or the terminal is no longer `ours`.
 pub(crate) async fn show<B: Backend>(
     terminal: &mut Terminal<B>,
     model: &mut ScreenModel,
@@ -89,7 +89,7 @@ pub(crate) async fn show<B: Backend>(
             }
             () = tokio::time::sleep_until(due.into()) => {}
         }
-        // Something on another thread went so wrong that the terminal was given back: its message stands there.
+        // Another thread has given the terminal back after a serious error; its message stands there.
         if !ours() {
             return Ok(LoopEnd::Left);
         }
@@ -111,8 +111,8 @@ pub(crate) async fn show<B: Backend>(
         if Instant::now() >= drawn + FRAME {
             drawn = Instant::now();
             if std::mem::take(&mut anew) || std::mem::take(&mut model.redraw) {
-                // As large as it is now, and every cell again. (`clear` would ask the terminal where its cursor is, and
-                // the answer would come among the keys.)
+                // Take the present size and draw every cell again. (`clear` would ask the terminal for its cursor
+                // position, and the answer would arrive among the keys.)
                 let size = terminal.size()?;
                 terminal.resize(Rect::from((Position::ORIGIN, size)))?;
             }
@@ -122,7 +122,7 @@ pub(crate) async fn show<B: Backend>(
     }
 }
 
-/// How long what is drawn stays true if nothing happens.
+/// How long the drawing stays valid if nothing happens.
 fn rest(model: &ScreenModel) -> Duration {
     use chrono::Timelike as _;
     if model.moves() {

@@ -1,4 +1,4 @@
-//! The terminal: taken, read, and given back whatever happens.
+//! The terminal: it is taken, read, and given back in every case.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read as _, Write as _};
@@ -15,11 +15,11 @@ use tokio::sync::{mpsc, watch};
 
 use super::decode::{Key, KeyDecoder};
 
-/// Other screen, no cursor, pasted text marked as such.
+/// Switches to the other screen, hides the cursor, and asks for marks around pasted text.
 const TAKE: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b[?2004h";
-/// All of it back, and plain colours.
+/// Undoes all of this, and sets plain colours.
 const GIVE_BACK: &[u8] = b"\x1b[?2004l\x1b[0m\x1b[?25h\x1b[?1049l";
-/// Bytes of one frame that wait to be written together: a whole 200 x 60 screen with its colours.
+/// Size of the buffer for one frame, which is written at once: a whole 200 x 60 screen with its colours.
 const FRAME_BYTES: usize = 64 << 10;
 /// Bytes read at once.
 const READ_BYTES: usize = 1024;
@@ -29,14 +29,15 @@ const REST_OF_KEY_MS: u16 = 50;
 /// The screen's terminal.
 pub(crate) type Screen = Terminal<CrosstermBackend<BufWriter<File>>>;
 
-/// The terminal as long as the screen has it. Dropped, it is given back.
+/// The screen's hold on the terminal. Clones share it.
 #[derive(Debug, Clone)]
 pub(crate) struct Guard {
     taken: Arc<AtomicBool>,
 }
 
 impl Guard {
-    /// Nothing is taken yet. A panic on any thread gives back what is taken, so that its message can be read.
+    /// Makes a guard that has taken nothing yet. A panic on any thread gives the terminal back, so that its message can
+    /// be read.
     pub(crate) fn new() -> Self {
         let guard = Self { taken: Arc::new(AtomicBool::new(false)) };
         let (in_panic, before) = (guard.clone(), std::panic::take_hook());
@@ -56,17 +57,18 @@ impl Guard {
         Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(FRAME_BYTES, out)))
     }
 
-    /// Whether the screen still has it.
+    /// Whether the screen still holds the terminal.
     pub(crate) fn is_taken(&self) -> bool {
         self.taken.load(Ordering::SeqCst)
     }
 
-    /// Gives it back, once. The line discipline first: that never blocks, while a stopped terminal takes no text.
+    /// Gives the terminal back, once. The line discipline comes first, since that never blocks; a stopped terminal
+    /// takes no text.
     pub(crate) fn give_back(&self) {
         if self.give_back_modes()
             && let Ok(out) = io::stdout().as_fd().try_clone_to_owned()
         {
-            // A terminal that is gone cannot be helped.
+            // Ignore the error: the terminal is gone.
             let _ = File::from(out).write_all(GIVE_BACK);
         }
     }
@@ -81,7 +83,7 @@ impl Guard {
     }
 }
 
-/// Reads keys until the terminal is gone or nobody wants them. Runs on a thread of its own.
+/// Reads keys until the terminal is gone or the receiver is closed. Runs on a thread of its own.
 pub(crate) fn read_keys(keys: &mpsc::Sender<Vec<Key>>) {
     let Ok(stdin) = io::stdin().as_fd().try_clone_to_owned() else { return };
     let mut stdin = File::from(stdin);
@@ -110,14 +112,15 @@ pub(crate) fn read_keys(keys: &mpsc::Sender<Vec<Key>>) {
         if batch.is_empty() {
             continue;
         }
-        // A full channel holds the typist up, never the run.
+        // A full channel blocks this thread, never the run.
         if keys.blocking_send(spaces_in_text(batch)).is_err() {
             return;
         }
     }
 }
 
-/// Counts changes of the terminal's size, and times at which it has to be drawn anew after the program was held.
+/// Counts changes of the terminal's size, and continuations of a stopped program, after which the screen must be drawn
+/// again.
 pub(crate) async fn watch_size(changes: watch::Sender<u64>) {
     let (Ok(mut size), Ok(mut continued)) =
         (signal(SignalKind::window_change()), signal(SignalKind::from_raw(nix::libc::SIGCONT)))

@@ -26,7 +26,7 @@ fn scene(lang: Lang) -> Scene {
     Scene::new(lang, 80, 24).expect("memory")
 }
 
-/// Plays a scene in all languages and sizes, and compares each screen with the one that was looked at.
+/// Plays a scene in all languages and sizes, and compares each screen with its reviewed picture.
 fn check(name: &str, play: impl Fn(&mut Scene)) {
     for lang in Lang::ALL {
         for (width, height) in SIZES {
@@ -248,7 +248,7 @@ fn too_small() {
     }
 }
 
-/// Whatever the size, nothing panics, and what is drawn fits.
+/// At every size the drawing fits, and nothing panics.
 #[test]
 fn any_size_can_be_drawn() {
     let mut scenes: Vec<Scene> = Vec::new();
@@ -277,7 +277,7 @@ fn any_size_can_be_drawn() {
     }
 }
 
-/// On a terminal without the glyphs nothing but ASCII, or lines and blocks, is drawn, whatever texts come.
+/// A terminal without the glyphs shows only ASCII, or only Latin letters, lines and blocks, whatever the texts are.
 #[test]
 fn poor_terminals_get_what_they_can_show() {
     let played = |play: fn(&mut Scene)| {
@@ -309,7 +309,7 @@ fn poor_terminals_get_what_they_can_show() {
     }
 }
 
-/// Without colours no cell has one.
+/// Without colours no cell has a colour.
 #[test]
 fn no_colour_means_none() {
     let mut scene = scene(Lang::En);
@@ -328,7 +328,7 @@ fn no_colour_means_none() {
     assert!(scene.colours() > 100, "the screen has colours otherwise");
 }
 
-/// A scan of letters, digits and spaces is never a command, wherever it comes, and is not lost.
+/// A scan of letters, digits and spaces is never a command in any place, and is not lost.
 #[test]
 fn a_scanner_types_and_nothing_happens() {
     let plays: [fn(&mut Scene); 4] = [
@@ -371,12 +371,12 @@ fn hostile_scans_are_refused_in_words() {
     check(&[Key::Pasted(' '), Key::Pasted(' ')], "empty");
 }
 
-/// The look at files and records before a run of DEMO-1.
+/// The request to check files and records before a run of DEMO-1.
 fn look() -> Effect {
     Effect::Prepare { serial_number: "DEMO-1".into(), selection: None, resume: None }
 }
 
-/// What it finds where no file was changed and no run broke off.
+/// The result of this check if no file was changed and no run broke off.
 fn found(earlier: Option<Earlier>) -> Msg {
     let (changed, resume) = (Vec::new(), None);
     Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, earlier, resume }))
@@ -406,7 +406,7 @@ fn what_failed_is_repeated() {
     let command = scene.tell(found(None));
     let Some(Effect::Start(start)) = command else { panic!("{command:?}") };
     let selection = start.selection.expect("a selection");
-    // The failed one, the one that was skipped because of it, and those that were never reached.
+    // The failed item, the item that was skipped because of it, and the items that were never reached.
     assert!(selection.contains(&"imu".into()) && selection.contains(&"ad".into()), "{selection:?}");
     assert!(!selection.contains(&"cpu".into()), "{selection:?}");
 }
@@ -458,7 +458,7 @@ fn the_form_sets_rounds_and_language() {
     assert_eq!(scene.model.lang, Lang::Zh);
 }
 
-/// A number that cannot be is said at once and not taken.
+/// The form reports an impossible number at once and does not take it.
 #[test]
 fn the_form_refuses_no_rounds() {
     let mut scene = scene(Lang::En);
@@ -471,7 +471,7 @@ fn the_form_refuses_no_rounds() {
     assert_eq!(scene.model.rounds, RoundsSetting::Once);
 }
 
-/// A screen that missed events asks for the record, and shows what that says.
+/// A screen that missed events asks for the record, and shows the state of the record.
 #[test]
 fn missed_events_are_read_from_the_record() {
     let mut scene = scene(Lang::En);
@@ -490,7 +490,7 @@ fn missed_events_are_read_from_the_record() {
     assert_eq!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Failed));
 }
 
-/// A record that could not be written is no pass, whatever the items said.
+/// A run whose record could not be written does not pass, whatever its items say.
 #[test]
 fn a_lost_record_is_no_pass() {
     let mut scene = scene(Lang::En);

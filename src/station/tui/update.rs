@@ -1,4 +1,4 @@
-//! What a message changes, and what it asks for.
+//! Applies messages to the model, and returns the effects that they ask for.
 
 mod keys;
 mod run;
@@ -35,7 +35,7 @@ pub(crate) enum Msg {
     Readings(Box<Readings>),
     /// The run asks for something.
     Asked { item: String, ask: Ask },
-    /// Nobody waits for an answer any more.
+    /// The item no longer waits for an answer.
     AskedNoMore,
     /// The bench was looked at.
     Bench { path: String, bench: Loaded<BenchView> },
@@ -47,9 +47,9 @@ pub(crate) enum Msg {
     Earlier { serial_number: String, run: Option<Earlier> },
     /// What must be known before the run that was asked for begins.
     Prepared(Box<Prepared>),
-    /// A round begins, with its record there.
+    /// A round begins; its record is in this folder.
     RoundBegins { folder: PathBuf },
-    /// No round follows: why a record could not be written, why a round was not begun.
+    /// No round follows; why a record could not be written, and why a round was not begun.
     RunOver { store_error: Option<String>, refusal: Option<String> },
     /// The record of a run whose events did not all come.
     Refolded { folder: PathBuf, state: Result<Box<RunState>, String> },
@@ -63,18 +63,18 @@ pub(crate) enum Msg {
     Opened(Result<Box<(PathBuf, RunState, RunMark)>, Unopened>),
     /// A run was compared with its digests.
     Verified { path: PathBuf, checked: Checked },
-    /// Nothing is watched any more, and why.
+    /// A look at raw values has ended, and why.
     WatchOver { why: Option<String> },
-    /// Somebody wants the program to end.
+    /// A signal asks the program to end.
     EndAsked,
 }
 
-/// Something to be done outside of the screen.
+/// Work to be done outside of the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Effect {
     /// Look for earlier runs of a module.
     LookUp(String),
-    /// Look at all that must be known before a run of a module begins.
+    /// Check all that must be known before a run of a module begins.
     Prepare {
         serial_number: String,
         /// Names of the chosen items; `None` for the whole plan.
@@ -85,7 +85,7 @@ pub(crate) enum Effect {
     Start(StartRequest),
     /// Show raw values without a run.
     Watch,
-    /// The first in order, the second at once.
+    /// Stop the run: the first time in order, the second time at once.
     Stop,
     Pause(bool),
     AbortItem(String),
@@ -118,7 +118,7 @@ pub(crate) struct StartRequest {
     pub after_failure: super::model::AfterFailure,
 }
 
-/// Takes a message.
+/// Applies a message.
 pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     match msg {
         Msg::Time(now) => model.now = now,
@@ -138,7 +138,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::Bench { path, bench } => {
             if matches!(bench, Loaded::Refused(_)) {
-                // The message may say that F5 starts a run.
+                // The old message may say that F5 starts a run.
                 model.message = None;
             }
             model.bench_path = path;
@@ -168,7 +168,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             }
             return match model.leaving {
                 true => Some(Effect::Leave),
-                // The records page was turned to while the module was being switched off.
+                // The operator turned to the records page while the module was being switched off.
                 false => keys::read_if_due(model),
             };
         }
@@ -183,7 +183,7 @@ fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
     let items = plan.ready().map_or(&[][..], |plan| &plan.items);
     model.ticks = items.iter().map(|item| chosen(&item.name)).collect();
     if matches!(plan, Loaded::Refused(_)) {
-        // The message may say that F5 starts a run.
+        // The old message may say that F5 starts a run.
         model.message = None;
     }
     model.plan_path = path;
@@ -233,7 +233,7 @@ fn take_records(model: &mut ScreenModel, msg: Msg) {
     }
 }
 
-/// How a run compares with its digests and its journal, and how much that matters.
+/// The result of a verification in words, and how much it matters.
 pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (MessageWeight, String) {
     match (checked.problems.as_slice(), &checked.newer) {
         ([], None) => (MessageWeight::Info, texts.as_written.to_owned()),

@@ -50,7 +50,7 @@ pub(crate) fn draw(model: &ScreenModel, frame: &mut Frame<'_>) {
 fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let (width, height) = (area.width.to_string(), area.height.to_string());
     let mut lines = vec![Line::from(fill(model.texts.too_small, &[&width, &height]))];
-    // What matters most fits anywhere.
+    // The outcome matters most, and it fits anywhere.
     if let Some(run) = &model.run {
         let word = match run.verdict() {
             Some(outcome) => (model.texts.outcome_word)(outcome),

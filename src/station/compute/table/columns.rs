@@ -1,4 +1,4 @@
-//! Columns as they were read, whatever the file: which are wanted, what their units are, and what their clock says.
+//! Columns as they were read from any kind of file: which are wanted, what their units are, and what their clock says.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use super::rows::Role;
 use super::time::{self, Stamps, TimeColumn};
 use super::{ReadingOptions, TableError};
 
-/// What a method makes of time.
+/// What time means for a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::compute) enum TimeUse {
     /// Nothing: rows are points.
@@ -20,15 +20,15 @@ pub(in crate::compute) enum TimeUse {
     /// Rows follow each other without a gap.
     #[default]
     Unbroken,
-    /// A rate is stated or told by the record, and figures hang on it by its root or less.
+    /// A rate is stated or comes from the record, and the figures change with its square root or less.
     Rate,
-    /// The same, and a scale factor hangs on it.
+    /// The same, but a scale factor changes in proportion to the rate.
     Scale,
 }
 
 impl TimeUse {
-    /// How far the stamps may be off the stated rate (relative), unless the user says otherwise: a scale factor is as wrong
-    /// as its rate, a density by half of that.
+    /// Largest relative difference between the stamps and the stated rate, unless the user says otherwise. A scale
+    /// factor has the full error of its rate, a density half of it.
     fn tolerance(self) -> f64 {
         if self == Self::Scale { 10e-6 } else { 1e-3 }
     }
@@ -45,48 +45,48 @@ pub(in crate::compute) struct Wanted<'a> {
     pub(in crate::compute) numbers: &'a [&'a str],
     /// Column of labels and the labels allowed there.
     pub(in crate::compute) label: Option<(&'a str, &'a [&'a str])>,
-    /// Rate as stated, against which a time column is checked.
+    /// The stated rate, against which a time column is checked.
     pub(in crate::compute) rate_hz: Option<f64>,
-    /// What the method makes of time.
+    /// What time means for the method.
     pub(in crate::compute) time: TimeUse,
-    /// The column of numbers in which time begins anew where its value changes, by its place among them.
+    /// Index of the column of numbers that starts time anew when its value changes.
     pub(in crate::compute) anew: Option<usize>,
 }
 
 /// Columns of a table.
 #[derive(Debug)]
 pub(in crate::compute) struct Columns {
-    /// One for each column of numbers that was wanted.
+    /// One vector for each wanted column of numbers.
     pub(in crate::compute) numbers: Vec<Vec<f64>>,
-    /// Index of the label of each row among those allowed.
+    /// For each row the index of its label among the allowed labels.
     pub(in crate::compute) labels: Vec<u8>,
     /// Units of the columns of numbers, as the file writes them.
     pub(in crate::compute) units: Vec<Option<String>>,
     /// Names of the columns of numbers, as they were wanted.
     pub(in crate::compute) names: Vec<String>,
-    /// The sample rate in Hz: as stated, else as the record tells it; or why it tells none.
+    /// The sample rate in Hz: as stated, else from the record; or why the record does not give one.
     pub(in crate::compute) rate: Result<f64, String>,
     pub(in crate::compute) about: About,
 }
 
 impl Columns {
-    /// The sample rate, Hz, for a method that cannot do without.
+    /// The sample rate, Hz, for a method that needs one.
     pub(in crate::compute) fn rate_hz(&self) -> Result<f64, TableError> {
         self.rate.clone().map_err(|why| TableError::NoRate { why })
     }
 }
 
-/// What is said about a record beside its values.
+/// Facts about a record beside its values.
 #[derive(Debug, Default)]
 pub(in crate::compute) struct About {
-    /// What the reader made of the form of the file.
+    /// What the reader understood of the form of the file.
     pub(in crate::compute) understood: Vec<String>,
     pub(in crate::compute) clock: RecordClock,
-    /// It is an export of this station.
+    /// The file is an export of this station.
     pub(in crate::compute) export: bool,
 }
 
-/// What the clock of a record says.
+/// The result of the check of a record's clock.
 #[derive(Debug)]
 pub(in crate::compute) enum RecordClock {
     Checked {
@@ -94,7 +94,7 @@ pub(in crate::compute) enum RecordClock {
         column: String,
         tolerance: Option<f64>,
     },
-    /// The times of a raw capture's frames lie on the grid of its rate, to a microsecond.
+    /// The times of a raw capture's frames fit the grid of its rate to a microsecond.
     OnGrid,
     NotChecked(String),
 }
@@ -112,10 +112,10 @@ impl Default for RecordClock {
     }
 }
 
-/// What arithmetic does to a rate, relative.
+/// Relative error of a rate that comes from arithmetic.
 const ARITHMETIC: f64 = 1e-9;
 
-/// Columns of a header by what they are for.
+/// Columns of a header by their purpose.
 pub(super) struct ColumnPlan<'a> {
     path: PathBuf,
     wanted: &'a Wanted<'a>,
@@ -125,7 +125,7 @@ pub(super) struct ColumnPlan<'a> {
     pub(super) allowed: &'a [&'a str],
     /// The capture that is wanted.
     pub(super) capture: Option<String>,
-    /// The table is an export of this station: rows that are no position or run have no label.
+    /// The table is an export of this station: rows outside a position or run have no label.
     pub(super) export: bool,
     time: Result<TimeColumn, String>,
     units: Vec<Option<String>>,
@@ -191,7 +191,7 @@ impl<'a> ColumnPlan<'a> {
         })
     }
 
-    /// Checks what was gathered, and hands it on.
+    /// Checks the gathered rows, and returns them as columns.
     pub(super) fn finish(mut self, gathered: Gathered, understood: &[String]) -> Result<Columns, TableError> {
         if gathered.rows == 0 {
             return Err(self.no_rows(&gathered));
@@ -223,7 +223,7 @@ impl<'a> ColumnPlan<'a> {
         })
     }
 
-    /// The rate as it was stated, else as the clock tells it.
+    /// The stated rate, else the rate of the clock.
     fn rate(&mut self, clock: &RecordClock, gathered: &Gathered) -> Result<f64, String> {
         if let Some(rate_hz) = self.wanted.rate_hz {
             return Ok(rate_hz);
@@ -248,13 +248,13 @@ impl<'a> ColumnPlan<'a> {
                 rate.rate_hz
             ));
         }
-        // An export counts its times by the whole rate of its captures, so that it is known better than stamps in whole ms
-        // show. Elsewhere the digits that arithmetic added are taken off.
+        // An export counts its times by the whole rate of its captures, so the rate is known better than stamps in
+        // whole ms show. In other files, remove the digits that arithmetic added.
         let whole_hz = rate.rate_hz.round();
         let is_whole = self.export || (rate.rate_hz / whole_hz - 1.0).abs() < ARITHMETIC;
         let rate_hz = if is_whole { whole_hz } else { rate.rate_hz };
         if self.wanted.time.needs_rate() {
-            // As many digits as the stamps know.
+            // As many digits as the stamps can give.
             let decimals = (1.0 - rate.rate_u_hz.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
             let known = format!("{rate_hz:.decimals$}");
             let known = if known.contains('.') { known.trim_end_matches('0').trim_end_matches('.') } else { &known };
@@ -274,7 +274,7 @@ impl<'a> ColumnPlan<'a> {
         }
     }
 
-    /// What the clock says of the rows so far.
+    /// Checks the clock of the rows so far.
     pub(super) fn clock(&mut self, gathered: &Gathered) -> Result<RecordClock, TableError> {
         let column = match &self.time {
             Ok(column) => column.clone(),

@@ -1,24 +1,24 @@
-//! Rows as they are read: values by columns, and where captures begin.
+//! Rows as they were read: values by columns, and where captures begin.
 
 use std::ops::Range;
 
-/// What has been read so far, of a file or of a piece of it.
+/// Values read so far from a file or from a piece of it.
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
     pub(super) numbers: Vec<Vec<f64>>,
     pub(super) labels: Vec<u8>,
     pub(super) times: Vec<f64>,
-    /// Cells without a value: the column of numbers, and the line.
+    /// Cells without a value: the index of the column of numbers, and the line.
     pub(super) missing: Vec<(usize, usize)>,
     /// First rows of captures and their names.
     pub(super) captures: Vec<(usize, String)>,
-    /// Names of captures that were passed over.
+    /// Names of captures that were skipped.
     pub(super) others: Vec<String>,
     pub(super) rows: usize,
 }
 
 impl Gathered {
-    /// Rows of one label and one capture, and of one value of the column in which time begins anew.
+    /// Blocks of rows with one label, one capture, and one value of the column that starts time anew.
     pub(super) fn blocks(&self, anew: Option<usize>) -> Vec<Range<usize>> {
         let changes = (1..self.labels.len()).filter(|&i| self.labels[i] != self.labels[i - 1]);
         let column = anew.and_then(|k| self.numbers.get(k)).map_or(&[][..], Vec::as_slice);
@@ -31,21 +31,21 @@ impl Gathered {
         starts.iter().zip(ends).map(|(start, end)| *start..end).filter(|block| !block.is_empty()).collect()
     }
 
-    /// Notes where a capture begins. Its name comes with every row.
+    /// Notes where a capture begins. Each row has the name of its capture.
     pub(super) fn begin(&mut self, row: usize, name: &[u8]) {
         if self.captures.last().is_none_or(|(_, before)| before.as_bytes() != name) {
             self.captures.push((row, String::from_utf8_lossy(name).into_owned()));
         }
     }
 
-    /// Notes a capture that was passed over.
+    /// Notes a capture that was skipped.
     pub(super) fn pass_over(&mut self, name: &[u8]) {
         if !self.others.iter().rev().any(|known| known.as_bytes() == name) {
             self.others.push(String::from_utf8_lossy(name).into_owned());
         }
     }
 
-    /// Adds what was read of the next piece, before which there are so many lines.
+    /// Adds the rows of the next piece, which has `lines` lines before it.
     pub(super) fn add(&mut self, piece: &Self, lines: usize) {
         for (column, part) in self.numbers.iter_mut().zip(&piece.numbers) {
             column.extend_from_slice(part);

@@ -9,11 +9,11 @@ use super::TableError;
 /// A column of a header.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Name {
-    /// As it stands in the header.
+    /// The name as it stands in the header.
     pub(super) text: String,
-    /// Without its unit.
+    /// The name without its unit.
     base: String,
-    /// As it is written, beside the name or in the row of units.
+    /// The unit as it is written, beside the name or in the row of units.
     pub(super) unit: Option<String>,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct Header {
     pub(super) names: Vec<Name>,
 }
 
-/// Units at the end of a name, as `w_dps`; shorter ones would be found in names that mean something else.
+/// Units at the end of a name, as in `w_dps`. Shorter units would also match names that mean something else.
 const SUFFIXES: [(&str, &str); 22] = [
     ("rps", "rad/s"),
     ("radps", "rad/s"),
@@ -51,11 +51,11 @@ const SUFFIXES: [(&str, &str); 22] = [
     ("s", "s"),
 ];
 
-/// Words for a plain number.
+/// Words for the counts of a converter.
 const COUNTS: [&str; 10] = ["lsb", "lsbs", "count", "counts", "cts", "digit", "digits", "adc", "raw", "code"];
 
 impl Header {
-    /// Of the fields of a header and those of a row of units.
+    /// Makes a header from its fields and those of a row of units.
     pub(super) fn new(
         path: &Path,
         line: usize,
@@ -74,7 +74,7 @@ impl Header {
         Ok(Self { path: path.to_owned(), line, names })
     }
 
-    /// The place of a column, found by its name: as it stands, in any case, without its unit, with a unit at its end.
+    /// Finds the place of a column by its name: ignoring case, then without the unit, then without a unit at the end.
     pub(super) fn find(&self, wanted: &str) -> Result<Option<usize>, TableError> {
         let same = |name: &Name| name.text.eq_ignore_ascii_case(wanted);
         let base = |name: &Name| name.base.eq_ignore_ascii_case(wanted);
@@ -101,7 +101,7 @@ impl Header {
         Ok(None)
     }
 
-    /// The place of a column that must be there.
+    /// The place of a column that must exist.
     pub(super) fn column(&self, wanted: &str) -> Result<usize, TableError> {
         self.find(wanted)?.ok_or_else(|| TableError::NoColumn {
             path: self.path.clone(),
@@ -111,7 +111,7 @@ impl Header {
         })
     }
 
-    /// The names as they stand.
+    /// The names as they stand in the header.
     pub(super) fn texts(&self) -> Vec<String> {
         self.names.iter().map(|n| n.text.clone()).collect()
     }
@@ -125,7 +125,7 @@ impl Name {
     }
 }
 
-/// A name with a unit in brackets or behind a slash.
+/// Splits a name from a unit in brackets or behind a slash.
 fn taken_apart(text: &str) -> (String, Option<String>) {
     let whole = text.trim();
     for (open, close) in [('[', ']'), ('(', ')')] {
@@ -145,7 +145,7 @@ fn taken_apart(text: &str) -> (String, Option<String>) {
     (whole.to_owned(), None)
 }
 
-/// A name with a unit at its end, and the unit.
+/// Splits a name from a unit at its end.
 fn suffix(text: &str) -> Option<(&str, &'static str)> {
     SUFFIXES.iter().find_map(|(end, unit)| {
         let split = text.len().checked_sub(end.len() + 1).filter(|&at| text.is_char_boundary(at))?;
@@ -155,7 +155,7 @@ fn suffix(text: &str) -> Option<(&str, &'static str)> {
     })
 }
 
-/// A unit of a row of units, which may stand in brackets.
+/// A unit from a row of units, which may be in brackets.
 fn unbracketed(text: &str) -> Option<String> {
     let text = text.trim();
     let inner =
@@ -163,7 +163,7 @@ fn unbracketed(text: &str) -> Option<String> {
     Some(inner.unwrap_or(text).trim().to_owned()).filter(|u| !u.is_empty() && u != "-")
 }
 
-/// Whether all of a row are units, and at least one is.
+/// Whether every field of a row is a unit or empty, and at least one is a unit.
 pub(super) fn is_units_row(texts: &[String]) -> bool {
     let fits = |text: &String| {
         let inner = unbracketed(text);
@@ -180,12 +180,12 @@ fn known(text: &str) -> bool {
     is_count(text) || unit(text).is_some()
 }
 
-/// Whether a unit says that the numbers are those of a converter.
+/// Whether a unit means counts of a converter.
 pub(super) fn is_count(text: &str) -> bool {
     COUNTS.iter().any(|count| text.trim().eq_ignore_ascii_case(count))
 }
 
-/// The unit of a text that names one.
+/// The unit that a text names, if it names one.
 pub(super) fn unit(text: &str) -> Option<Unit> {
     Unit::parse(text).filter(|unit| *unit != Unit::Count)
 }

@@ -1,7 +1,7 @@
 //! Arrays of numpy (`.npy`): one column, columns side by side, or records with names.
 //!
-//! The header is a Python literal (NEP 1): `{'descr': '<f8', 'fortran_order': False, 'shape': (100, 3), }`, where `descr`
-//! is a type or a list of names and types.
+//! The header is a Python literal (NEP 1): `{'descr': '<f8', 'fortran_order': False, 'shape': (100, 3), }`. There
+//! `descr` is a type or a list of names and types.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use super::{MOST_VALUES, ReadingOptions, TableError};
 
 /// Longest header: numpy itself refuses longer ones.
 const LONGEST_HEADER: usize = 10_000;
-/// Bytes of the longest text of a record.
+/// Longest text of a record, bytes.
 const LONGEST_TEXT: usize = 256;
 
 /// An array whose header was read.
@@ -24,7 +24,7 @@ pub(super) struct Array {
     pub(super) header: Header,
     fields: Vec<Field>,
     rows: usize,
-    /// Columns one after the other in place of rows.
+    /// The array is stored column by column and not row by row.
     by_columns: bool,
     /// Columns have numbers in place of names.
     unnamed: bool,
@@ -114,7 +114,7 @@ impl Array {
         let mut cells: Vec<Option<Cells>> = cells.into_iter().map(Some).collect();
         let mut used = Vec::new();
         for (k, (place, _)) in plan.roles.iter().enumerate() {
-            // A column that is wanted twice is copied from where it went first.
+            // A column that is wanted twice is copied from its first place.
             let again = plan.roles[..k].iter().position(|(other, _)| other == place);
             let taken = cells[*place].take().or_else(|| again.map(|i| copied(&used[i])));
             used.extend(taken);
@@ -181,7 +181,7 @@ fn records(descr: &str) -> Option<(Vec<String>, Vec<Field>)> {
         fields.push(Field::of(words.next()?)?);
         names.push(name.to_owned());
     }
-    // Fields of several values would shift all that come after them.
+    // Fields of several values would shift all columns behind them.
     let plain = inner.matches('(').count() == names.len();
     (plain && !names.is_empty()).then_some((names, fields))
 }

@@ -3,10 +3,10 @@
 
 use std::borrow::Cow;
 
-/// Longest field that is taken for a number.
+/// Longest field that can be a number.
 const LONGEST: usize = 64;
 
-/// What stands before the decimals.
+/// The sign before the decimals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(in crate::compute) enum Decimal {
     /// `1.234,5` is 1234.5
@@ -19,21 +19,21 @@ pub(in crate::compute) enum Decimal {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
     Known(Decimal),
-    /// No number has shown it: a point is read as that of the decimals, a comma is refused.
+    /// No number has shown the form: a point is read as the decimal point, a comma is refused.
     Open,
 }
 
-/// A field that is no number.
+/// Why a field is not a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NoNumber {
-    /// Empty, or a word for it.
+    /// An empty cell, or a word for it.
     Missing,
-    /// A comma that may divide decimals or thousands.
+    /// A comma that may stand before decimals or between thousands.
     Ambiguous,
     Text,
 }
 
-/// What one number says about the decimals of its file.
+/// What one number shows about the decimals of its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Evidence {
     Proves(Decimal),
@@ -56,7 +56,7 @@ pub(super) fn read(field: &[u8], form: Form) -> Result<f64, NoNumber> {
     slow(field, form)
 }
 
-/// The rest of [`read`], apart so that the usual case is small.
+/// The rest of [`read`], in a function of its own so that the usual case is small.
 #[inline(never)]
 fn slow(field: &[u8], form: Form) -> Result<f64, NoNumber> {
     let text = decoded(unquoted(field));
@@ -76,12 +76,12 @@ fn slow(field: &[u8], form: Form) -> Result<f64, NoNumber> {
     parts.value(decimal).ok_or(NoNumber::Text)
 }
 
-/// Whether a field is a number in one form or the other.
+/// Whether a field is a number in one of the two forms.
 pub(super) fn is_number(field: &[u8]) -> bool {
     [Form::Known(Decimal::Point), Form::Known(Decimal::Comma)].iter().any(|form| read(field, *form).is_ok())
 }
 
-/// What a field says about the decimals, and whether its thousands are divided.
+/// What a field shows about the decimals, and whether its thousands have separators.
 pub(super) fn evidence(field: &[u8]) -> (Evidence, bool) {
     let text = decoded(unquoted(field));
     let Some(parts) = Parts::of(text.trim()) else { return (Evidence::None, false) };
@@ -101,7 +101,7 @@ struct Parts {
     sign: &'static str,
     body: String,
     exponent: String,
-    /// Blanks or apostrophes divided its thousands.
+    /// The thousands have blanks or apostrophes between them.
     grouped: bool,
 }
 
@@ -129,8 +129,8 @@ impl Parts {
         (plain && body.bytes().any(|b| b.is_ascii_digit())).then_some(Self { sign, body, exponent, grouped })
     }
 
-    /// The value, if the number is well formed with these decimals: thousands are divided by the other sign, and a group
-    /// of thousands neither begins with 0 nor goes with an exponent.
+    /// The value, if the number is well formed with these decimals. The other sign may separate thousands. A number
+    /// with such groups does not begin with 0 and has no exponent.
     fn value(&self, decimal: Decimal) -> Option<f64> {
         let (point, other) = match decimal {
             Decimal::Comma => (',', '.'),
@@ -152,7 +152,7 @@ impl Parts {
     }
 }
 
-/// Digits with the blanks and apostrophes taken out that divide thousands.
+/// Digits without the blanks and apostrophes that separate thousands.
 fn joined(body: &str) -> Option<(String, bool)> {
     let divides = |c: char| matches!(c, ' ' | '\'' | '\u{a0}' | '\u{202f}' | '\u{2009}' | '\u{2019}');
     let Some(divider) = body.chars().find(|c| divides(*c)) else { return Some((body.to_owned(), false)) };
@@ -171,7 +171,7 @@ fn in_thousands<'a>(mut groups: impl Iterator<Item = &'a str>) -> bool {
         && groups.all(|g| g.len() == 3 && digits(g))
 }
 
-/// A field without blanks and quotes around it.
+/// A field without the blanks and quotes around it.
 pub(super) fn unquoted(field: &[u8]) -> &[u8] {
     let field = field.trim_ascii();
     match field {

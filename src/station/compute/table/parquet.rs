@@ -1,4 +1,4 @@
-//! Tables in Apache Parquet: columns of numbers and texts without nesting, those that are wanted.
+//! Tables in Apache Parquet. Reads only the wanted columns, which hold numbers or texts without nesting.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -18,7 +18,7 @@ use super::{MOST_VALUES, ReadingOptions, TableError};
 
 /// Records that are read at once.
 const BATCH: usize = 1 << 16;
-/// Different texts of a column: labels and names of captures, not prose.
+/// Largest number of different texts in a column: labels and names of captures, not prose.
 const MOST_TEXTS: usize = 1 << 16;
 
 /// A Parquet file whose schema was read.
@@ -26,7 +26,7 @@ pub(super) struct Sheet {
     path: PathBuf,
     reader: SerializedFileReader<File>,
     pub(super) header: Header,
-    /// Leaf column of each name, and its unit of time in s, if it is a stamp.
+    /// For each name its leaf column, and its unit of time in s if it holds time stamps.
     leaves: Vec<(usize, Option<f64>)>,
 }
 
@@ -37,7 +37,7 @@ impl Sheet {
         let mut texts = Vec::new();
         let mut leaves = Vec::new();
         for (leaf, column) in schema.columns().iter().enumerate() {
-            // Lists have no row of their own for each value.
+            // A list has not one row for each value.
             if column.max_rep_level() > 0 || column.path().parts().len() > 1 {
                 continue;
             }
@@ -77,7 +77,7 @@ impl Sheet {
         plan.finish(gathered, &["Parquet".to_owned()])
     }
 
-    /// The first cell of a column as text; empty where it cannot be read.
+    /// The first cell of a column as text; empty if it cannot be read.
     fn first(&self, place: usize) -> String {
         match self.cells(place, 1) {
             Ok(Cells::Numbers { values, .. }) => values.first().map_or(String::new(), f64::to_string),
@@ -86,7 +86,7 @@ impl Sheet {
         }
     }
 
-    /// The first cells of a column, so many at most.
+    /// The first cells of a column, at most `most`.
     fn cells(&self, place: usize, most: usize) -> Result<Cells, TableError> {
         let (leaf, unit_s) = self.leaves[place];
         let failed = |e: &ParquetError| damaged(&self.path, e);
@@ -161,7 +161,7 @@ impl Texts {
     }
 }
 
-/// Hands on every cell of a column of one row group, or the first ones of it; `None` is a cell without a value.
+/// Passes the cells of a column of one row group to `put`, at most `most`. `None` is a cell without a value.
 fn pull<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     level: i16,

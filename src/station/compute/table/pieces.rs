@@ -1,11 +1,11 @@
-//! A file in pieces of whole lines.
+//! Cuts a file into pieces of whole lines.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::{LONGEST_LINE, TableError};
 
-/// Bytes of a piece: enough to be worth handing to a thread, and some of them fit a processor's cache.
+/// Bytes of a piece: enough work for a thread, and some pieces fit into a processor's cache.
 pub(super) const PIECE: usize = 1 << 20;
 
 /// Reads a source and cuts it after line ends.
@@ -14,7 +14,7 @@ pub(super) struct Pieces {
     source: Box<dyn Read>,
     /// Bytes of a piece.
     size: usize,
-    /// Beginning of a line whose end is not yet read.
+    /// Beginning of a line whose end is not read yet.
     carry: Vec<u8>,
     ended: bool,
 }
@@ -24,7 +24,7 @@ impl Pieces {
         Self { path: path.to_owned(), source, size, carry: Vec::new(), ended: false }
     }
 
-    /// Whether the last piece was given.
+    /// Whether the last piece was returned.
     pub(super) fn ended(&self) -> bool {
         self.ended && self.carry.is_empty()
     }
@@ -46,16 +46,16 @@ impl Pieces {
             if self.ended {
                 return Ok((!buffer.is_empty()).then_some(buffer));
             }
-            // The rows of such a line are not counted: it may be no text at all.
+            // The row number of such a line is unknown: the file may not be text at all.
             if buffer.len() > LONGEST_LINE {
                 return Err(TableError::Endless { path: self.path.clone() });
             }
         }
     }
 
-    /// Appends up to a piece.
+    /// Appends at most one piece.
     fn fill(&mut self, buffer: &mut Vec<u8>) -> Result<(), TableError> {
-        // Room first, so that it grows by no more; it need not be cleared to be read into.
+        // Reserve first, so that the buffer grows by no more; the room need not be cleared before the read.
         buffer.reserve(self.size);
         let mut piece = self.source.by_ref().take(self.size as u64);
         let got = piece.read_to_end(buffer).map_err(|source| TableError::Io { path: self.path.clone(), source })?;

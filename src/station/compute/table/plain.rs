@@ -1,6 +1,7 @@
-//! Pieces in which every row is plain: as many fields as the header, no quotes, no comment, and numbers in the columns that
-//! are wanted. Nearly all pieces of a long record are. One pass marks where fields and rows end, and then only the fields of
-//! the wanted columns are looked at. Whatever else a piece holds, and every mistake in it, is left to [`ParsedRows`].
+//! The fast reader for plain pieces. In a plain piece each row has as many fields as the header, no quotes and no
+//! comment, and numbers in the wanted columns. Nearly all pieces of a long record are plain. One pass marks where
+//! fields and rows end; then only the fields of the wanted columns are read. [`ParsedRows`] reads all other pieces, and
+//! reports every mistake.
 
 use wide::u8x16;
 
@@ -9,15 +10,15 @@ use super::gathered::Gathered;
 use super::number::Form;
 use super::rows::{Delimiter, Parsed, ParsedRows, Role};
 
-/// Bytes that are compared at once, four times in a row: fields are too short for a search of its own each.
+/// Bytes that are compared at once, four times in a row: fields are too short for one search each.
 const WIDTH: usize = 16;
-/// Bytes whose marks are the bits of one number.
+/// Bytes whose marks fit into the bits of one number.
 const WORD: usize = 4 * WIDTH;
 
-/// Reads a piece; `None` where it is not plain.
+/// Reads a piece; `None` if it is not plain.
 pub(super) fn parse(rows: &ParsedRows, piece: &[u8]) -> Option<Parsed> {
     let Delimiter::Byte(delimiter) = rows.delimiter else { return None };
-    // Those of a decimal point alone.
+    // Only numbers with a decimal point are plain.
     if !matches!(rows.form, Form::Open | Form::Known(super::Decimal::Point)) {
         return None;
     }
@@ -35,7 +36,7 @@ pub(super) fn parse(rows: &ParsedRows, piece: &[u8]) -> Option<Parsed> {
     Some(Parsed { found, lines, fault: None })
 }
 
-/// Where the rows and fields of a piece lie.
+/// The places of the rows and fields of a piece.
 struct Grid {
     /// First byte of each row.
     starts: Vec<u32>,
@@ -43,8 +44,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// `None` where the piece has a quote, or where a row does not end, has another number of fields, or does not begin like
-    /// a number.
+    /// Finds rows and fields. `None` if the piece has a quote, or if a row does not end, has another number of fields,
+    /// or does not begin like a number.
     fn of(piece: &[u8], delimiter: u8, expected: usize) -> Option<Self> {
         if piece.last() != Some(&b'\n') {
             return None;
@@ -54,7 +55,7 @@ impl Grid {
         let (words, rest) = piece.as_chunks::<WORD>();
         let mut last = [0; WORD];
         last[..rest.len()].copy_from_slice(rest);
-        // Fields that ended before the word, and those that end in as many rows.
+        // `before`: fields that ended before this word. `due`: fields that the rows so far must have.
         let (mut before, mut due) = (0, 0);
         let mut start = 0;
         for (k, word) in words.iter().chain([&last]).enumerate() {
@@ -69,7 +70,7 @@ impl Grid {
                 let end = k * WORD + place as usize;
                 let count = before + (fields & (u64::MAX >> (63 - place))).count_ones() as usize;
                 due += expected;
-                // Blanks, comments and what else stands before `-` are no beginning of a number.
+                // Blanks, comment signs and other bytes below `-` in ASCII, except `+`, do not begin a number.
                 let first = piece[start];
                 let is_plain = (first >= b'-' || first == b'+') && first != delimiter;
                 if count != due || !is_plain || end - start > LONGEST_LINE {
@@ -96,7 +97,7 @@ impl Grid {
             if end == b'\r' {
                 end = *piece.get(at + length + 1)?;
             }
-            // Else the field holds more than the number.
+            // Otherwise the field holds more than the number.
             if end != delimiter && end != b'\n' {
                 return None;
             }
@@ -106,11 +107,11 @@ impl Grid {
     }
 }
 
-/// A bit for each byte of a piece, the lowest one first: whether a field ends there. Behind them is a word without any.
+/// A bit for each byte of a piece, the lowest one first: whether a field ends there. An empty word follows.
 struct Marks(Vec<u64>);
 
 impl Marks {
-    /// Place of the first mark behind `others` marks, from byte `from` on.
+    /// Place of the first mark after skipping `others` marks, from byte `from` on.
     fn behind(&self, mut from: usize, mut others: usize) -> Option<usize> {
         loop {
             let word = self.word(from)?;
@@ -124,7 +125,7 @@ impl Marks {
         }
     }
 
-    /// The bits of the bytes from one on.
+    /// The bits of 64 bytes, from byte `from` on.
     fn word(&self, from: usize) -> Option<u64> {
         let [low, high] = self.0.get(from / WORD..)?.first_chunk()?;
         let shift = from % WORD;
@@ -132,7 +133,7 @@ impl Marks {
     }
 }
 
-/// What stands in the bytes of a word.
+/// The signs that the bytes of a word hold.
 struct Found {
     delimiters: u64,
     ends: u64,
@@ -175,7 +176,7 @@ mod tests {
         }
     }
 
-    /// Places of all delimiters and line ends, each found from the one before.
+    /// Places of all delimiters and line ends, each search starting behind the last place.
     fn marks(text: &[u8], delimiter: u8) -> Vec<u32> {
         let words = text.chunks(WORD).map(|word| {
             let mut whole = [0; WORD];
@@ -188,7 +189,7 @@ mod tests {
         std::iter::successors(first, |place| marks.behind(place + 1, 0)).map(|place| place as u32).collect()
     }
 
-    /// The row-by-row reading is the reference: the same columns, whatever lies at the ends of words.
+    /// The row-by-row reader is the reference: both give the same columns, whatever stands at the ends of words.
     #[test]
     fn plain_rows_are_read_as_one_by_one() {
         for end in ["\n", "\r\n"] {
@@ -197,7 +198,7 @@ mod tests {
                 let digits = "123456789012345678".get(..row % 17).unwrap_or_default();
                 text += &format!("{row},{digits}, -{row}.{row}e-3,0.{row}{end}").replace(", -", ",-");
             }
-            // Fields without anything in a column that is not wanted are plain; every third row has marks close together.
+            // Empty fields are plain in a column that is not wanted. Every third row has marks close together.
             let found = parse(&rows(&ROLES), text.as_bytes()).unwrap();
             let expected = rows(&ROLES).one_by_one(text.as_bytes());
             assert_eq!(format!("{found:?}"), format!("{expected:?}"));
@@ -225,7 +226,7 @@ mod tests {
         assert_eq!([3, 2, 1, 0].map(|column| found.found.numbers[column].len()), [400; 4]);
     }
 
-    /// Plain or not, a field is what the row-by-row reading makes of it.
+    /// Plain or not, the result for a field is that of the row-by-row reader.
     #[test]
     fn fields_are_read_whole_or_not_at_all() {
         let texts = |field| [format!("{field},2,7,4\n1,2,8,4\n"), format!("1,2,{field},4\n1,2,8,4\n")];

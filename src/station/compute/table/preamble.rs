@@ -1,9 +1,9 @@
-//! What stands before the rows: a `sep=` line, title lines, the header, a row of units; and how the numbers below it are
-//! written.
+//! Reads everything before the rows: a `sep=` line, title lines, the header, a row of units. Finds out how the numbers
+//! below are written.
 //!
-//! The header is the line above the first stretch of rows: lines of one number of fields, of which some are numbers. What
-//! stands above it is a title. Other signs may divide the header than the rows, if both have as many fields. All is told
-//! from the first [`HEAD`] bytes, whatever pieces the file comes in.
+//! The header is the line above the first stretch of rows. A stretch is lines with equal numbers of fields, some of
+//! which are numbers. Lines above the header are titles. The header may have another delimiter than the rows, if both
+//! have equal numbers of fields. The first [`HEAD`] bytes decide all of this, in whatever pieces the file comes.
 
 use std::path::Path;
 
@@ -12,12 +12,12 @@ use super::names::{self, Header};
 use super::number::{self, Decimal, Evidence, Form};
 use super::rows::Delimiter;
 
-/// Bytes from which the form of a table is told.
+/// Bytes that decide the form of a table.
 pub(super) const HEAD: usize = 1 << 16;
-/// Rows that make a stretch, whatever comes after it.
+/// Rows that are enough for a stretch, whatever follows.
 const STRETCH: usize = 8;
 
-/// What was told from the beginning of a file.
+/// Facts from the beginning of a file.
 pub(super) struct Preamble {
     pub(super) header: Header,
     pub(super) delimiter: Delimiter,
@@ -26,14 +26,14 @@ pub(super) struct Preamble {
     pub(super) bytes: usize,
     /// Lines before the first row.
     pub(super) lines: usize,
-    /// Fields of the first row, to see how its stamps are written.
+    /// Fields of the first row, which show how its time stamps are written.
     pub(super) first_row: Vec<String>,
     pub(super) understood: Vec<String>,
 }
 
 /// A line of the beginning.
 struct Line<'a> {
-    /// From 1.
+    /// Counted from 1.
     number: usize,
     text: &'a [u8],
     /// Byte after its end.
@@ -45,29 +45,29 @@ impl<'a> Line<'a> {
         self.text.trim_ascii_start().starts_with(b"#") || self.text.trim_ascii_start().starts_with(b"%")
     }
 
-    /// The text of a comment without its signs.
+    /// The text of a comment without its comment signs.
     fn uncommented(&self) -> &'a [u8] {
         let text = self.text.trim_ascii_start();
         text[text.iter().take_while(|b| matches!(b, b'#' | b'%')).count()..].trim_ascii()
     }
 }
 
-/// Where header and rows were found.
+/// The place of header and rows.
 struct Found<'a> {
-    /// Of the rows.
+    /// The delimiter of the rows.
     delimiter: Delimiter,
-    /// Of the header and of the units below it.
+    /// The delimiter of the header and of the units below it.
     above: Delimiter,
     header: &'a [u8],
     header_line: usize,
     units: Option<&'a [u8]>,
-    /// Place of the first row among the lines that are no comments.
+    /// Index of the first row among the lines that are neither empty nor comments.
     row: usize,
     titles: usize,
     in_comment: bool,
 }
 
-/// Reads the beginning of a text that holds its first [`HEAD`] bytes and maybe more.
+/// Reads the beginning of a text. `text` holds the first [`HEAD`] bytes and maybe more.
 pub(super) fn read(path: &Path, text: &[u8], decimal: Option<Decimal>) -> Result<Preamble, TableError> {
     let all = lines(text);
     let mut solid: Vec<&Line> = all.iter().filter(|l| !l.text.trim_ascii().is_empty() && !l.is_comment()).collect();
@@ -147,7 +147,7 @@ fn separator(line: &[u8]) -> Option<Delimiter> {
     }
 }
 
-/// What is looked through for header and rows.
+/// The lines in which header and rows are searched.
 #[derive(Clone, Copy)]
 struct Search<'a> {
     all: &'a [Line<'a>],
@@ -156,14 +156,14 @@ struct Search<'a> {
     decimal: Option<Decimal>,
 }
 
-/// What divides the names of a header, seen from the rows below it.
+/// The delimiter between the names of a header, compared with that of the rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Names {
-    /// The sign that divides the rows.
+    /// The delimiter of the rows.
     Alike,
-    /// Another sign than a blank.
+    /// A tab, a semicolon or a comma.
     Signs,
-    /// Blanks, where the rows have another sign.
+    /// Blanks, while the rows have another delimiter.
     Blanks,
 }
 
@@ -172,13 +172,13 @@ const SIGNS: [Delimiter; 3] = [Delimiter::Byte(b'\t'), Delimiter::Byte(b';'), De
 fn locate<'a>(search: &Search<'a>, forced: Option<Delimiter>) -> Option<Found<'a>> {
     let every = [SIGNS[0], SIGNS[1], SIGNS[2], Delimiter::Blanks];
     let tried: Vec<Delimiter> = forced.map_or_else(|| every.to_vec(), |d| vec![d]);
-    // `gyro z` above `0,5` is one column with a decimal comma rather than two: names are divided at blanks last.
+    // `gyro z` above `0,5` is one column with a decimal comma, not two columns. So blanks between names come last.
     for (names, least) in [(Names::Alike, 2), (Names::Signs, 2), (Names::Alike, 1), (Names::Blanks, 2)] {
         if let Some(found) = tried.iter().find_map(|d| locate_by(*d, names, least, search)) {
             return Some(found);
         }
     }
-    // Nothing fits: the first line is the header, so that the first mistake below it is the one that is told.
+    // If nothing fits, take the first line as the header, so that the first mistake below it is reported.
     let first = *search.solid.first()?;
     let delimiter = forced.unwrap_or_else(|| Delimiter::of(first.text));
     Some(Found {
@@ -202,7 +202,7 @@ fn locate_by<'a>(delimiter: Delimiter, names: Names, least: usize, search: &Sear
         .filter(|&i| is_row(i) && (i == 0 || patterns[i - 1].len() != patterns[i].len() || !is_row(i - 1)))
     {
         let length = (row..solid.len()).take_while(|&i| is_row(i) && patterns[i].len() == patterns[row].len()).count();
-        // Rows of the same kind above it are no title: the table begins there.
+        // Rows of the same kind above this row are not a title: the table begins there.
         if (0..row).any(|i| patterns[i] == patterns[row]) && best.is_some() {
             continue;
         }
@@ -211,7 +211,7 @@ fn locate_by<'a>(delimiter: Delimiter, names: Names, least: usize, search: &Sear
         }
         let above: &[Delimiter] = match names {
             Names::Alike => &[delimiter],
-            // Each row may be one number with a decimal comma, of a table that has lost its other columns.
+            // Each row may be one number with a decimal comma, in a table that has lost its other columns.
             _ if delimiter == Delimiter::Byte(b',') && (row..row + length).all(|i| search.is_number(solid[i].text)) => {
                 &[]
             }
@@ -237,12 +237,12 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Which fields of a line are numbers.
+    /// Whether each field of a line is a number.
     fn pattern(&self, delimiter: Delimiter, text: &[u8]) -> Vec<bool> {
         delimiter.fields(text).iter().map(|(at, end)| self.is_number(&text[*at..*end])).collect()
     }
 
-    /// Header and units above a row of so many fields; the delimiters are those of the rows and of the header.
+    /// Finds header and units above a row of `fields` fields. The delimiters are those of the rows and of the header.
     fn above(&self, row: usize, fields: usize, (delimiter, above): (Delimiter, Delimiter)) -> Option<Found<'a>> {
         let (all, solid) = (self.all, self.solid);
         let first = solid[row];
@@ -280,9 +280,9 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Whether a line holds the names of so many columns.
+/// Whether a line holds the names of `fields` columns.
 fn is_header(text: &[u8], delimiter: Delimiter, fields: usize, ends_empty: bool) -> bool {
-    // A single column whose name holds a delimiter is a header of more columns than the rows have.
+    // If the name of a single column holds a delimiter, the header has more columns than the rows.
     if fields == 1 && text.iter().any(|b| matches!(b, b'\t' | b';' | b',')) {
         return false;
     }
@@ -293,12 +293,12 @@ fn is_header(text: &[u8], delimiter: Delimiter, fields: usize, ends_empty: bool)
     let is_number = |text: &String| number::is_number(text.as_bytes());
     let texts = split(delimiter, text);
     let named = texts.iter().any(|t| !t.is_empty()) && !texts.iter().any(is_number);
-    // `0 0` is no name: it is a row that other signs divide.
+    // `0 0` is not a name but a row with other delimiters.
     let row = split(Delimiter::Blanks, text).iter().all(is_number);
     named && !row && (texts.len() == fields || (ends_empty && texts.len() + 1 == fields))
 }
 
-/// Names or units, without quotes.
+/// Names or units of a line, without quotes.
 fn split(delimiter: Delimiter, text: &[u8]) -> Vec<String> {
     delimiter.merged(fields(delimiter, text))
 }
@@ -309,7 +309,7 @@ fn fields(delimiter: Delimiter, text: &[u8]) -> Vec<String> {
     spans.iter().map(|(at, end)| number::decoded(number::unquoted(&text[*at..*end])).into_owned()).collect()
 }
 
-/// How the numbers of the first rows are written.
+/// Finds out how the numbers of the first rows are written.
 fn form(path: &Path, rows: &[&Line], delimiter: Delimiter, understood: &mut Vec<String>) -> Result<Form, TableError> {
     let mut proofs: [Option<(usize, String)>; 2] = [None, None];
     let mut thousands = false;

@@ -1,4 +1,4 @@
-//! Rows of a piece of a file.
+//! Reads the rows of a piece of a file.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::gathered::Gathered;
 use super::number::{self, Form, NoNumber, unquoted};
 use super::{LONGEST_LINE, TableError, plain, time};
 
-/// What divides fields.
+/// The sign between fields.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Delimiter {
     Byte(u8),
@@ -16,12 +16,12 @@ pub(super) enum Delimiter {
 }
 
 impl Delimiter {
-    /// Of a header: the first of tab, `;`, `,` and blanks that it holds.
+    /// The delimiter of a header: the first of tab, `;`, `,` and blanks that it holds.
     pub(super) fn of(header: &[u8]) -> Self {
         [b'\t', b';', b','].into_iter().find(|d| header.contains(d)).map_or(Self::Blanks, Self::Byte)
     }
 
-    /// What it is, as words.
+    /// The delimiter in words.
     pub(super) fn named(self) -> String {
         match self {
             Self::Byte(b'\t') => "tabs".to_owned(),
@@ -30,7 +30,7 @@ impl Delimiter {
         }
     }
 
-    /// Where the fields of a line begin and end.
+    /// Where each field of a line begins and ends.
     pub(super) fn fields(self, line: &[u8]) -> Vec<(usize, usize)> {
         let mut fields = Vec::new();
         match self {
@@ -65,7 +65,7 @@ impl Delimiter {
         fields
     }
 
-    /// Fields of a header, a unit behind a blank being part of its name: `Time [s]`.
+    /// Joins a unit behind a blank to its name, as in `Time [s]`.
     pub(super) fn merged(self, fields: Vec<String>) -> Vec<String> {
         if self != Self::Blanks {
             return fields;
@@ -81,15 +81,15 @@ impl Delimiter {
     }
 }
 
-/// What a column is for.
+/// The purpose of a column.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Role {
-    /// The k-th column of numbers that is wanted.
+    /// The k-th wanted column of numbers.
     Number(usize),
     Label,
-    /// The name of the capture: rows of others than the one wanted are passed over.
+    /// The name of the capture. Rows of a capture that is not wanted are skipped.
     Capture,
-    /// Stamps as numbers, or as dates.
+    /// Time stamps as numbers, or as dates.
     Time {
         dates: bool,
     },
@@ -99,17 +99,17 @@ pub(super) enum Role {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ParsedRows<'a> {
     pub(super) delimiter: Delimiter,
-    /// Fields of every row.
+    /// Number of fields in each row.
     pub(super) expected: usize,
-    /// Columns that are looked at.
+    /// Columns that are read.
     pub(super) roles: &'a [(usize, Role)],
-    /// Columns of numbers.
+    /// Number of wanted columns of numbers.
     pub(super) numbers: usize,
     pub(super) allowed: &'a [&'a str],
     pub(super) form: Form,
     /// The capture that is wanted.
     pub(super) capture: Option<&'a str>,
-    /// Rows without a label are passed over.
+    /// Rows without a label are skipped.
     pub(super) unlabelled: bool,
 }
 
@@ -139,7 +139,7 @@ enum Mistake {
 }
 
 impl Fault {
-    /// The same mistake with this many lines before the piece.
+    /// The same mistake, if the piece has `lines` lines before it.
     pub(super) fn after(&self, lines: usize) -> Self {
         Self { line: self.line + lines, ..self.clone() }
     }
@@ -173,7 +173,7 @@ impl ParsedRows<'_> {
         plain::parse(self, piece).unwrap_or_else(|| self.one_by_one(piece))
     }
 
-    /// The same of any piece.
+    /// Reads any piece row by row.
     pub(super) fn one_by_one(&self, piece: &[u8]) -> Parsed {
         let mut parsed = Parsed {
             found: Gathered { numbers: vec![Vec::new(); self.numbers], ..Gathered::default() },
@@ -209,7 +209,7 @@ impl ParsedRows<'_> {
         parsed
     }
 
-    /// Takes a line whose fields are right unless it holds a quote.
+    /// Takes a line. Its fields are right unless it holds a quote.
     fn quoted_line(&self, line: &[u8], fields: &mut Vec<(usize, usize)>, quotes: bool, parsed: &mut Parsed) -> bool {
         if quotes && memchr::memchr(b'"', line).is_some() {
             *fields = self.delimiter.fields(line);
@@ -222,7 +222,7 @@ impl ParsedRows<'_> {
         parsed.lines += 1;
         let blank = line.first().is_none_or(|b| match *b {
             b'#' | b'%' => true,
-            // Spreadsheets write rows of delimiters alone.
+            // Spreadsheets write rows that hold only delimiters.
             b if self.delimiter == Delimiter::Byte(b) => line.iter().all(|c| *c == b || c.is_ascii_whitespace()),
             b => b.is_ascii_whitespace() && line.trim_ascii().is_empty(),
         });
@@ -235,7 +235,7 @@ impl ParsedRows<'_> {
                 true
             }
             Err((column, what)) => {
-                // Columns read before the mistake are one value longer than the rest.
+                // Columns read before the mistake are one value longer than the others.
                 parsed.fault = Some(Fault { line: parsed.lines, column, what });
                 parsed.found.times.truncate(parsed.found.rows);
                 parsed.found.labels.truncate(parsed.found.rows);
@@ -244,12 +244,12 @@ impl ParsedRows<'_> {
         }
     }
 
-    /// Takes a row; false when it is passed over.
+    /// Takes a row; false when it is skipped.
     fn row(&self, line: &[u8], fields: &[(usize, usize)], parsed: &mut Parsed) -> Result<bool, (usize, Mistake)> {
         if line.len() > LONGEST_LINE {
             return Err((1, Mistake::Long));
         }
-        // All fields are counted, so that a row too short or too long is seen.
+        // Count all fields, so that a row with too few or too many is found.
         if fields.len() != self.expected {
             let open =
                 fields.last().filter(|(at, end)| line[*at..*end].iter().filter(|b| **b == b'"').count() % 2 == 1);
@@ -312,8 +312,8 @@ impl ParsedRows<'_> {
     }
 }
 
-/// Visits every delimiter and line end, in order, until the visitor says no; sixteen bytes are compared at once, since
-/// fields are too short for a search of its own each.
+/// Visits every delimiter and line end in order, until the visitor returns false. Sixteen bytes are compared at once,
+/// since fields are too short for one search each.
 fn marks(text: &[u8], delimiter: u8, mut visit: impl FnMut(usize) -> bool) -> bool {
     const WIDTH: usize = 16;
     let (delimiters, ends) = (u8x16::splat(delimiter), u8x16::splat(b'\n'));

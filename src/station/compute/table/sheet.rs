@@ -1,4 +1,4 @@
-//! Columns of files that keep them apart (Parquet, numpy), cut down to the rows and columns that are wanted.
+//! Columns of files that store them apart (Parquet, numpy), reduced to the wanted rows and columns.
 
 use std::path::Path;
 
@@ -10,9 +10,9 @@ use super::{TableError, time};
 /// Cells of a column.
 #[derive(Debug)]
 pub(super) enum Cells {
-    /// Rows without a value hold NaN and stand in `missing`.
+    /// Rows without a value hold NaN, and `missing` lists them.
     Numbers { values: Vec<f64>, missing: Vec<usize> },
-    /// Each text once, and which of them a row holds.
+    /// Each text once, and for each row the index of its text.
     Texts { names: Vec<String>, codes: Vec<u32> },
 }
 
@@ -24,7 +24,7 @@ impl Cells {
         }
     }
 
-    /// The text of a row; numbers have none.
+    /// The text of a row; empty for numbers.
     fn text(&self, row: usize) -> &str {
         match self {
             Self::Texts { names, codes } => names.get(codes[row] as usize).map_or("", String::as_str),
@@ -33,7 +33,7 @@ impl Cells {
     }
 }
 
-/// Takes the rows that a plan wants; `cells` are those of its roles, in their order.
+/// Takes the rows that a plan wants. `cells` are those of the plan's roles, in their order.
 pub(super) fn gather(path: &Path, plan: &ColumnPlan, cells: &[Cells]) -> Result<Gathered, TableError> {
     let rows = cells.iter().map(Cells::len).min().unwrap_or(0);
     let mut gathered = Gathered::default();

@@ -1,4 +1,5 @@
-//! The bytes of a file as UTF-8 text, whatever packs or encodes them; and what it is, if it is no text.
+//! Gives the bytes of a file as UTF-8 text, whatever their packing and encoding; or says what the file is if it is not
+//! text.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -10,20 +11,21 @@ use flate2::read::MultiGzDecoder;
 
 use super::TableError;
 
-/// Bytes from which a file's kind is told.
+/// Bytes that decide the kind of a file.
 const SNIFFED: usize = 4096;
-/// Unpacked bytes for each packed one: records need 3 to 20, a column of zeros 200. Deflate can reach 1030.
+/// Largest ratio of unpacked to packed bytes: records need 3 to 20, a column of zeros 200. Deflate can reach 1030.
 const MOST_UNPACKED: u64 = 400;
-/// Unpacked bytes that are never refused.
+/// Number of unpacked bytes that are always accepted.
 const FREE_UNPACKED: u64 = 64 << 20;
 
-/// A serial line may slip and leave a control character in so many bytes, and a few in a short file; no text has more.
+/// A slip of a serial line may leave one control character in this many bytes, and a few in a short file. A text has no
+/// more of them.
 const SLIP_EVERY: usize = 50;
 const FEW_SLIPS: usize = 3;
 
-/// What a file is.
+/// The kind of a file.
 pub(super) enum Source {
-    /// Text in UTF-8 (or in one byte a letter), without a byte-order mark; what was understood of its packing.
+    /// Text in UTF-8 (or in one byte a letter), without a byte-order mark, and what was understood of its packing.
     Text(Box<dyn Read>, Vec<String>),
     /// An array of numpy, from its first byte.
     Npy(Box<dyn Read>, Vec<String>),
@@ -39,7 +41,7 @@ pub(super) fn open(path: &Path) -> Result<Source, TableError> {
     let mut file = File::open(path).map_err(fail)?;
     let mut magic = [0; 4];
     let got = file.read(&mut magic).map_err(fail)?;
-    // A pipe cannot go back: what was taken from it is put before the rest.
+    // A pipe cannot be rewound: put the bytes already read before the rest.
     let again = io::Seek::rewind(&mut file).is_ok();
     if magic[..got] == *b"PAR1" {
         return Ok(Source::Parquet(file));
@@ -48,7 +50,7 @@ pub(super) fn open(path: &Path) -> Result<Source, TableError> {
     of(path, Box::new(Cursor::new(before).chain(file)))
 }
 
-/// The same of any bytes.
+/// Finds the kind of any bytes.
 pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableError> {
     let fail = |source| TableError::Io { path: path.to_owned(), source };
     let mut understood = Vec::new();
@@ -82,7 +84,7 @@ pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableErro
             skip(&mut source, 2).map_err(fail)?;
             Box::new(Utf16::new(source, head[0] == 0xff))
         }
-        // Without its mark: letters of the header are ASCII, and every second byte is 0.
+        // UTF-16 without its mark: letters of the header are ASCII, so every second byte is 0.
         [a, 0, b, 0, ..] if *a != 0 && *b != 0 => {
             understood.push("UTF-16 without a mark".to_owned());
             Box::new(Utf16::new(source, true))
@@ -103,13 +105,13 @@ pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableErro
     Ok(Source::Text(text, understood))
 }
 
-/// Whether the first bytes of a file hold too many control characters for a text in one byte a letter or in UTF-8.
+/// Whether the first bytes of a file hold too many control characters for text in UTF-8 or in one byte a letter.
 fn is_binary(head: &[u8]) -> bool {
     let controls = head.iter().filter(|byte| byte.is_ascii_control() && !byte.is_ascii_whitespace()).count();
     controls > (head.len() / SLIP_EVERY).max(FEW_SLIPS)
 }
 
-/// The first bytes of a source, and the source with them still before it.
+/// The first bytes of a source, and the source with these bytes still in front.
 fn sniffed(mut source: Box<dyn Read>) -> io::Result<(Vec<u8>, Box<dyn Read>)> {
     let mut head = Vec::new();
     source.by_ref().take(SNIFFED as u64).read_to_end(&mut head)?;
@@ -120,7 +122,7 @@ fn skip(source: &mut impl Read, bytes: u64) -> io::Result<()> {
     io::copy(&mut source.take(bytes), &mut io::sink()).map(|_| ())
 }
 
-/// Unpacks gzip, and stops where a small file would become an endless one.
+/// Unpacks gzip, and stops if a small file unpacks to too many bytes.
 fn unpacked(source: Box<dyn Read>) -> impl Read {
     let packed = Rc::new(Cell::new(0));
     let counted = Counted { source, packed: packed.clone() };
@@ -158,7 +160,7 @@ impl<R: Read> Read for Bounded<R> {
     }
 }
 
-/// Lines that end with a carriage return alone.
+/// Turns line ends of a carriage return alone into line feeds.
 struct Returns<R>(R);
 
 impl<R: Read> Read for Returns<R> {
@@ -169,11 +171,11 @@ impl<R: Read> Read for Returns<R> {
     }
 }
 
-/// UTF-16 as UTF-8; what is no letter becomes the sign for it.
+/// Converts UTF-16 to UTF-8. Invalid text becomes the replacement character.
 struct Utf16<R> {
     source: R,
     little: bool,
-    /// A byte whose other half, and a high surrogate whose low one, is not yet read.
+    /// Half of a unit, and a high surrogate, whose other half is not read yet.
     half: Option<u8>,
     high: Option<u16>,
     out: Vec<u8>,
@@ -285,7 +287,7 @@ mod tests {
         assert!(text(program).unwrap_err().contains("is binary, not a table"));
         let every_byte: Vec<u8> = (0..4096_usize).map(|at| (at * 151 % 256) as u8).collect();
         assert!(text(every_byte).unwrap_err().contains("is binary, not a table"));
-        // A serial line that slipped is a text with a bad row.
+        // A text from a serial line that slipped is text with a bad row.
         let slipped = format!("t,w\n0,1\n0.1\0,\u{1b}2\n{}", "0.2,3\n".repeat(100));
         assert_eq!(text(slipped.clone().into_bytes()).unwrap().0, slipped);
     }

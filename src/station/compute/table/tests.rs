@@ -66,7 +66,8 @@ fn time_is_watched() {
     check("nan,0\n", None, "time: sample 40 is NaN");
 }
 
-/// A line that the pieces cut in two is still one line, and the first mistake has its line whatever the threads do.
+/// A line cut by the end of a piece is still one line, and the first mistake has the right line whatever the threads
+/// do.
 #[test]
 fn pieces_do_not_show() {
     let mut text = "# head\nt,a,b\n".to_owned();
@@ -111,7 +112,7 @@ fn understood(text: &str, expected: &str) -> Columns {
     columns
 }
 
-/// One record as many programs write it.
+/// One record, as many programs write it.
 #[test]
 fn records_as_people_have_them() {
     understood("t;w\n0,00;0,5\n0,01;-1,25\n0,02;1234,5\n", "decimal comma");
@@ -139,7 +140,7 @@ fn records_as_people_have_them() {
     );
 }
 
-/// Header and rows that different signs divide: both have as many fields, so nothing else can be meant.
+/// Header and rows with different delimiters: both have equal numbers of fields, so the meaning is clear.
 #[test]
 fn other_signs_between_the_names_than_between_the_values() {
     let check = |head: &str, rows: [&str; 3], expected: &str| {
@@ -176,7 +177,7 @@ fn other_signs_between_the_names_than_between_the_values() {
         "Log\nt,w\n0 0.5\n0.01 -1.25\n0.02 1234.5\n",
         "1 title line, `,` between the names, blanks between the values",
     );
-    // Rows of zeros are no names, and two of three digits are no thousands.
+    // Rows of zeros are not names, and digits in two columns are not thousands.
     let counts = read("x,y\n0 0\n1 234\n5 678\n", &["x", "y"], None).unwrap();
     assert_eq!(counts.numbers, [[0.0, 1.0, 5.0], [0.0, 234.0, 678.0]]);
     assert_eq!(read("w\n1 234\n0\n", &["w"], None).unwrap().numbers, [[1234.0, 0.0]]);
@@ -200,7 +201,7 @@ fn signs_that_leave_it_open_are_refused() {
     assert_eq!(table.read(&wanted, None).unwrap().numbers, [[0.0, 1.0], [5.0, 7.0]]);
 }
 
-/// Each kind of column of time is looked at: three seconds are missing from every one of them.
+/// Every kind of time column is checked: three seconds are missing from each of them.
 #[test]
 fn gaps_are_found_under_every_name_of_time() {
     for (name, per_s) in [
@@ -231,7 +232,7 @@ fn gaps_are_found_under_every_name_of_time() {
     assert_eq!(refusal, "steps of 7 in column `timestamp` fit 100 Hz in none of s, ms, us and ns");
 }
 
-/// An array as numpy writes it, by its format's description.
+/// An array as numpy writes it, from the description of the format.
 fn npy(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let mut header = format!("{{'descr': {descr}, 'fortran_order': {fortran}, 'shape': {shape}, }}");
     header += &" ".repeat(63 - (header.len() + 10) % 64);
@@ -274,7 +275,7 @@ fn arrays_of_numpy() {
     assert!(matches!(array(huge, &["0"]), Err(TableError::TooLarge { .. })));
 }
 
-/// Columns of whole numbers of both lengths, of floats, with cells that are empty: read alike.
+/// Columns of whole numbers in both lengths and of floats, with empty cells, are read alike.
 #[test]
 fn parquet_of_every_type() {
     use ::parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int32Type, Int64Type};

@@ -1,7 +1,7 @@
-//! Tables as text: read once, in pieces of whole lines that threads parse while the next ones are read.
+//! Tables as text. The file is read once, in pieces of whole lines; threads parse pieces while the next ones are read.
 //!
-//! Only the columns that are wanted are kept. The pieces are taken in their order, so that the first mistake of the file
-//! is the one that is reported, with its line and column.
+//! Only the wanted columns are kept. The pieces are taken in their order, so that the first mistake of the file is the
+//! one that is reported, with its line and column.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use super::preamble::{self, Preamble};
 use super::rows::{Fault, Parsed, ParsedRows};
 use super::{MOST_VALUES, ReadingOptions, TableError};
 
-/// Threads that parse: beyond these the one that reads and gathers is the limit.
+/// Largest number of threads that parse. With more, the thread that reads and gathers is the limit.
 const MOST_THREADS: usize = 4;
 
 /// A text whose header was read.
@@ -28,7 +28,7 @@ pub(super) struct Text {
 }
 
 impl Text {
-    /// Reads it in pieces of about this many bytes.
+    /// Opens a text, to be read in pieces of about this many bytes.
     pub(super) fn open(
         path: &Path,
         source: Box<dyn Read>,
@@ -96,7 +96,7 @@ impl Text {
             in_parallel(&mut pieces, &rows, take)?;
         }
         if let Some(fault) = fault {
-            // What the clock shows before the mistake comes first.
+            // A fault of the clock before the mistake is reported first.
             if gathered.rows > 0 {
                 plan.clock(&gathered)?;
             }
@@ -110,7 +110,7 @@ fn place(fault: Fault, path: &Path, header: &[String], allowed: &[&str]) -> Tabl
     fault.placed(path, header, allowed)
 }
 
-/// Reads pieces, has them parsed by threads in turn and takes the results in the order of the file, until the taker has
+/// Reads pieces, gives them to threads in turn, and takes the results in the order of the file, until `take` has
 /// enough.
 fn in_parallel(
     pieces: &mut Pieces,
@@ -121,7 +121,7 @@ fn in_parallel(
     thread::scope(|scope| {
         let lanes: Vec<_> = (0..threads)
             .map(|_| {
-                // One piece in work and one result at a time: memory is bounded by the threads.
+                // One piece in work and one result for each thread, so that memory is bounded.
                 let (work, pieces) = sync_channel::<Vec<u8>>(1);
                 let (done, results) = sync_channel(1);
                 scope.spawn(move || {
@@ -135,7 +135,7 @@ fn in_parallel(
                 (work, results)
             })
             .collect();
-        // A lane is closed only by a thread that panicked, and the scope hands that panic on.
+        // Only a thread that panicked closes its lane, and the scope passes that panic on.
         let mut given = 0;
         let mut spare = Vec::new();
         while let Some(piece) = pieces.next(spare)? {

@@ -1,20 +1,20 @@
-//! Columns of time: found by name, with their unit, or stamps of date and time of day.
+//! Columns of time, found by name. They hold numbers with a unit, or stamps of date and time of day.
 
 use chrono::{DateTime, NaiveDateTime, NaiveTime, Timelike};
 
 use super::names::{self, Header};
 use super::number::{self, Form};
 
-/// How the stamps of a column are written.
+/// How the time stamps of a column are written.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Stamps {
     /// Numbers of this unit, s.
     Numbers(f64),
-    /// Numbers under a name that means seconds, unless a rate shows another unit.
+    /// Numbers under a name that means seconds, unless a rate shows that the unit is another one.
     Seconds,
     /// Numbers whose unit the header does not name.
     Unknown,
-    /// ISO 8601, or what is as clear.
+    /// Dates in ISO 8601 or in a form that is as clear.
     Dates,
 }
 
@@ -28,14 +28,14 @@ pub(super) struct TimeColumn {
 
 /// Names of a time in seconds, unless a unit says otherwise.
 const IN_SECONDS: [&str; 4] = ["t", "time", "zeit", "temps"];
-/// Beginnings of names of a time whose unit must be told.
+/// Beginnings of names of a time column whose unit must be given.
 const BEGINNINGS: [&str; 10] =
     ["timestamp", "time_stamp", "time stamp", "datetime", "date_time", "date time", "epoch", "utc", "time", "zeit"];
 
-/// The column of time of a header, seen with its first row; or why there is none.
+/// Finds the column of time from the header and the first row; or says why there is none.
 pub(super) fn column(header: &Header, first_row: &[String], form: Form) -> Result<TimeColumn, String> {
     let mut unread = None;
-    // A unit that is named makes a column the better clock.
+    // A column that names its unit is the better clock.
     let mut found: Vec<TimeColumn> = Vec::new();
     for (place, name) in header.names.iter().enumerate() {
         let Some((unit_s, seconds)) = named(&name.text, name.unit.as_deref()) else { continue };
@@ -61,7 +61,7 @@ pub(super) fn column(header: &Header, first_row: &[String], form: Form) -> Resul
     Ok(found.swap_remove(best))
 }
 
-/// Whether a name is that of a time: its unit in s, if it has one, and whether it means seconds without one.
+/// Whether a name is that of a time: its unit in s, if it has one, and whether it means seconds without a unit.
 fn named(text: &str, unit: Option<&str>) -> Option<(Option<f64>, bool)> {
     let whole = text.trim().to_lowercase();
     let (base, beside) = match whole.find(['[', '(']) {
@@ -103,17 +103,17 @@ pub(super) fn unit_s(text: &str) -> Option<f64> {
     })
 }
 
-/// The unit of a time since 1970, which its size tells for the years 2001 to 2286.
+/// The unit of a time since 1970. For the years 2001 to 2286 the size of the number shows the unit.
 fn epoch_unit(first: f64) -> Option<f64> {
     [1.0, 1e-3, 1e-6, 1e-9].into_iter().find(|unit| (1e9..1e10).contains(&(first * unit)))
 }
 
-/// The unit in which steps fit a rate, if there is one among s, ms, us and ns.
+/// The unit among s, ms, us and ns in which the steps fit a rate, if there is one.
 pub(super) fn unit_for_rate(step: f64, rate_hz: f64) -> Option<f64> {
     [1.0, 1e-3, 1e-6, 1e-9].into_iter().find(|unit| (0.8..1.25).contains(&(step * unit * rate_hz)))
 }
 
-/// A stamp as text, s since 1970 or since midnight.
+/// Reads a time stamp as text, s since 1970 or since midnight.
 pub(super) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
     let seconds = |whole: i64, nanos: u32| whole as f64 + f64::from(nanos) * 1e-9;
@@ -133,7 +133,7 @@ pub(super) fn date(text: &str) -> Option<f64> {
     Some(seconds(i64::from(stamp.num_seconds_from_midnight()), stamp.nanosecond()))
 }
 
-/// With `T` between date and time, and a point before the decimals.
+/// The text with `T` between date and time, and a point before the decimals.
 fn plain(text: &str) -> String {
     text.replacen(' ', "T", 1).replace(',', ".")
 }

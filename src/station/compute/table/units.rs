@@ -1,4 +1,5 @@
-//! Units that a file names: checked against what the method is about, converted where it needs one, never guessed.
+//! Units that a file names. They are checked against the quantity of the method, converted if it needs one unit, and
+//! never guessed.
 
 use std::ops::Range;
 
@@ -12,13 +13,13 @@ use super::names::{is_count, unit};
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::compute) enum Named {
     Nothing,
-    /// Counts of a converter, or a word that is no unit.
+    /// Counts of a converter, or a word that is not a unit.
     Word(String),
     Unit(Unit),
 }
 
 impl Named {
-    /// As people read it.
+    /// The unit in words.
     pub(in crate::compute) fn text(&self) -> Option<&str> {
         match self {
             Self::Nothing => None,
@@ -37,8 +38,9 @@ fn named(text: Option<&String>) -> Named {
 }
 
 impl Columns {
-    /// The unit of some columns of numbers, after all were brought to that of the first. Raw outputs (counts, voltages)
-    /// are of every kind; a unit of another kind than `dimension` is refused, as are columns of which only some name one.
+    /// Returns the unit of some columns of numbers, after conversion of all to the unit of the first. Raw outputs
+    /// (counts, voltages) fit every dimension. Refuses a unit of another dimension, and columns of which only some name
+    /// a unit.
     pub(in crate::compute) fn unit(
         &mut self,
         columns: Range<usize>,
@@ -75,7 +77,7 @@ impl Columns {
         Ok(first)
     }
 
-    /// Whether a unit that a file writes is one of these.
+    /// Whether the unit in a file has this dimension.
     pub(in crate::compute) fn is_in(&self, text: Option<&String>, dimension: Dimension) -> bool {
         matches!(named(text), Named::Unit(unit) if unit.dimension() == dimension)
     }
@@ -85,7 +87,8 @@ fn text_of(named: &Named) -> &str {
     named.text().unwrap_or("no unit")
 }
 
-/// Whether a record about this kind of quantity may be in a unit: in its own, or as the converter or the amplifier gave it.
+/// Whether a record of this kind of quantity may have a unit: one of its dimension, or that of a converter or an
+/// amplifier.
 fn fits(unit: Unit, dimension: Dimension) -> bool {
     unit.dimension() == dimension
         || matches!(unit.dimension(), Dimension::Voltage | Dimension::Current | Dimension::Count)

@@ -17,7 +17,7 @@ use gnc_link::Target;
 use gnc_records::store::Watcher;
 use hw_mocks::{BenchOptions, RunningBench};
 
-/// Runs a plan once. `watch` sees every event and asks what it likes. Tells the run as it ended.
+/// Runs a plan once. `watch` sees every event and may ask for anything. Returns the run as it ended.
 pub(crate) fn run_plan(
     plan: &str,
     options: &BenchOptions,
@@ -39,7 +39,7 @@ pub(crate) fn run_plan(
     observer.join().expect("an observer")
 }
 
-/// One run of a plan.
+/// A request for one run of a plan.
 pub(crate) fn request(plan: &str) -> RunRequest {
     let plan = Plan::read("short.toml", plan.into(), &mut |_| Err("no includes".to_owned()));
     RunRequest {
@@ -57,8 +57,8 @@ pub(crate) fn request(plan: &str) -> RunRequest {
     }
 }
 
-/// Carries it out on a simulated bench that has a turntable and no operator, and leaves the module without power. The records are
-/// thrown away.
+/// Carries out a request on a simulated bench that has a turntable and no operator, and leaves the module without
+/// power. The records are thrown away.
 pub(crate) fn serve(
     request: &RunRequest,
     options: &BenchOptions,
@@ -86,7 +86,7 @@ pub(crate) fn serve(
     })
 }
 
-/// Hands the events of the only round on.
+/// Passes on the events of the only round.
 struct Told {
     events: Option<SyncSender<Event>>,
 }

@@ -1,4 +1,4 @@
-//! How the module lies and moves, in words.
+//! The position and the motion of the module in words.
 
 use gnc_analysis::capture::Pose;
 use gnc_bench::guidance::{Guidance, Stage};
@@ -28,7 +28,7 @@ impl Texts {
         }
     }
 
-    /// How it moves while it is captured; nothing where it lies still.
+    /// How the module moves while it is captured; `None` if it lies still.
     pub(crate) fn motion(&self, pose: &Pose) -> Option<String> {
         let name = |axis: u8| MODULE_AXES[usize::from(axis) % 3];
         match *pose {
@@ -42,7 +42,7 @@ impl Texts {
         }
     }
 
-    /// What goes on.
+    /// The present stage in words.
     pub(crate) fn stage(&self, guidance: &Guidance) -> String {
         match guidance.stage {
             Stage::Laying => self.stage_laying.to_owned(),
@@ -56,7 +56,8 @@ impl Texts {
     }
 }
 
-/// A rate with its sign and as many digits as it needs: 5400 deg/s, and the hundredths of a resolution.
+/// A rate with its sign and as many digits as it needs: 5400 deg/s without decimals, and the hundredths of a
+/// resolution.
 struct Signed(f64);
 
 impl std::fmt::Display for Signed {

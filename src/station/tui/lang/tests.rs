@@ -4,7 +4,7 @@ use super::*;
 use crate::tui::keymap::{BINDINGS, KeyContext, bindings, name};
 use crate::tui::view::text_width;
 
-/// Everything that a language says, by the English text where one is a translation of it.
+/// All texts of a language: fields, keys, then outcomes, in the same order for each language.
 fn all(lang: Lang) -> Vec<String> {
     let texts = lang.texts();
     // The texts that are fields, as `Debug` prints them: names of fields with their values.
@@ -26,7 +26,7 @@ fn no_text_is_missing() {
     }
 }
 
-/// What is filled in is filled in in every language.
+/// Each text has the same places to fill in in every language.
 #[test]
 fn places_to_fill_in_agree() {
     let holes = |lang| all(lang).iter().map(|text| text.matches("{}").count()).collect::<Vec<_>>();
@@ -38,7 +38,7 @@ fn places_to_fill_in_agree() {
     }
 }
 
-/// A text that was left in English is found by its letters.
+/// A text that was left in English has no letter of the language.
 #[test]
 fn nothing_is_left_in_english() {
     let own = |lang: Lang, text: &str| match lang {
@@ -85,7 +85,7 @@ fn keys_fit_into_the_last_line() {
     }
 }
 
-/// A verdict is one word of at most six letters, each of which can be drawn, and no two verdicts look alike.
+/// A verdict is one word of at most six letters. Each letter can be drawn, and all verdicts look different.
 #[test]
 fn verdicts_can_be_drawn() {
     for lang in Lang::ALL {

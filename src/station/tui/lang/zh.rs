@@ -263,7 +263,8 @@ fn outcome_word(outcome: Outcome) -> &'static str {
     }
 }
 
-/// Latin letters, as production lines everywhere print them; the Chinese word stands in the border beside them.
+/// The verdict in Latin letters, as production lines everywhere print it. The Chinese word stands beside it in the
+/// border.
 fn verdict(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Passed => "PASS",

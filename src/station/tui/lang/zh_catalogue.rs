@@ -1,4 +1,5 @@
-//! The catalogue in Chinese: the title of each item, and the sentences that say what to look at, each with its translation.
+//! The catalogue in Chinese: the title of each item, and the sentences that say what to look at, each with its
+//! translation.
 
 use gnc_executive::catalogue::ItemId;
 
@@ -40,7 +41,7 @@ pub(super) fn item_title(item: ItemId) -> &'static str {
     }
 }
 
-/// The sentence in Chinese; English where the catalogue has a new one, which a test finds.
+/// The sentence in Chinese. A sentence without a translation stays English; a test finds it.
 pub(super) fn look_at_sentence(english: &'static str) -> &'static str {
     SENTENCES.iter().find(|(sentence, _)| *sentence == english).map_or(english, |(_, translated)| translated)
 }

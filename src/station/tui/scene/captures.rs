@@ -16,15 +16,15 @@ use crate::tui::lang::Lang;
 use crate::tui::model::{Loaded, PlanView, ProgramView, Progress};
 use crate::tui::update::{Msg, update};
 
-/// Captured board time of the capture in the middle of which a scene stands.
+/// Board time that a scene has captured of the present capture.
 const CAPTURED_S: f64 = 87.4;
 
 impl Scene {
-    /// A run of the calibration plan that stands in the middle of a capture: `item` is at work, and so many of its
-    /// captures are finished.
+    /// A screen in the middle of a capture of the calibration plan: `item` is at work, and `finished` of its captures
+    /// are finished.
     ///
     /// # Errors
-    /// What the terminal in memory says; the plan of the scene is good.
+    /// An error of the terminal in memory; the plan of the scene is always good.
     pub fn capturing(lang: Lang, (width, height): (u16, u16), item: &str, finished: usize) -> std::io::Result<Self> {
         let mut scene = Self::calibration(lang, width, height)?;
         scene.start("DEMO-1");
@@ -36,7 +36,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The same in the first spin of the magnetometer, after so many samples of a field that draws an ellipse.
+    /// A screen in the first spin of the magnetometer, after `samples` samples of a field that draws an ellipse.
     ///
     /// # Errors
     /// As [`Scene::capturing`].
@@ -48,7 +48,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The same in an hour of stillness, after so many samples.
+    /// A screen in the hour at rest, after `samples` samples.
     ///
     /// # Errors
     /// As [`Scene::capturing`].
@@ -67,7 +67,7 @@ impl Scene {
         self.guided(item, guidance);
     }
 
-    /// An idle screen with a calibration plan that ends with an hour of stillness.
+    /// An idle screen with a calibration plan that ends with an hour at rest.
     pub(crate) fn calibration(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let mut scene = Self::new(lang, width, height)?;
         let plan = plan()?;
@@ -87,7 +87,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The way through an item's program with so many captures finished and the next one under way.
+    /// The guidance of an item with `finished` captures finished and the next one under way.
     pub(crate) fn guidance(&self, item: &str, finished: usize, captured_s: f64) -> Guidance {
         let plan = plan().ok();
         let found = plan.iter().flat_map(Plan::items).find(|other| other.name == item);
@@ -104,7 +104,7 @@ impl Scene {
         guidance
     }
 
-    /// The item at work says how far it is.
+    /// Reports the progress of the item at work.
     pub(crate) fn guided(&mut self, item: &str, guidance: Guidance) {
         let progress = Progress {
             item: item.into(),
@@ -130,7 +130,7 @@ fn spun(index: u32) -> ImuSample {
     ImuSample { mag: [counts(x), counts(y), 0], ..ImuSample::default() }
 }
 
-/// Numbers without a pattern (Knuth's linear congruence), alike in every picture.
+/// Pseudo-random numbers (Knuth's linear congruence), the same in every picture.
 struct Noise(u64);
 
 impl Noise {

@@ -1,4 +1,4 @@
-//! The records, as the screen looks through them.
+//! Reads the records for the screen.
 
 use std::path::{Path, PathBuf};
 
@@ -13,10 +13,11 @@ use crate::tui::model::Earlier;
 use crate::tui::records::{Checked, Day, MAX_RUNS, RunLine, RunMark, Runs, Unopened};
 use crate::tui::update::Msg;
 
-/// Runs that are opened to learn how long a plan takes; if none of them is of it, nobody knows.
+/// Largest number of runs that are opened to find out how long a plan takes. If none is of this plan, the time is
+/// unknown.
 const MAX_LOOKED_AT: usize = 100;
 
-/// Says which is the newest run of a module today.
+/// Finds the newest run of a module today, for the screen.
 pub(super) fn look_up(records: &Path, serial_number: String) -> Msg {
     let run = earlier(records, &serial_number);
     Msg::Earlier { serial_number, run }
@@ -117,7 +118,7 @@ pub(super) fn verify(path: PathBuf) -> Msg {
     Msg::Verified { path, checked: Checked { problems, newer } }
 }
 
-/// The fold of a run whose events did not all reach the screen.
+/// Folds the record of a run again, since some of its events did not reach the screen.
 pub(super) fn refold(folder: PathBuf) -> Msg {
     let state = reader::fold(&folder).map(Box::new).map_err(|error| with_causes(&error));
     Msg::Refolded { folder, state }

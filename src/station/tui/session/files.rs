@@ -1,4 +1,4 @@
-//! Plans and benches that the screen can choose, and the ones that are chosen.
+//! The plans and benches that the screen offers, and the chosen ones.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,11 +15,11 @@ use crate::setup::{self, BENCH_FILE, CheckedBench};
 use crate::tui::model::{BenchView, PlanView, ProgramView};
 use crate::tui::setup_form::Choices;
 
-/// What stands before the name of a simulated module.
+/// Prefix of the name of a simulated module.
 pub(crate) const SIM: &str = "sim:";
-/// Where plans lie.
+/// The folder of plans.
 const PLANS: &str = "test-plans";
-/// Files that are offered; more are typed.
+/// Largest number of files that are offered; the operator can type other names.
 const MAX_CHOICES: usize = 100;
 
 /// Why nothing is started while bench and plan are being read.
@@ -32,7 +32,7 @@ pub(super) struct Held {
     pub plan: Option<Arc<HeldPlan>>,
 }
 
-/// A plan as it was checked, and where it was read.
+/// A plan as it was checked, and its path.
 #[derive(Debug)]
 pub(super) struct HeldPlan {
     pub path: PathBuf,
@@ -48,7 +48,7 @@ impl Held {
     }
 }
 
-/// What a look at bench and plan finds, in the order in which it is told.
+/// A result of a check of bench and plan, in the order of reporting.
 #[derive(Debug)]
 pub(super) enum Looked {
     Bench { path: String, bench: Result<Box<CheckedBench>, CommandRefusal> },
@@ -56,12 +56,12 @@ pub(super) enum Looked {
     Expected(Option<f64>),
 }
 
-/// Reads and checks bench and plan, and tells what they are or all that is wrong with them.
+/// Reads and checks bench and plan, and reports what they are or all their mistakes.
 pub(super) fn look(args: &RunArgs, plan_path: &Path, tell: impl Fn(Looked)) {
     let bench = setup::check(args).map(Box::new);
     let known = bench.as_ref().ok().map(|bench| (bench.abilities, bench.bench.kind, bench.records.clone()));
     tell(Looked::Bench { path: bench_name(args), bench });
-    // Without a bench the plan alone is checked, so that the two can be mended one after the other.
+    // Without a bench, check the plan alone, so that the operator can correct one after the other.
     let abilities = known.as_ref().map_or(setup::SIMULATED, |(abilities, ..)| *abilities);
     let plan = plan_view(plan_path, abilities).map(Box::new);
     let sha256 = plan.as_ref().ok().map(|plan| plan.1.sha256.clone());
@@ -80,7 +80,7 @@ pub(super) fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         station: checked.station.clone(),
         kind: checked.bench.kind,
         name: checked.bench.personality.clone().unwrap_or_else(|| path.to_owned()),
-        // Of a simulated bench it is another one for each module.
+        // A simulated bench has another link for each module.
         link: checked.link().map(ToString::to_string).unwrap_or_default(),
         records: checked.records.clone(),
     }
@@ -101,7 +101,7 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
 }
 
-/// The bench as the form names it.
+/// The name of the bench in the form.
 fn bench_name(args: &RunArgs) -> String {
     match (&args.sim, &args.bench) {
         (Some(sim), _) => format!("{SIM}{}", sim.display()),
@@ -110,7 +110,7 @@ fn bench_name(args: &RunArgs) -> String {
     }
 }
 
-/// Takes a bench as the form names it.
+/// Sets the bench by its name in the form.
 pub(super) fn set_bench(args: &mut RunArgs, name: &str) {
     match name.strip_prefix(SIM) {
         Some(personality) => {
@@ -124,12 +124,12 @@ pub(super) fn set_bench(args: &mut RunArgs, name: &str) {
     }
 }
 
-/// Where records go, as far as the command line and the bench file say.
+/// The records folder, as far as the command line and the bench file name it.
 pub(super) fn records(args: &RunArgs) -> PathBuf {
     setup::records_folder(args)
 }
 
-/// Plans and benches that lie where they usually do.
+/// Plans and benches in the usual folders.
 pub(super) fn choices(plan: &Path) -> Choices {
     let mut plans = Vec::new();
     for folder in [plan.parent().unwrap_or_else(|| Path::new("")), Path::new(PLANS)] {

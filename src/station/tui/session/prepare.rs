@@ -1,5 +1,5 @@
-//! What must be known before a run begins: whether the files are as they were checked, whether the module was tested today,
-//! and whether one of its runs broke off and can be taken up again.
+//! What must be known before a run begins: whether the files are as they were checked, whether the module was tested
+//! today, and whether one of its runs broke off and can be taken up again.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use super::archive;
 use super::files::{Held, NOT_HELD};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
 
-/// Newest runs of a module that are read to find one that broke off.
+/// Largest number of newest runs of a module that are read to find one that broke off.
 const MAX_LOOKED_AT: usize = 20;
 
 /// A run that is to begin.
@@ -37,7 +37,7 @@ impl Look {
         Prepared { serial_number: self.serial_number, changed, earlier, resume }
     }
 
-    /// The run that the command line asked for, or why it cannot be taken up.
+    /// The run that the command line named, or why it cannot be taken up.
     fn asked_for(&self, folder: PathBuf) -> Resumable {
         let Some(like) = self.like() else { return Resumable::No { why: NOT_HELD.to_owned() } };
         let fits = Resumed::read(&folder, like);

@@ -1,4 +1,4 @@
-//! One order of the screen: a run, or a run again and again.
+//! One order of the screen: one run, or repeated runs.
 
 use std::io;
 use std::path::Path;
@@ -22,7 +22,7 @@ use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, RoundsSetting};
 use crate::tui::update::{Msg, StartRequest};
 
-/// How the run is reached from outside.
+/// Handles by which the session and the screen reach the run.
 pub(super) struct Handles {
     pub control: RunControl,
     pub screen: mpsc::Sender<Msg>,
@@ -30,7 +30,7 @@ pub(super) struct Handles {
     pub questions: mpsc::Sender<OperatorQuestion>,
 }
 
-/// How it went.
+/// How an order ended.
 #[derive(Debug)]
 pub(super) enum Finished {
     Run {
@@ -41,7 +41,7 @@ pub(super) enum Finished {
         /// Why a round was not begun.
         refusal: Option<String>,
     },
-    /// A look at raw values, and why it came to an end by itself.
+    /// A look at raw values; `why` says why it ended by itself.
     Watch { why: Option<String> },
 }
 
@@ -61,7 +61,7 @@ impl Finished {
     }
 }
 
-/// Shows raw values until somebody asks for a stop.
+/// Shows raw values until the operator stops this.
 pub(super) async fn watch(held: Held, handles: Handles) -> Finished {
     let opened = held.bench.ok_or_else(nothing_held).and_then(|bench| bench.open("", || Ok(Fixture::Absent)));
     let setup = match opened {
@@ -77,7 +77,7 @@ fn in_words(refusal: &CommandRefusal) -> String {
     format!("{}{hint}", refusal.what)
 }
 
-/// The screen and what runs are out of step: nothing is started that is not shown.
+/// Refuses to start what is not on the screen: the screen and the session are out of step.
 fn nothing_held() -> CommandRefusal {
     CommandRefusal::new(NOT_HELD, "choose them again with F2")
 }

@@ -20,14 +20,14 @@ fn a_space_amid_text_is_text() {
     assert_eq!(spaces_in_text(vec![Key::Char(' '), Key::Down]), [Key::Char(' '), Key::Down]);
 }
 
-/// Tells this very test program that it is to come to grief on a terminal: where.
+/// The environment variable that makes this test program panic on a terminal; its value is the thread.
 const GRIEF: &str = "GNC_TEST_PANIC_ON";
-/// What it says then.
+/// The message of the panic.
 const LAST_WORDS: &str = "the sky fell on the bench";
 /// Longest time for the program to come to its end on a machine under load.
 const DEADLINE: Duration = Duration::from_secs(60);
 
-/// The screen of a run that is going on, until something panics. Does nothing unless it is asked to.
+/// Shows the screen of a run, then panics. Does nothing if the variable is not set.
 #[test]
 fn comes_to_grief_if_asked() {
     let Ok(place) = std::env::var(GRIEF) else { return };
@@ -44,7 +44,7 @@ fn comes_to_grief_if_asked() {
     panic!("{LAST_WORDS}");
 }
 
-/// What a panic leaves of a terminal: its settings as before, its own screen, the cursor, and a message that can be read.
+/// A panic leaves the terminal with its settings as before, its own screen, the cursor, and a message that can be read.
 #[test]
 fn a_panic_gives_the_terminal_back() {
     for place in ["this thread", "another thread"] {
@@ -72,14 +72,14 @@ fn a_panic_gives_the_terminal_back() {
         assert!(after == before, "{place}: the line discipline is not as it was");
         let whole = !screen.alternate_screen() && !screen.hide_cursor() && !screen.bracketed_paste();
         assert!(whole, "{place}: the terminal is not as it was:\n{}", screen.contents());
-        // At the left edge, which takes the line discipline that makes a line end of a line feed.
+        // The message is at the left edge only if the line discipline turns a line feed into a line end again.
         let said = screen.rows(0, 80).any(|row| row.starts_with(LAST_WORDS));
         assert!(said, "{place}: nobody can read what happened:\n{}", screen.contents());
     }
 }
 
-/// Takes what is written to a terminal until its other end is closed: whether the whole screen was drawn meanwhile, and
-/// what is there at the end.
+/// Reads what is written to a terminal until its other end is closed. Returns whether the whole screen was drawn
+/// meanwhile, and the screen at the end.
 fn watch(master: OwnedFd) -> std::thread::JoinHandle<(bool, vt100::Screen)> {
     std::thread::spawn(move || {
         let mut master = File::from(master);

@@ -25,7 +25,7 @@ fn pictures_of_captures() {
     }
 }
 
-/// Plays a scene in the middle of captures, and looks at it on its page and on that of the tests.
+/// Plays a scene in the middle of captures, and looks at its own page and at the tests page.
 fn check_captures(name: &str, item: &str, finished: usize) {
     for lang in Lang::ALL {
         for size in SIZES {
@@ -39,7 +39,7 @@ fn check_captures(name: &str, item: &str, finished: usize) {
     }
 }
 
-/// Raw samples that come no more say nothing of the attitude that the board tells.
+/// The roll angle from stale raw samples is not shown beside the board's newer angle.
 #[test]
 fn a_roll_angle_of_long_ago_is_not_compared() {
     let mut scene = scene(Lang::En);

@@ -1,4 +1,4 @@
-//! What is asked between the key and the run.
+//! The questions between the key and the run.
 
 use std::path::PathBuf;
 
@@ -37,7 +37,7 @@ fn unlike() -> Option<Resumable> {
     Some(Resumable::No { why: why.into() })
 }
 
-/// Scans, presses F5, and lets this be found.
+/// Scans, presses F5, and answers the check of files and records with these results.
 fn start(scene: &mut Scene, changed: Vec<ChangedFile>, resume: Option<Resumable>) -> Option<Effect> {
     scene.types("DEMO-1");
     scene.key(Key::Enter);
@@ -54,7 +54,7 @@ fn started(command: Option<Effect>) -> StartRequest {
     }
 }
 
-/// A question looks the same on a larger screen, so one size is looked at, in all languages.
+/// A question looks the same on a larger screen, so one size is enough, in all languages.
 fn check(name: &str, play: impl Fn(&mut Scene)) {
     for lang in Lang::ALL {
         let mut scene = scene(lang);
@@ -70,12 +70,12 @@ fn questions() {
     check("no-resume", |scene| drop(start(scene, Vec::new(), unlike())));
 }
 
-/// What is shown is what runs, and reading again runs nothing.
+/// The plan on the screen is the plan that runs, and reading the files again starts nothing.
 #[test]
 fn changed_files_are_asked_about() {
     let mut scene = scene(Lang::En);
     assert_eq!(start(&mut scene, changed(), None), None);
-    // A key that is pressed twice answers nothing, and asks once.
+    // A second press of the key answers nothing, and there is still one question.
     assert_eq!(scene.key(Key::F(5)), None);
     let (serial_number, earlier, resume) = ("DEMO-1".into(), None, None);
     let again = Prepared { serial_number, changed: changed(), earlier, resume };
@@ -119,7 +119,7 @@ fn a_run_that_broke_off_is_taken_up_once() {
     assert_eq!((from_start.resume, from_start.rounds), (None, RoundsSetting::Count(5)));
 }
 
-/// The run of the command line is looked at with each start, until the operator has decided about it.
+/// Each start checks the run of the command line, until the operator has decided about it.
 #[test]
 fn the_run_of_the_command_line_is_not_forgotten() {
     let mut scene = scene(Lang::En);
@@ -141,7 +141,7 @@ fn the_run_of_the_command_line_is_not_forgotten() {
     assert_eq!(scene.model.resume, None);
 }
 
-/// A scan is no answer: it takes the question away, with what it was about.
+/// A scan is not an answer: it removes the question, together with the start that waits for it.
 #[test]
 fn a_scan_answers_no_question() {
     for (changed, resume) in [(changed(), None), (Vec::new(), broke_off()), (Vec::new(), unlike())] {
@@ -153,7 +153,7 @@ fn a_scan_answers_no_question() {
     }
 }
 
-/// An answer that comes when another plan was chosen starts nothing.
+/// An answer that comes after another plan was chosen starts nothing.
 #[test]
 fn another_plan_ends_what_waits() {
     let mut scene = scene(Lang::En);
@@ -185,7 +185,7 @@ fn newer_runs() {
     });
 }
 
-/// What was read anew is shown without the verdict on what was there before, and a file that was mended is read by F5.
+/// After a new reading the old verdict is not shown, and F5 reads a file that was corrected.
 #[test]
 fn a_verdict_goes_with_its_plan() {
     let choose = || Effect::Choose { plan: "test-plans/functional.toml".into(), bench: "sim:good".into() };

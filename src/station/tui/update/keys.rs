@@ -1,4 +1,4 @@
-//! Keys: what they do where.
+//! What keys do in each place.
 
 use super::start::{self, ask_to_start};
 use super::{Effect, set_language, words};
@@ -35,14 +35,14 @@ fn is_text(key: Key) -> bool {
     matches!(key, Key::Char(_) | Key::Pasted(_) | Key::Backspace)
 }
 
-/// Text goes to the serial number, or to the search of the records. `Some`: the key was text, or ended it.
+/// Adds text to the serial number, or to the search of the records. `Some`: the key was text, or ended it.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
 fn scanned(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<Effect>> {
     let searching = matches!(place, KeyContext::Records);
     let field = if searching { &mut model.records.search } else { &mut model.scan.typed };
     let typing = !field.is_empty();
     match key {
-        // Between characters it belongs to the number; alone it ticks.
+        // A space between characters belongs to the number; a space alone ticks an item.
         Key::Char(' ') if !typing => return None,
         Key::Char(character) | Key::Pasted(character) => field.push(character),
         Key::Control => field.spoil(),
@@ -93,7 +93,7 @@ fn take_number(model: &mut ScreenModel, number: String) {
     model.scan.next = None;
     model.scan.earlier = None;
     model.pending = None;
-    // The verdict on the screen was another module's.
+    // The verdict on the screen belongs to another module.
     model.run = None;
     model.cursor = 0;
     model.page = ScreenPage::Tests;
@@ -175,7 +175,7 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
         model.say(MessageWeight::Warning, model.texts.not_during_run);
         return None;
     }
-    // A scanner that sends no line end: the number is complete when somebody starts.
+    // Some scanners send no line end. Then the number is complete when the operator starts.
     if !model.scan.typed.is_empty() && !finish_scan(model) {
         return None;
     }
@@ -186,7 +186,7 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
         (Loaded::Loading, _) | (_, Loaded::Loading) => Some(model.texts.still_loading),
         (Loaded::Ready(_), Loaded::Ready(_)) => None,
         (Loaded::Ready(_), _) if model.plan_path.is_empty() => Some(model.texts.no_plan),
-        // Somebody may have mended the file that was refused.
+        // The operator may have corrected the file that was refused.
         _ => return start::load_new(model),
     };
     if let Some(lacking) = lacking {
@@ -203,7 +203,7 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
         return None;
     }
     let selection = selection.filter(|_| !everything);
-    // One item may be looped, to watch it; what failed is looked at once.
+    // One item may run in a loop, to watch it; failed items run only once more.
     let rounds = if what == What::Failed { RoundsSetting::Once } else { model.rounds };
     ask_to_start(model, PendingStart::new(selection, rounds))
 }
@@ -268,7 +268,7 @@ fn stop(model: &mut ScreenModel) -> Option<Effect> {
 
 fn next_page(model: &mut ScreenModel) -> Option<Effect> {
     model.over.clear();
-    // Nobody watches any more: the module need not stay on.
+    // The live page is no longer shown, so the module need not stay on.
     let unwatched = (model.watching && model.page == ScreenPage::Live).then_some(Effect::Stop);
     model.page = match model.page {
         ScreenPage::Tests if model.captures() => ScreenPage::Calibration,
@@ -285,7 +285,7 @@ fn leave_watch(model: &mut ScreenModel) -> Option<Effect> {
     Some(Effect::Stop)
 }
 
-/// Reads what the records page waits for.
+/// Reads the records if the records page waits for them.
 pub(super) fn read_if_due(model: &mut ScreenModel) -> Option<Effect> {
     if model.page == ScreenPage::Records && model.records.reading { read_records(model) } else { None }
 }
@@ -411,7 +411,7 @@ fn verify(model: &mut ScreenModel) -> Option<Effect> {
     Some(Effect::Verify(path))
 }
 
-/// Moves the cursor, or scrolls where there is none.
+/// Moves the cursor, or scrolls if there is no cursor.
 fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
     let end = model.scroll_end.get();
     match model.over.last_mut() {

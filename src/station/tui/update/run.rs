@@ -1,4 +1,4 @@
-//! What a run tells the screen.
+//! Messages of a run to the screen.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         return None;
     }
     if run.state.apply(event).is_err() {
-        // The terminal was that far behind. The record has all of it.
+        // The terminal was so far behind that events were lost. The record has them all.
         run.events_lost = true;
         model.message = Some((MessageWeight::Warning, model.texts.events_lost.to_owned()));
         return None;
@@ -51,14 +51,14 @@ pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     }
 }
 
-/// What is known of earlier runs of the module.
+/// Takes what is known of earlier runs of the module.
 pub(super) fn earlier(model: &mut ScreenModel, serial_number: &str, run: Option<Earlier>) {
     if model.scan.current.as_deref() == Some(serial_number) {
         model.scan.earlier = Some(run);
     }
 }
 
-/// Nothing follows.
+/// Ends the run on the screen: nothing follows.
 pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal: Option<String>) -> Option<Effect> {
     let leaving = model.leaving;
     let run = model.run.as_mut()?;
@@ -79,12 +79,12 @@ pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal
             model.run = None;
         }
     }
-    // Whoever was asked whether to stop the run need not answer any more.
+    // The question whether to stop the run needs no answer any more.
     model.over.retain(|over| *over != Over::Leave);
     if leaving { Some(Effect::Leave) } else { missed.map(Effect::Refold) }
 }
 
-/// The record of a run whose events did not all come. The next module may be on the screen by then.
+/// Takes the record of a run whose events did not all come. The next module may be on the screen by then.
 pub(super) fn refolded(model: &mut ScreenModel, folder: &Path, state: RunState) {
     if let Some(run) = model.run.as_mut().filter(|run| run.folder.as_deref() == Some(folder)) {
         if let Some(outcome) = state.outcome() {

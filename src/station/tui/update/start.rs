@@ -1,4 +1,4 @@
-//! The way from a key to a run: what is looked at first, and what is asked before it begins.
+//! From a key to a run: the checks and the questions before the run begins.
 
 use super::{Effect, StartRequest, earlier_words, words};
 use crate::tui::keymap::KeyAction;
@@ -6,7 +6,7 @@ use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, RoundsSetting, RunView, ScreenModel};
 use crate::tui::pending::{Interrupted, PendingStart, Prepared, Resumable};
 
-/// A run is asked for: the session looks at files and records first.
+/// Asks for a run. The session checks files and records first.
 pub(super) fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Option<Effect> {
     let Some(serial_number) = model.scan.current.clone() else {
         model.say(MessageWeight::Warning, model.texts.scan_first);
@@ -17,10 +17,10 @@ pub(super) fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Op
     Some(Effect::Prepare { serial_number, selection, resume })
 }
 
-/// The look is done. The screen asks one question after the other.
+/// Takes the result of the check. The screen then asks one question after the other.
 pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Effect> {
     let Prepared { serial_number, changed, earlier, resume } = prepared;
-    // A key that was pressed twice asks once.
+    // A second press of the key must not ask again.
     if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
         return None;
     }
@@ -33,7 +33,7 @@ pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Ef
     match (resume, earlier) {
         (Some(Resumable::Yes(run)), _) => pending.questions.push_back(Over::Interrupted(run)),
         (Some(Resumable::No { why }), _) => pending.questions.push_back(Over::NoResume { why }),
-        // To repeat what failed, or one item, is no second test of the module.
+        // A repeat of failed items, or a run of one item, is not a second test of the module.
         (None, Some(run)) if pending.selection.is_none() => {
             pending.questions.push_back(Over::Again(run.clone()));
             let [time, outcome] = earlier_words(model, &run);
@@ -55,7 +55,7 @@ fn ask_next(model: &mut ScreenModel) -> Option<Effect> {
     }
 }
 
-/// Whether it asks something about a start.
+/// Whether a layer asks something about a start.
 fn is_question(over: &Over) -> bool {
     matches!(over, Over::Again(_) | Over::Changed(_) | Over::Interrupted(_) | Over::NoResume { .. })
 }
@@ -79,14 +79,14 @@ pub(super) fn answer(model: &mut ScreenModel, action: KeyAction) -> Option<Optio
     })
 }
 
-/// Plan and bench are read and checked again. The operator looks at them before they run.
+/// Has plan and bench read and checked again. The operator looks at them before they run.
 pub(super) fn load_new(model: &mut ScreenModel) -> Option<Effect> {
     model.say(MessageWeight::Info, model.texts.reading_new);
     let (plan, bench) = (model.plan_path.clone(), model.bench_path.clone());
     Some(choose(model, plan, bench))
 }
 
-/// Has a plan and a bench read. The verdict on the screen is by what was read before.
+/// Has a plan and a bench read. The verdict on the screen goes, since it belongs to the plan that was read before.
 pub(super) fn choose(model: &mut ScreenModel, plan: String, bench: String) -> Effect {
     model.pending = None;
     model.plan = Loaded::Loading;
@@ -99,18 +99,18 @@ pub(super) fn choose(model: &mut ScreenModel, plan: String, bench: String) -> Ef
 fn take_up(model: &mut ScreenModel, run: Interrupted) -> Option<Effect> {
     model.resume = None;
     let pending = model.pending.as_mut()?;
-    // What was captured is taken over once.
+    // Captures are taken over only once, so there is one round.
     (pending.resume, pending.rounds) = (Some(run.folder), RoundsSetting::Once);
     ask_next(model)
 }
 
-/// Starts what waits.
+/// Starts the run that waits.
 fn start(model: &mut ScreenModel) -> Option<Effect> {
     let PendingStart { selection, rounds, resume, .. } = model.pending.take()?;
     let serial_number = model.scan.current.clone()?;
     let plan = model.plan.ready()?;
     let (plan_sha256, expected_s) = (plan.sha256.clone(), plan.expected_s);
-    // What was read from another module is not shown beside this one.
+    // Readings of another module are not shown beside this module.
     model.live = History::default();
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
     model.message = None;

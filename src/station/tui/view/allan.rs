@@ -13,7 +13,7 @@ use crate::tui::model::{Glyphs, ScreenModel};
 /// Cells of one label of the averaging time, with a gap.
 const LABEL: u16 = 8;
 
-/// Draws the deviations of a capture that will take so long.
+/// Draws the deviations of a capture of `span_s` seconds.
 pub(super) fn draw(model: &ScreenModel, allan: &AllanView, span_s: f64, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let [gyro, accel] = Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
@@ -33,7 +33,7 @@ fn chart(
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    // A deviation of nothing has no logarithm.
+    // A deviation of zero has no logarithm.
     let curves = curves.each_ref().map(|curve| {
         let drawn = curve.iter().filter(|(tau_s, dev)| *tau_s > 0.0 && *dev > 0.0);
         drawn.map(|(tau_s, dev)| (tau_s.log10(), dev.log10())).collect::<Vec<_>>()
@@ -64,7 +64,7 @@ fn chart(
     names_of_curves(model, frame, ends, newest, (low, high));
 }
 
-/// Whole decades that hold a range, every one or every so many of them with a label.
+/// Whole decades that hold a range; every `step`-th one has a label.
 #[derive(Debug, PartialEq, Eq)]
 struct Decades {
     low: i32,
@@ -73,7 +73,7 @@ struct Decades {
 }
 
 impl Decades {
-    /// Of a range of logarithms, with at most so many labels.
+    /// The decades of a range of logarithms, with at most `labels` labels.
     fn new((low, high): (f64, f64), labels: u16) -> Self {
         let (low, high) = (low.floor() as i32, high.ceil() as i32);
         let decades = (high - low).max(1);

@@ -1,4 +1,4 @@
-//! Where the axes of a module point that lies on the table, and how that looks from beside it.
+//! Directions of the axes of a module that lies on the table, and how they look from beside it.
 
 use gnc_rig::{Along, Orientation};
 use nalgebra::Vector3;
@@ -6,9 +6,10 @@ use nalgebra::Vector3;
 /// East, north, up.
 pub(super) type Direction = Vector3<f64>;
 
-/// Height of the celestial pole in pictures. They show which axis points there, and not how high it stands at the bench.
+/// Height of the celestial pole in pictures. They show which axis points there, and not how high it stands at the
+/// bench.
 const POLE_DEG: f64 = 45.0;
-/// The eye stands so far east of south of the module, and so high above it: all three directions are told apart.
+/// The eye is so far east of south of the module, and so high above it, that all three directions look different.
 const EYE_EAST_DEG: f64 = 30.0;
 const EYE_UP_DEG: f64 = 25.0;
 
@@ -17,12 +18,12 @@ const EYE_UP_DEG: f64 = 25.0;
 pub(super) struct ModuleOnTable {
     /// Where its axes X, Y, Z point.
     pub(super) axes: [Direction; 3],
-    /// Where the table's axis points: the one about which it turns, in the sense of the module's axis that lies there.
+    /// Direction of the axis about which the table turns, in the sense of the module's axis that is nearest to it.
     pub(super) table: Direction,
 }
 
 impl ModuleOnTable {
-    /// The attitude of a module that was laid down so.
+    /// The attitude of a module that was laid down in this orientation.
     pub(super) fn of(orientation: &Orientation) -> Self {
         let (along, heading_deg) = match *orientation {
             Orientation::Axis { along, heading_deg, .. } => (along, heading_deg),
@@ -56,14 +57,14 @@ fn unit(axis: usize) -> Direction {
     [Vector3::x(), Vector3::y(), Vector3::z()][axis % 3]
 }
 
-/// The axis nearest to a direction; of equals the first, as the table takes it.
+/// The axis nearest to a direction. Of equally near axes it is the first, as the table takes it.
 fn nearest(direction: &Direction) -> usize {
     [1, 2]
         .into_iter()
         .fold(0, |best, axis| if direction[axis].abs() > direction[best].abs() + 1e-9 { axis } else { best })
 }
 
-/// A direction and the one from which headings about it are counted.
+/// A direction, and the zero of headings about it.
 fn frame(along: Along) -> (Direction, Direction) {
     match along {
         Along::Up => (Vector3::z(), Vector3::y()),
@@ -75,7 +76,7 @@ fn frame(along: Along) -> (Direction, Direction) {
     }
 }
 
-/// The way to the eye.
+/// The direction to the eye.
 pub(super) fn towards_eye() -> Direction {
     let (sin_east, cos_east) = EYE_EAST_DEG.to_radians().sin_cos();
     let (sin_up, cos_up) = EYE_UP_DEG.to_radians().sin_cos();
@@ -99,7 +100,7 @@ mod tests {
         for (axis, expected) in axes.iter().zip(expected) {
             assert!((axis - Vector3::from(expected)).norm() < 1e-9, "{orientation:?}: {axes:?}");
         }
-        // Right-handed, or the picture shows a module that does not exist.
+        // Axes that are not right-handed would show a module that does not exist.
         assert!((axes[0].cross(&axes[1]) - axes[2]).norm() < 1e-9, "{orientation:?}");
     }
 
@@ -121,7 +122,7 @@ mod tests {
         check(Orientation::Up { up: [0.0, 0.0, -1.0], heading_deg: 0.0 }, [north, east, minus(up)]);
     }
 
-    /// What the plan says points up does, and the simulated bench lays it down the same way.
+    /// The direction that the plan calls up points up, and the simulated bench lays the module down in the same way.
     #[test]
     fn what_is_up_points_up() {
         let up = Vector3::new(0.1, -0.7, 0.2).normalize();

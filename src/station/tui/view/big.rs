@@ -9,7 +9,7 @@ use ratatui::widgets::Paragraph;
 /// Rows of a letter at its smallest.
 pub(super) const HEIGHT: u16 = 5;
 
-/// The picture of a letter; `None` where there is none.
+/// The picture of a letter; `None` if the letter has no picture.
 fn letter(letter: char) -> Option<[&'static str; 5]> {
     Some(match letter {
         'A' | 'А' => [" ### ", "#   #", "#####", "#   #", "#   #"],

@@ -1,4 +1,4 @@
-//! The tests page: who is tested, how far it is or how it ended, and the items.
+//! The tests page: the module, the progress or the verdict, and the items.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -8,7 +8,7 @@ use crate::tui::model::{Loaded, ScreenModel};
 
 /// Height of the panels with letters at their smallest and their borders.
 const LOW: u16 = big::HEIGHT + 2;
-/// With letters twice as large.
+/// Height with letters twice as large.
 const HIGH: u16 = 2 * big::HEIGHT + 2;
 /// Width of the verdict beside the product on a narrow screen.
 const VERDICT: u16 = 38;

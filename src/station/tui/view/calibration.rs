@@ -20,7 +20,7 @@ const GUIDANCE_WIDE: u16 = 64;
 /// Rows of the drawn module, on a small screen and at most.
 const MODULE: u16 = 9;
 const MODULE_HIGH: u16 = 22;
-/// Captures in sight above a picture, and from which height on they are more.
+/// Captures listed above a picture, the same on a high screen, and the height of a high screen.
 const LIST: u16 = 4;
 const LIST_HIGH: u16 = 10;
 const HIGH: u16 = 40;
@@ -43,7 +43,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
 }
 
-/// The module, and what goes on with it.
+/// Draws the module, how it moves, and the progress.
 fn guide(model: &ScreenModel, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
     let block = block(&text::shown(item)).border_style(style::accent(model.look));
     let inner = block.inner(area);
@@ -78,7 +78,7 @@ fn pose_lines(model: &ScreenModel, guidance: &Guidance, cells: usize) -> Vec<Lin
     lines
 }
 
-/// Which capture of how many, and what is still to go of it, of the item, of the plan.
+/// Which capture of how many it is, and the time that remains for the capture, for the item and for the plan.
 fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let mut lines = vec![Line::styled(text::cut(&texts.stage(guidance), cells), style::strong())];
@@ -114,7 +114,7 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
     lines
 }
 
-/// Bench time of all captures that the plan has still before it.
+/// Bench time of all captures that remain in the plan.
 pub(super) fn plan_left_s(model: &ScreenModel, item: &str, guidance: &Guidance) -> Option<f64> {
     let programs = &model.plan.ready()?.programs;
     let state = &model.run.as_ref()?.state;
@@ -157,7 +157,7 @@ fn capture(model: &ScreenModel, guidance: &Guidance, index: usize, planned: &Pla
     ])
 }
 
-/// What of the plan captures, while nothing does.
+/// The items of the plan that capture, while no capture is under way.
 fn programs(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let block = block(texts.calibration);

@@ -48,7 +48,7 @@ fn title(model: &ScreenModel, row: Option<&Row>) -> String {
     }
 }
 
-/// Lines in a frame, from `scroll` on; what cannot be seen is counted.
+/// Draws lines in a frame, from `scroll` on, and counts the lines that cannot be seen.
 pub(super) fn scrolled(
     model: &ScreenModel,
     frame: &mut Frame<'_>,

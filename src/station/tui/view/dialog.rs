@@ -1,4 +1,4 @@
-//! What lies over a page: questions and the list of keys.
+//! Layers over a page: questions and the list of keys.
 
 use gnc_executive::text::duration;
 use ratatui::Frame;

@@ -1,4 +1,5 @@
-//! The field across the axis of a spin: raw points with the ellipse through them, and what its correction makes of them.
+//! The field across the axis of a spin: raw points with the ellipse through them, and what its correction makes of
+//! them.
 
 use gnc_bench::guidance::field::{FieldView, RoughEllipse, roll_deg};
 use gnc_protocol::calibration::ROLL_PER_RAD;
@@ -18,7 +19,7 @@ use crate::tui::model::{Glyphs, ScreenModel};
 const FIGURES: u16 = 3;
 /// Room round the ellipse.
 const AIR: f64 = 1.15;
-/// A zero this many semi-axes away would leave a dot of the ellipse: then it is out of sight.
+/// A zero this many semi-axes away is left out of sight: otherwise the ellipse would be drawn as a dot.
 const FAR: f64 = 4.0;
 /// Strokes of a drawn ellipse.
 const STROKES: u32 = 72;
@@ -62,7 +63,7 @@ fn correct(ellipse: &RoughEllipse, [x, y]: [f64; 2]) -> [f64; 2] {
     [x, y]
 }
 
-/// Middle and half width of what is in sight of the raw field: the ellipse, and zero unless that is far away.
+/// Middle and half width of the part of the raw field in sight: the ellipse, and also zero unless it is far away.
 fn sight(field: &FieldView) -> ([f64; 2], f64) {
     if let Some(ellipse) = &field.ellipse {
         let [major, _] = ellipse.semi_axes;
@@ -79,7 +80,7 @@ struct Colours {
     faint: Color,
 }
 
-/// A square plot in gauss: a length is as long to the right as upwards.
+/// A square plot in gauss: both axes have the same scale.
 fn plot(
     model: &ScreenModel,
     frame: &mut Frame<'_>,
@@ -127,8 +128,8 @@ fn cross(context: &mut Context<'_>, [x, y]: [f64; 2], half: f64, color: Color) {
     context.draw(&Stroke { x1: x, y1: y - half, x2: x, y2: y + half, color });
 }
 
-/// What the ellipse says so far, and the roll angle: the host's by the running correction, and the board's, if it sends
-/// any.
+/// The figures of the ellipse so far, and the roll angle: that of the host by the running correction, and that of the
+/// board, if the board sends any.
 fn figures(model: &ScreenModel, field: &FieldView, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
     let (mut centre, mut ratio, mut host) = ("-".to_owned(), "-".to_owned(), texts.not_available.to_owned());

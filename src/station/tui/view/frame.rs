@@ -12,7 +12,7 @@ use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
 use crate::tui::model::{Loaded, Pause, ScreenModel, ScreenPage};
 
-/// Who this is, which page, and whether any of it is real.
+/// The station, the pages, and a badge if the bench is simulated.
 pub(super) fn head(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let mut spans = vec![Span::styled(format!(" {} ", texts.station_title), style::strong())];
@@ -48,7 +48,7 @@ fn badge(model: &ScreenModel) -> String {
     }
 }
 
-/// The last thing that was said.
+/// The latest message.
 pub(super) fn message(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some((weight, message)) = &model.message else { return };
     let cells = usize::from(area.width).saturating_sub(2);
@@ -57,7 +57,7 @@ pub(super) fn message(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(line, area);
 }
 
-/// The keys of the place, from the table of keys; closer together where there is little room.
+/// The keys of the place, from the table of keys; closer together if there is little room.
 pub(super) fn foot(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let keys = || keymap::bindings(model.place()).filter(|binding| binding.footer);
     let line = |gap: &str| {
@@ -72,7 +72,7 @@ pub(super) fn foot(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(shown, area);
 }
 
-/// What a key does now: a second stop is another one, and a request is done rather than agreed to.
+/// What a key does now: a second stop stops at once, and an answer to a request is "done" and not "yes".
 pub(super) fn key_label(model: &ScreenModel, action: KeyAction) -> &'static str {
     let texts = model.texts;
     let run = model.run.as_ref().filter(|run| !run.over);
@@ -85,7 +85,7 @@ pub(super) fn key_label(model: &ScreenModel, action: KeyAction) -> &'static str 
     }
 }
 
-/// Why the run on the screen says nothing of a module; empty if it does.
+/// Why the run on the screen is not evidence about a module; empty if it is.
 pub(super) fn no_evidence(model: &ScreenModel) -> Vec<String> {
     let mut reasons = Vec::new();
     let Some(header) = model.shown_state().and_then(RunState::header) else { return reasons };

@@ -1,5 +1,5 @@
-//! Characters that a terminal has not are replaced by those that it has, after everything is drawn: so no text, from
-//! wherever it comes, can slip through.
+//! Replaces characters that a terminal cannot show. This is done after everything is drawn, so that no text can slip
+//! through, whatever its source.
 
 use ratatui::buffer::Buffer;
 

@@ -25,9 +25,9 @@ use crate::tui::model::{Glyphs, ScreenModel};
 const SPAN: Duration = Duration::from_secs(60);
 /// Width of the numbers.
 const NUMBERS: u16 = 40;
-/// Raw and compensated samples within so much board time are of one attitude, microseconds.
+/// Raw and compensated samples within this board time are of one attitude, microseconds.
 const TOGETHER_US: u64 = 1_000_000;
-/// Older readings are said to be so.
+/// Readings older than this are marked as old.
 const FRESH: Duration = Duration::from_secs(2);
 
 pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
@@ -65,7 +65,7 @@ fn numbers(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     lines.extend(ad(model));
     gap(&mut lines, roomy);
     lines.push(Line::styled(text::cut(texts.streams, cells), style::strong()));
-    // On a small screen the figures matter more than what they are called.
+    // On a small screen the figures matter more than their legend.
     if lines.len() + 1 + model.live.newest.streams.len() <= usize::from(inner.height) {
         lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
     }
@@ -79,7 +79,7 @@ fn gap(lines: &mut Vec<Line<'static>>, roomy: bool) {
     }
 }
 
-/// What is shown, and how old it is if it is old.
+/// The title, with the age of old readings.
 fn title(model: &ScreenModel) -> String {
     let texts = model.texts;
     let age = model.now.since_start.saturating_sub(model.live.at.unwrap_or_default());
@@ -118,8 +118,8 @@ fn vectors(model: &ScreenModel, imu: &LiveSample, roomy: bool) -> Vec<Line<'stat
     lines
 }
 
-/// The roll angle: the host's by the correction that the module keeps, and the board's own. Nothing before anybody read
-/// that correction. Of raw and compensated samples those that come no more are of another attitude.
+/// The roll angle: that of the host by the correction that the module keeps, and that of the board. `None` until the
+/// correction was read. A stale raw or compensated sample is left out, since it is of another attitude.
 pub(super) fn roll(model: &ScreenModel) -> Option<Line<'static>> {
     let (texts, newest) = (model.texts, &model.live.newest);
     let correction = newest.correction.as_ref()?;
@@ -226,7 +226,7 @@ fn chart(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, of
     names_of_curves(model, frame, ends, newest, (low, high));
 }
 
-/// Beside the end of each curve its name: colours are not the only sign.
+/// Writes the name of each curve beside its end, since colours must not be the only sign.
 pub(super) fn names_of_curves(
     model: &ScreenModel,
     frame: &mut Frame<'_>,
@@ -258,7 +258,7 @@ fn label(value: f64) -> String {
     format!("{value:>8.3}")
 }
 
-/// Room for all values, with a little air, and never none: noise of a still module fills the chart.
+/// The range of all values with a little air. It is never empty: the noise of a still module fills the chart.
 fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let finite = values.filter(|value| value.is_finite());
     let (low, high) =

@@ -1,4 +1,4 @@
-//! The log of a run: what happened, in the order of happening.
+//! The log of a run: its events in the order in which they happened.
 
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::Outcome;
@@ -42,7 +42,7 @@ pub(super) fn pane(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 fn lines(model: &ScreenModel, state: Option<&RunState>, cells: usize) -> Vec<Line<'static>> {
     let Some(state) = state else { return Vec::new() };
     let mut entries = entries(model, state);
-    // Stable, so that what happened in one moment keeps its order.
+    // Stable, so that events of one moment keep their order.
     entries.sort_by_key(|entry| entry.elapsed_us);
     let first = entries.len().saturating_sub(MAX_LINES);
     let started = state.started();

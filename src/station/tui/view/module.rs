@@ -13,7 +13,7 @@ use super::attitude::{Direction, ModuleOnTable, seen, towards_eye};
 use super::style;
 use crate::tui::model::{Glyphs, ScreenModel};
 
-/// Half of the module's edges, in halves of its height: 26 x 26 x 32 mm.
+/// Half lengths of the module's edges, in halves of its height: 26 x 26 x 32 mm.
 const HALF: [f64; 3] = [0.81, 0.81, 1.0];
 /// Ends of the drawn axes, and of their names.
 const ARROW: f64 = 2.0;
@@ -27,7 +27,7 @@ const SIGHT: [f64; 2] = [2.4, 2.5];
 /// Steps of an arrow that may pass behind the module, and of a circle.
 const STEPS: usize = 60;
 
-/// Draws a module that was laid down so, and turns in this sense about the table's axis.
+/// Draws a module in an orientation, and the sense in which it turns about the table's axis.
 pub(super) fn draw(
     model: &ScreenModel,
     frame: &mut Frame<'_>,
@@ -107,7 +107,8 @@ impl Body {
         head(context, flat(&(direction * (ARROW - 0.4))), flat(&(direction * ARROW)), color);
     }
 
-    /// Part of a circle about the table's axis with an arrow in the sense of the turn; it is open where the eye is.
+    /// Part of a circle about the table's axis with an arrow in the sense of the turn. The gap is on the side of the
+    /// eye.
     fn turn(&self, context: &mut Context<'_>, table: Direction, sense: f64, color: Color) {
         let eye = towards_eye();
         let Some(front) = (eye - table * table.dot(&eye)).try_normalize(1e-6) else { return };

@@ -29,7 +29,7 @@ fn pair(label: &str, value: &str, style: Style, label_cells: usize, cells: usize
     ])
 }
 
-/// Who is tested, by whom, where, with what.
+/// The module, the operator, the station, the plan and the board.
 pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let block = block(texts.product);
@@ -70,7 +70,7 @@ fn join(first: &str, second: &str) -> String {
     if first.is_empty() { second.to_owned() } else { format!("{first} · {second}") }
 }
 
-/// What is typed, else what was scanned; during a run the module that is tested.
+/// The number that is being typed; else the number of the run on the screen; else the scanned number.
 fn serial_number(model: &ScreenModel) -> (String, Style) {
     let typed = &model.scan.typed;
     if !typed.is_empty() {
@@ -83,7 +83,7 @@ fn serial_number(model: &ScreenModel) -> (String, Style) {
     }
 }
 
-/// The part as the module says; before that, as the plan wants it.
+/// The part that the module reports; before that, the part that the plan wants.
 fn part(model: &ScreenModel) -> String {
     let measured = model.run.as_ref().and_then(|run| measured_part(&run.state));
     let planned = || model.plan.ready().and_then(|plan| plan.part.clone());
@@ -104,7 +104,7 @@ fn plan(model: &ScreenModel) -> String {
     }
 }
 
-/// The board that answered and its supply; before that, the way to it.
+/// The board that answered and its supply; before that, the link to it.
 fn board(model: &ScreenModel) -> (String, Style) {
     let texts = model.texts;
     let run = model.run.as_ref();
@@ -173,7 +173,7 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
     if !run.over {
         lines.push(share_bar(model, run, cells));
-        // Five lines are all that a small screen has: the bar gives way to the round.
+        // A small screen has only five lines: the bar gives way to the round.
         if lines.len() > usize::from(inner.height) {
             lines.pop();
         }
@@ -181,7 +181,7 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
-/// What is ready, and what was known before.
+/// The lines before a run: what is ready, and what is known of earlier runs.
 fn idle_lines(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
     use crate::tui::update::earlier_words;
     let texts = model.texts;
@@ -227,7 +227,7 @@ fn elapsed_s(model: &ScreenModel, run: &RunView) -> f64 {
 /// What remains and when it ends, by the last whole run of the plan.
 fn expected(model: &ScreenModel, run: &RunView, elapsed_s: f64) -> (String, String) {
     let texts = model.texts;
-    // A part of the plan has its own time, of which nobody knows.
+    // The time of a part of the plan is unknown.
     let whole = run.state.header().is_some_and(|header| header.selection.is_none());
     let Some(expected_s) = run.expected_s.filter(|_| whole) else {
         return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
@@ -267,7 +267,7 @@ fn share(run: &RunView) -> (usize, usize) {
     (selected().filter(|row| row.is_over()).count(), selected().count())
 }
 
-/// The same as a bar.
+/// The share of items that are over, as a bar.
 fn share_bar(model: &ScreenModel, run: &RunView, cells: usize) -> Line<'static> {
     let (over, all) = share(run);
     let label = format!(" {over}/{all}");
@@ -275,7 +275,7 @@ fn share_bar(model: &ScreenModel, run: &RunView, cells: usize) -> Line<'static> 
     Line::styled(format!("{}{label}", bar(over, all, room)), style::accent(model.look))
 }
 
-/// A bar of so many cells.
+/// A bar of `cells` cells.
 pub(super) fn bar(part: usize, whole: usize, cells: usize) -> String {
     let filled = (part * cells).checked_div(whole).unwrap_or(0).min(cells);
     format!("{}{}", "█".repeat(filled), "░".repeat(cells - filled))
@@ -319,7 +319,7 @@ fn no_verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(texts.ready).centered().style(style::faint()), middle);
 }
 
-/// Beside the verdict itself, since it may be all that somebody sees.
+/// A caveat beside the verdict itself, since a person may see nothing else.
 fn short_caveat(model: &ScreenModel) -> String {
     let header = model.run.as_ref().and_then(|run| run.state.header());
     let simulated = header.is_some_and(|header| header.bench.kind == gnc_executive::event::BenchKind::Simulated);

@@ -1,4 +1,4 @@
-//! Drawn pictures of what is asked for: the DIP switches, the table from above, the module on it.
+//! Drawn pictures of a request: the DIP switches, the table from above, the module on it.
 
 use gnc_bench::fixture::Ask;
 use ratatui::Frame;
@@ -22,7 +22,7 @@ pub(super) fn rows(ask: &Ask) -> u16 {
     }
 }
 
-/// Draws it.
+/// Draws the picture of a request.
 pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: &Ask) {
     match ask {
         Ask::Switches(on) => switches(model, frame, area, *on),

@@ -24,7 +24,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
 }
 
-/// Cursor, text, and the rest of the line, so that the cursor is seen without colours.
+/// A line over its whole width, with a sign at the cursor, so that the cursor is seen without colours.
 fn line(here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
     let mut all = vec![Span::raw(if here { "> " } else { "  " })];
     all.extend(spans);

@@ -1,4 +1,4 @@
-//! The items as a list: ticks, marks, outcomes, times, what decided; under a bad one what to look at.
+//! The items as a list: ticks, marks, outcomes, times and reasons; under a bad item what to look at.
 
 use gnc_bench::guidance::{Guidance, Stage};
 use gnc_executive::event::NoteLevel;
@@ -18,7 +18,7 @@ use super::{style, text};
 use crate::tui::lang::{Texts, fill};
 use crate::tui::model::{PlanView, Progress, ScreenModel, order};
 
-/// Bad items whose values are listed under them; of more the cursor shows the details.
+/// Largest number of bad items whose values are listed under them. For the others the cursor shows the details.
 const EXPLAINED: usize = 20;
 /// Values listed under a bad item.
 const VALUES: usize = 3;
@@ -80,7 +80,7 @@ struct List<'a> {
     model: &'a ScreenModel,
     state: &'a RunState,
     progress: &'a [Progress],
-    /// What the next run is to do; none where nothing can be ticked.
+    /// The items of the next run; `None` if nothing can be ticked.
     ticks: Option<&'a [bool]>,
     cursor: usize,
 }
@@ -95,7 +95,7 @@ impl List<'_> {
         // Lines above the cursor, with those under bad items.
         let mut lines = Vec::new();
         let mut cursor_line = 0;
-        // Without explanations a line is an item, and only those in sight are made.
+        // Without explanations each line is an item, and only the lines in sight are made.
         let start = if over { 0 } else { first_shown(self.cursor, order.len(), room) };
         for (at, position) in order.iter().enumerate().skip(start) {
             if lines.len() > room && at > self.cursor {
@@ -164,7 +164,8 @@ impl List<'_> {
     }
 }
 
-/// Titles of the columns, and the rows below them. They give way where all items are in sight without them.
+/// The titles of the columns, and the number of rows below them. The titles are left out if the items fill the area
+/// exactly.
 fn head(model: &ScreenModel, columns: &Columns, items: usize, area: Rect) -> (Vec<Line<'static>>, usize) {
     let texts = model.texts;
     let height = usize::from(area.height);
@@ -181,7 +182,8 @@ fn head(model: &ScreenModel, columns: &Columns, items: usize, area: Rect) -> (Ve
     (vec![Line::styled(line, style::faint())], height.saturating_sub(1))
 }
 
-/// A line with its cursor; the whole of it is turned, so that it is seen without colours.
+/// A line with its cursor. The whole line has reversed colours, so that the cursor is seen on a terminal without
+/// colours.
 fn marked(_: &ScreenModel, here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
     let mut all = vec![Span::raw(if here { ">" } else { " " })];
     all.extend(spans);
@@ -191,7 +193,7 @@ fn marked(_: &ScreenModel, here: bool, spans: Vec<Span<'static>>, cells: usize) 
     if here { line.patch_style(style::turned()) } else { line }
 }
 
-/// How far an item is: a bar where that is known.
+/// How far an item is: a bar if that is known.
 fn work(progress: &Progress, cells: usize) -> String {
     match progress.done_permille {
         Some(done) => bar(usize::from(done), 1000, cells),
@@ -199,7 +201,7 @@ fn work(progress: &Progress, cells: usize) -> String {
     }
 }
 
-/// Which capture of how many an item is at, and what is still to go of it.
+/// Which capture of how many an item is at, and the time that remains for it.
 fn guided(texts: &Texts, guidance: &Guidance) -> String {
     let Some(planned) = guidance.present() else { return texts.stage(guidance) };
     let which = format!("{}/{} {}", guidance.finished + 1, guidance.captures.len(), text::shown(&planned.label));
@@ -209,7 +211,7 @@ fn guided(texts: &Texts, guidance: &Guidance) -> String {
     }
 }
 
-/// What decided an item.
+/// What decided the outcome of an item.
 pub(super) fn decided(model: &ScreenModel, row: &Row) -> String {
     match &row.cause {
         Some(cause) => text::shown(&(model.texts.cause)(cause)),
@@ -251,7 +253,7 @@ fn explained(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>>
     lines
 }
 
-/// A sentence with its label, set in.
+/// A sentence with its label, indented.
 fn labelled(label: &str, sentence: &str, cells: usize) -> Vec<Line<'static>> {
     let label = format!("         {label}: ");
     let indent = text::width(&label);

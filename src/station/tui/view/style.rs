@@ -5,12 +5,12 @@ use ratatui::style::{Color, Modifier, Style};
 
 use crate::tui::model::{Look, MessageWeight};
 
-/// What stands out.
+/// Text that stands out.
 pub(super) fn strong() -> Style {
     Style::new().add_modifier(Modifier::BOLD)
 }
 
-/// What is beside the point.
+/// Text of less importance.
 pub(super) fn faint() -> Style {
     Style::new().add_modifier(Modifier::DIM)
 }
@@ -61,7 +61,7 @@ pub(super) fn area(look: Look, outcome: Outcome) -> Style {
     Style::new().fg(letters).bg(ground).add_modifier(Modifier::BOLD)
 }
 
-/// A badge that nobody may overlook.
+/// A badge that must not be overlooked.
 pub(super) fn badge(look: Look) -> Style {
     if look.colour {
         Style::new().fg(Color::Black).bg(Color::Yellow).add_modifier(Modifier::BOLD)
@@ -79,7 +79,7 @@ pub(super) fn weight(look: Look, weight: MessageWeight) -> Style {
     }
 }
 
-/// What is at work, and borders of what has the keys.
+/// Work under way, and borders of the panel that has the keys.
 pub(super) fn accent(look: Look) -> Style {
     coloured(look, Color::Cyan)
 }
@@ -89,7 +89,7 @@ pub(super) fn axis(look: Look, axis: usize) -> Style {
     coloured(look, [Color::Red, Color::Green, Color::Cyan][axis % 3])
 }
 
-/// One cell that says the outcome.
+/// One cell for the outcome.
 pub(super) fn mark(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Passed => "✓",

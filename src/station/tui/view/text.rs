@@ -3,8 +3,8 @@
 use gnc_text::printable;
 use ratatui::text::Span;
 
-/// Text from outside as the screen shows it. Only characters on whose width all terminals agree: one that combines
-/// with others, or runs from right to left, would shift all that stands behind it.
+/// Text from outside as the screen shows it. It keeps only characters that have the same width on all terminals. A
+/// character that combines with others, or runs from right to left, would shift all text behind it.
 pub(super) fn shown(text: &str) -> String {
     printable(text).chars().map(|character| if is_steady(character) { character } else { '?' }).collect()
 }
@@ -26,7 +26,7 @@ fn cells_of(character: char) -> usize {
     width(character.encode_utf8(&mut [0; 4]))
 }
 
-/// The text in at most so many cells, with an ellipsis where it is cut.
+/// The text in at most `cells` cells, with an ellipsis if it is cut.
 pub(super) fn cut(text: &str, cells: usize) -> String {
     if width(text) <= cells {
         return text.to_owned();
@@ -46,20 +46,20 @@ pub(super) fn cut(text: &str, cells: usize) -> String {
     out
 }
 
-/// The text in exactly so many cells.
+/// The text in exactly `cells` cells.
 pub(super) fn fit(text: &str, cells: usize) -> String {
     let mut out = cut(text, cells);
     out.push_str(&" ".repeat(cells.saturating_sub(width(&out))));
     out
 }
 
-/// The text at the right end of so many cells.
+/// The text at the right end of `cells` cells.
 pub(super) fn right(text: &str, cells: usize) -> String {
     let text = cut(text, cells);
     format!("{}{text}", " ".repeat(cells.saturating_sub(width(&text))))
 }
 
-/// Lines of at most so many cells: broken at spaces, and between Chinese characters.
+/// Lines of at most `cells` cells: broken at spaces, and between Chinese characters.
 pub(super) fn wrap(text: &str, cells: usize) -> Vec<String> {
     let cells = cells.max(2);
     let mut lines = Vec::new();
@@ -71,7 +71,7 @@ pub(super) fn wrap(text: &str, cells: usize) -> Vec<String> {
             used = 0;
         }
         if wide > cells {
-            // A word longer than a line: a path, or somebody's garbage.
+            // A word longer than a line: a path, or garbage.
             for character in piece.chars() {
                 if used + cells_of(character) > cells {
                     lines.push(std::mem::take(&mut line));
@@ -112,7 +112,7 @@ fn pieces(text: &str) -> Vec<&str> {
     pieces
 }
 
-/// Never at the beginning of a line.
+/// Characters that never begin a line.
 const CLOSING: &str = "，。：；？！）、”";
 
 #[cfg(test)]
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(cut("abc", 0), "");
     }
 
-    /// Escapes, marks that combine, right-to-left letters and wide pictures lose their power.
+    /// Escapes, combining marks, right-to-left letters and wide pictures have no effect.
     #[test]
     fn text_from_outside_keeps_its_width() {
         assert_eq!(shown("SN-1 模块 Модуль é µ"), "SN-1 模块 Модуль é µ");
