@@ -14,10 +14,10 @@ use crate::readings::Readings;
 use crate::session::{LinkReport, Session, SessionCommand};
 use crate::status::{BoardTime, LinkAbsence};
 
-/// Commands waiting for the conversation: every item awaits its answer, so more than a few mean a fault.
+/// Commands that may wait for the conversation. Every item awaits its answer, so more than a few mean a fault.
 const COMMANDS: usize = 16;
-/// Absences of the port that nobody has read of yet: a port that goes more often between two looks has a loose plug, and
-/// sixteen lines say so.
+/// Absences of the port that may wait to be read. A port that goes away more often between two looks has a loose plug,
+/// and sixteen lines say so.
 const ABSENCES: usize = 16;
 
 /// A handle on the board. Dropping it ends the conversation.
@@ -33,7 +33,7 @@ pub struct BoardClient {
 }
 
 impl BoardClient {
-    /// Says HELLO over a link and keeps the conversation going. What comes by is shown in `readings`.
+    /// Says HELLO over a link and keeps the conversation going. `readings` shows the values that pass by.
     ///
     /// # Errors
     /// [`BoardError::NoAnswer`] or [`BoardError::Version`].
@@ -68,13 +68,13 @@ impl BoardClient {
         Ok(boot_id)
     }
 
-    /// What the board said of itself.
+    /// What the board said of itself in its HELLO.
     #[must_use]
     pub fn hello(&self) -> BoardHello {
         self.hello.borrow().clone()
     }
 
-    /// The board's clock, from the next heartbeat on.
+    /// Follows the board's clock, from the next heartbeat on.
     #[must_use]
     pub fn board_time(&self) -> Follower<BoardTime> {
         self.board_time.another()
@@ -92,7 +92,7 @@ impl BoardClient {
         task.await.unwrap_or_default()
     }
 
-    /// A number for the next request; 0 belongs to frames without one.
+    /// A number for the next request. Frames without a request have number 0.
     pub(crate) fn number(&self) -> u16 {
         let number = self.next_request.get();
         self.next_request.set(number.checked_add(1).unwrap_or(1));

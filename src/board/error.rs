@@ -21,7 +21,7 @@ pub enum BoardError {
         /// The port or interface.
         name: String,
     },
-    /// The port or interface was away for a moment, and the session did not outlive that.
+    /// The port or interface was away for a moment, and the session ended because of that.
     #[error("{name} was away for {:.1} s, and meanwhile {meanwhile}", lasted.as_secs_f64())]
     Interrupted {
         /// The port or interface.
@@ -31,7 +31,7 @@ pub enum BoardError {
         /// What became of the session.
         meanwhile: &'static str,
     },
-    /// Nobody answered, however often it was asked.
+    /// The board did not answer, although the station asked several times.
     #[error("no answer from the board to {what}: asked {asked} times in {} ms", waited.as_millis())]
     NoAnswer {
         /// The request.
@@ -41,7 +41,7 @@ pub enum BoardError {
         /// Time since it was first sent.
         waited: Duration,
     },
-    /// Bytes came and not one whole frame.
+    /// Bytes came, but no whole frame.
     #[error("the line carries bytes and not one whole frame: {damaged} damaged ones and no answer to {asked} HELLO")]
     Garbled {
         /// Frames that were damaged.
@@ -49,7 +49,7 @@ pub enum BoardError {
         /// Times that HELLO was sent.
         asked: u32,
     },
-    /// Not even a heartbeat.
+    /// No frame came for too long, not even a heartbeat.
     #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
     Silent {
         /// Time since the last frame.
@@ -72,10 +72,10 @@ pub enum BoardError {
         /// The board's highest.
         highest: u8,
     },
-    /// The board restarted; it was another boot id before.
+    /// The board restarted and has another boot id now.
     #[error("the board restarted during {during} (boot id {before:08x} became {after:08x})")]
     Restarted {
-        /// Whether a request of whoever hears this was in flight, and not only a stream.
+        /// Whether the receiver of this error had a request in flight, and not only a stream.
         asked: bool,
         /// The requests in flight.
         during: String,
@@ -119,7 +119,7 @@ pub enum BoardError {
         /// Board time for which it tried.
         elapsed: Duration,
     },
-    /// The checksum was good, the content not what the message demands.
+    /// The checksum is right, but the content breaks the rules of the message.
     #[error("the board's answer to {what} cannot be read")]
     BadAnswer {
         /// The request.
@@ -127,7 +127,7 @@ pub enum BoardError {
         /// What is wrong with it.
         source: WireError,
     },
-    /// A stream did not go on although the board's clock did.
+    /// A stream stopped while the board's clock went on.
     #[error("stream {stream:?} stopped after sample {last} of {wanted} while the board's clock went on")]
     StreamStopped {
         /// Which.
@@ -146,13 +146,13 @@ pub enum BoardError {
 }
 
 impl BoardError {
-    /// Whether the board has no room for it now and may have later: a stream beside others.
+    /// Whether the board has no room for this now but may have later: a stream beside others.
     #[must_use]
     pub fn is_crowded(&self) -> bool {
         matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
     }
 
-    /// Whether the port or interface was away: whatever the board did meanwhile is the bench's.
+    /// Whether the port or interface was away. The bench is at fault for all that the board did meanwhile.
     #[must_use]
     pub fn is_absence(&self) -> bool {
         matches!(self, Self::Away { .. } | Self::Interrupted { .. })
@@ -202,7 +202,7 @@ fn colon(text: &str) -> String {
     if text.is_empty() { String::new() } else { format!(": {text}") }
 }
 
-/// The conversation is over.
+/// The error after the end of the conversation.
 pub(crate) fn gone() -> BoardError {
     BoardError::Gone { reason: "the conversation with the board has ended".into() }
 }

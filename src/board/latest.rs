@@ -1,8 +1,8 @@
-//! The newest value of something, for many who wait for another one.
+//! The newest value of something, for many tasks that wait for the next one.
 //!
-//! As tokio's watch channel, with one difference: those who wait are woken in the order in which they began to. A watch
-//! channel wakes them by dice of its own, so that what several items do at the same moment would be done in another
-//! order each time, and no run could be repeated.
+//! This works like tokio's watch channel, with one difference: waiting tasks wake in the order in which they began to
+//! wait. A watch channel wakes them in random order. Then several items would do the same work in another order each
+//! time, and no run could be repeated.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,7 +18,7 @@ struct Shared<T> {
 struct Newest<T> {
     value: T,
     changes: u64,
-    /// Those who may change it.
+    /// The number of handles that may change the value.
     writers: usize,
 }
 
@@ -27,7 +27,7 @@ impl<T> Shared<T> {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until `look` finds something. Nothing that happens between a look and the wait is missed.
+    /// Waits until `look` finds something. A change between a look and the wait is not missed.
     async fn found<R>(&self, mut look: impl FnMut(&mut Newest<T>) -> Option<R>) -> R {
         loop {
             let mut changed = std::pin::pin!(self.changed.notified());
@@ -40,7 +40,7 @@ impl<T> Shared<T> {
     }
 }
 
-/// Changes it. A copy changes the same.
+/// A handle that changes the value. Copies of the handle change the same value.
 #[derive(Debug)]
 pub struct Latest<T>(Arc<Shared<T>>);
 
@@ -51,12 +51,12 @@ impl<T> Latest<T> {
         Self(Arc::new(Shared { newest, changed: Notify::new() }))
     }
 
-    /// Looks at the newest value, which waits meanwhile.
+    /// Looks at the newest value and holds its lock meanwhile.
     pub fn look<R>(&self, look: impl FnOnce(&T) -> R) -> R {
         look(&self.0.lock().value)
     }
 
-    /// Changes it and wakes whoever waits.
+    /// Changes the value and wakes the waiting tasks.
     pub fn change(&self, change: impl FnOnce(&mut T)) {
         let mut newest = self.0.lock();
         change(&mut newest.value);
@@ -65,7 +65,7 @@ impl<T> Latest<T> {
         self.0.changed.notify_waiters();
     }
 
-    /// Waits until it is as wanted; at once, if it is.
+    /// Waits until the value is as wanted. Returns at once if it is so already.
     pub async fn until(&self, mut come: impl FnMut(&T) -> bool) -> T
     where
         T: Clone,
@@ -73,7 +73,7 @@ impl<T> Latest<T> {
         self.0.found(|newest| come(&newest.value).then(|| newest.value.clone())).await
     }
 
-    /// Somebody who follows its changes from now on.
+    /// A follower of the changes from now on.
     pub(crate) fn follower(&self) -> Follower<T> {
         let seen = self.0.lock().changes;
         Follower { shared: Arc::clone(&self.0), seen }
@@ -94,7 +94,7 @@ impl<T> Drop for Latest<T> {
     }
 }
 
-/// Follows the changes.
+/// A follower of the changes of a value.
 #[derive(Debug)]
 pub struct Follower<T> {
     shared: Arc<Shared<T>>,
@@ -102,20 +102,20 @@ pub struct Follower<T> {
 }
 
 impl<T: Copy> Follower<T> {
-    /// Somebody else who follows it, from now on.
+    /// Another follower of the same value, from now on.
     #[must_use]
     pub(crate) fn another(&self) -> Self {
         let seen = self.shared.lock().changes;
         Self { shared: Arc::clone(&self.shared), seen }
     }
 
-    /// As it is now.
+    /// The value as it is now.
     #[must_use]
     pub(crate) fn now(&self) -> T {
         self.shared.lock().value
     }
 
-    /// The next change, or the newest of several; `None` when nobody can change it any more.
+    /// The next change, or the newest of several; `None` when no handle can change the value any more.
     pub async fn changed(&mut self) -> Option<T> {
         let seen = self.seen;
         let (changes, value) = self

@@ -41,7 +41,7 @@ impl<'a> BoardLease<'a> {
         self.ask(call).await.map(|(reply, _)| reply)
     }
 
-    /// Asks and waits for the result; tells what it took too.
+    /// Asks and waits for the result. Also returns what the call took.
     ///
     /// # Errors
     /// [`BoardError`].
@@ -59,13 +59,13 @@ impl<'a> BoardLease<'a> {
         Ok((reply, answer))
     }
 
-    /// Test frames of the CAN bus over which this conversation goes, if it goes over one.
+    /// Test frames of the CAN bus that carries this conversation; `None` on another link.
     #[must_use]
     pub fn tap(&self) -> Option<&'a Tap> {
         self.board.tap.as_ref()
     }
 
-    /// Listens to a stream from now on; start it after that.
+    /// Listens to a stream from now on. Start the stream after that.
     ///
     /// # Errors
     /// [`BoardError::Gone`].
@@ -76,7 +76,7 @@ impl<'a> BoardLease<'a> {
         Ok(Stream::new(stream, frames, self.board.board_time()))
     }
 
-    /// Ends a stream and says where its samples are, those included that came while it was being ended.
+    /// Ends a stream and says where its samples are. This includes samples that come while it ends.
     ///
     /// # Errors
     /// [`BoardError`].
@@ -108,7 +108,7 @@ impl<'a> BoardLease<'a> {
         });
     }
 
-    /// Board time that was needed: of requests by their results, of streams by whoever listened.
+    /// Adds board time that was needed: requests by their results, streams by the code that listened.
     pub fn spent(&self, board_time: Duration) {
         self.busy.set(self.busy.get() + board_time);
     }
@@ -125,8 +125,8 @@ impl<'a> BoardLease<'a> {
         self.requests.borrow().clone()
     }
 
-    /// Ends what may still go on at the board after an attempt that came to no end. What cannot be ended is found by
-    /// whoever needs it next.
+    /// Ends all that may still go on at the board after an attempt that was cut off. If something cannot be ended, the
+    /// next item that needs the board finds it.
     pub async fn clear(&self) {
         let last =
             self.requests.borrow().iter().rev().take(gnc_protocol::slave::MAX_RUNNING).copied().collect::<Vec<_>>();

@@ -1,8 +1,9 @@
-//! The slave board as the station sees it: typed calls, streams, and a plain word when it restarts or falls silent.
+//! The slave board as the station sees it: typed calls, streams, and clear errors when the board restarts or falls
+//! silent.
 //!
-//! [`BoardClient`] is a handle; the conversation itself (`conversation.rs`) is a task that owns the link, repeats what was
-//! lost and keeps the board's watchdog quiet. The crate does not know what is tested, and it does not say whose fault a restart
-//! is.
+//! [`BoardClient`] is a handle. The conversation itself (`session.rs`) is a task: it owns the link, repeats what was
+//! lost and keeps the board's watchdog quiet. The crate does not know what is tested, and it does not say whose fault a
+//! restart is.
 
 mod client;
 mod error;

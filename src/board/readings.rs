@@ -1,4 +1,4 @@
-//! The newest raw values of the module, for people who watch: never for a verdict, and some are skipped.
+//! The newest raw values of the module, for people who watch. They are never for a verdict, and some are skipped.
 
 use std::time::Duration;
 
@@ -11,13 +11,13 @@ use gnc_protocol::wire::{FieldReader, Wire};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-/// How often they are handed on: a screen draws 30 times a second.
+/// How often readings are handed on. A screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(20);
-/// Over how long a stream's rate is counted.
+/// The time over which a stream's rate is counted.
 const RATE_OVER: Duration = Duration::from_secs(1);
 
-/// Bytes of the receiver that are parsed in [`GNSS_BUDGET_OVER`]: eight times what it sends. A simulated bench at full
-/// speed sends thousands of times as much, and whoever watches must not slow the conversation.
+/// Bytes of the receiver that may be parsed in [`GNSS_BUDGET_OVER`]: eight times what the receiver sends. A simulated
+/// bench at full speed sends thousands of times as much, and parsing for the screen must not slow the conversation.
 const GNSS_BUDGET: usize = 4096;
 const GNSS_BUDGET_OVER: Duration = Duration::from_millis(200);
 
@@ -28,13 +28,13 @@ pub struct Readings {
     pub imu: Option<(u64, ImuSample)>,
     /// The newest sample that the board compensated by the module's calibration, and its board time in microseconds.
     pub compensated: Option<(u64, CompensatedSample)>,
-    /// The correction of the magnetometer that the module keeps, once somebody read it.
+    /// The correction of the magnetometer that the module keeps, as soon as a request has read it.
     pub correction: Option<Correction>,
     /// The newest epoch of the receiver.
     pub gnss: Option<Epoch>,
     /// Edges of the 1PPS so far.
     pub pulses: u32,
-    /// Channels 1 to 8 in volts, as far as they were read.
+    /// Channels 1 to 8 in volts, as far as requests have read them.
     pub ad_v: [Option<f64>; 8],
     /// The streams that were heard.
     pub streams: Vec<StreamReading>,
@@ -55,14 +55,14 @@ pub struct StreamReading {
     pub on_line: u32,
 }
 
-/// Collects readings where all frames come by.
+/// Collects readings from all frames that pass by.
 #[derive(Debug)]
 pub(super) struct Gauges {
     now: Readings,
     out: watch::Sender<Readings>,
     handed_on: Option<Instant>,
     sentences: Sentences,
-    /// Since when bytes of the receiver are counted, and how many were parsed since.
+    /// When the count of the receiver's bytes began, and how many bytes were parsed since.
     parsed: Option<(Instant, usize)>,
     rates: Vec<(StreamId, Instant, u32)>,
 }
@@ -135,7 +135,7 @@ impl Gauges {
         }
     }
 
-    /// Parses what the receiver sent, as far as the budget goes; then what is under way is given up.
+    /// Parses what the receiver sent, up to the budget. Beyond the budget, the sentence under way is dropped.
     fn parse(&mut self, bytes: &[u8]) {
         let now = Instant::now();
         let (since, parsed) = self.parsed.filter(|(since, _)| now - *since < GNSS_BUDGET_OVER).unwrap_or((now, 0));
@@ -153,7 +153,7 @@ impl Gauges {
         let index = match self.now.streams.iter().position(|stream| stream.id == id) {
             Some(index) if head.first > 0 => index,
             found => {
-                // The first frame of a stream begins its account anew.
+                // The first frame of a stream starts new counts.
                 let fresh = StreamReading { id, rate_hz: 0.0, received: 0, on_board: 0, on_line: 0 };
                 self.rates.retain(|(other, ..)| *other != id);
                 self.rates.push((id, now, 0));
@@ -218,7 +218,7 @@ mod tests {
         let sample = |z| ImuSample { accel: [0, 0, z], ..ImuSample::default() };
         gauges.streamed(StreamId::Imu, &frame(0, &[sample(1), sample(2)], 0));
         assert_eq!(shown.borrow().imu.as_ref().map(|(time, sample)| (*time, sample.accel[2])), Some((7, 2)));
-        // Of 10 samples 2 came, 3 were dropped on the board; after this one 4 are missing on the line.
+        // Of 10 samples 2 came and 3 were dropped on the board. After this frame 4 more are missing on the line.
         gauges.streamed(StreamId::Imu, &frame(9, &[sample(3)], 3));
         gauges.hand_on(true);
         let streams = shown.borrow().streams.clone();

@@ -24,32 +24,34 @@ use crate::latest::Latest;
 use crate::readings::Gauges;
 use crate::stream::{AHEAD, Newest};
 
-/// Added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways and a busy computer.
+/// Slack added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways, and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
-/// Payload of the longer HELLO, the board's, at most.
+/// Payload of the longer HELLO, which is the board's, at most.
 const HELLO_BYTES: usize = 128;
-/// Between two HELLOs, or longer on a slow line.
+/// Time between two HELLOs; longer on a slow line.
 const HELLO_EVERY: Duration = Duration::from_millis(250);
-/// A board that hears HELLO answers at once; one that is starting listens after two seconds, and then one must still come.
+/// Time for which HELLO is repeated. A board that hears HELLO answers at once. A board that is starting listens after
+/// two seconds, and one more HELLO must reach it then.
 const HELLO_FOR: Duration = Duration::from_millis(2500);
-/// Three heartbeats missed.
+/// Silence limit: three heartbeats missed.
 const SILENT_AFTER: Duration = Duration::from_millis(3500);
-/// Six heartbeats missed while other frames come. The time limits of items go by heartbeats, so that without them
-/// nothing would ever take too long.
+/// Limit without a heartbeat: six missed while other frames come. The time limits of items go by heartbeats. Without
+/// heartbeats no item would ever exceed its limit.
 const BEATLESS_AFTER: Duration = Duration::from_millis(6500);
-/// A timer that is served so late says that this computer stalled, not that the board was silent.
+/// A timer that is served this late shows that this computer stalled, not that the board was silent.
 const STALLED: Duration = Duration::from_millis(250);
-/// After a stall what came meanwhile is read first.
+/// Time after a stall to read first what came meanwhile.
 const AFTER_A_STALL: Duration = Duration::from_millis(250);
-/// Requests that may end while another one is unresolved before the board is asked about that one, and nothing new is
-/// begun until it has answered. Those that are in flight then may end too, and all of them must fit into the board's
-/// memory of results, or a request whose result was lost would be done a second time.
+/// Requests that may end while another one is unresolved. After so many the station asks the board about the unresolved
+/// one, and begins nothing new until the board has answered. Requests that are in flight then may still end. The
+/// board's memory must hold the results of all of them; otherwise a request whose result was lost would run a second
+/// time.
 const ENDED_SINCE: u32 = (KEPT_RESULTS - MAX_RUNNING) as u32;
 
 type AnswerSender = oneshot::Sender<Result<Answer, BoardError>>;
 type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
 
-/// What is asked of the conversation.
+/// A command to the conversation.
 #[derive(Debug)]
 pub(super) enum SessionCommand {
     Hello {
@@ -70,7 +72,7 @@ pub(super) enum SessionCommand {
     },
 }
 
-/// A RESULT with its status taken off.
+/// A RESULT without its status.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answer {
     /// The number of the request.
@@ -86,15 +88,16 @@ pub struct Answer {
 /// What the line was like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkReport {
-    /// Frames that came, were damaged, are missing.
+    /// Frames received, damaged and missing.
     pub received: LineCounters,
     /// Frames sent.
     pub sent: u32,
-    /// Of those, requests sent again.
+    /// Requests sent again; `sent` includes them.
     pub resent: u32,
     /// Stream frames that came twice, or behind later ones, and were dropped.
     pub stale: u32,
-    /// Frames of our own that came back. Their numbers are ours, so that with them nobody knows what is missing.
+    /// Frames of this station that came back. They carry this station's numbers, so missing frames cannot be counted
+    /// then.
     pub echoed: u32,
 }
 
@@ -112,17 +115,18 @@ struct Pending {
     expected_ms: u32,
     /// Requests that ended since this one was last known to run.
     ended_since: u32,
-    /// It is asked about only because of those.
+    /// Whether the board is asked about this request only because of `ended_since`.
     inquiry: bool,
 }
 
 impl Pending {
-    /// It may have ended so long ago that the board soon forgets its result.
+    /// Whether the request may have ended so long ago that the board soon forgets its result.
     fn is_in_doubt(&self) -> bool {
         self.asked > 0 && self.ended_since >= ENDED_SINCE && !self.answer.is_closed()
     }
 
-    /// Not begun, and it may wait until nothing is in doubt; what makes safe never waits.
+    /// Whether the request is not begun and may wait until nothing is in doubt. Requests that make the module safe
+    /// never wait.
     fn can_be_held_back(&self) -> bool {
         self.asked == 0 && self.message != MakeSafe::ID && self.message != Abort::ID
     }
@@ -148,32 +152,32 @@ pub(super) struct Session {
     session: Option<(u32, u32)>,
     /// Boot id of the last session.
     last_boot_id: Option<u32>,
-    /// The board said that it knows of no session, and was asked why.
+    /// The board said that it knows no session, and the station has asked why.
     in_doubt: bool,
     pending: Vec<Pending>,
     streams: Vec<(StreamId, StreamSender)>,
     newest: Newest,
-    /// Frames for a listener who is behind; the line is not read meanwhile.
+    /// Frames for a listener that is behind. The line is not read meanwhile.
     held: VecDeque<(StreamId, Box<StreamFrame>)>,
     sequence: u16,
     keep_alive_due: Instant,
     heard: Instant,
     /// The last heartbeat of the session.
     beat: Instant,
-    /// Since when the port or interface is away.
+    /// When the port or interface went away, if it is away.
     away_since: Option<Instant>,
     /// How long it was away in this session, and when it was back.
     interrupted: Option<(Duration, Instant)>,
-    /// Tells of absences that are over.
+    /// Reports absences that are over.
     absences: mpsc::Sender<LinkAbsence>,
-    /// What the line counted before the first session: the middle of a frame is not damage.
+    /// What the line counted before the first session. The middle of a frame is not damage.
     before: Option<LineCounters>,
     report: LinkReport,
     gauges: Gauges,
 }
 
-/// Waits until a moment, and looks at the clock itself whenever it is asked: a runtime that is busy with samples comes
-/// to look at its timers once in hundreds of them, which on a busy computer is more than the board's watchdog waits.
+/// Waits until a moment, and looks at the clock itself at every poll. A runtime that is busy with samples looks at its
+/// timers only once in hundreds of polls. On a busy computer that takes longer than the board's watchdog waits.
 async fn until(due: Instant) {
     let mut timer = pin!(sleep_until(due));
     poll_fn(|context| if Instant::now() >= due { Poll::Ready(()) } else { timer.as_mut().poll(context) }).await;
@@ -231,7 +235,7 @@ impl Session {
                 }
                 received = self.link.next(reads) => match received {
                     Ok(Ok(frame)) => self.receive(&frame),
-                    // A damaged frame was counted by the link; whoever misses it asks again.
+                    // The link has counted the damaged frame. The task that misses it asks again.
                     Ok(Err(NoFrame::Damaged(_))) => {}
                     Ok(Err(NoFrame::Away)) => self.went_away(),
                     Ok(Err(NoFrame::Back { lasted })) => self.came_back(lasted),
@@ -252,7 +256,7 @@ impl Session {
         self.report
     }
 
-    /// A listener who is behind, and the room that makes it good.
+    /// A listener that is behind, and the room that it needs to catch up.
     fn behind(&self) -> Option<(StreamSender, usize)> {
         if let Some(sender) = self.held.iter().find_map(|(id, _)| self.sender_of(*id)) {
             return Some((sender, 1));
@@ -261,9 +265,9 @@ impl Session {
         self.streams.iter().find(|(_, sender)| slow(sender)).map(|(_, sender)| (sender.clone(), AHEAD))
     }
 
-    /// Whether the line is read. Not for a listener who is behind, so that a bench at full speed waits for him; but an
-    /// answer that somebody awaits comes behind samples, and whoever awaits it may be who keeps the listener from his
-    /// work.
+    /// Whether the station reads the line. It does not read for a listener that is behind, so that a bench at full
+    /// speed waits for that listener. It does read while a task awaits an answer: the answer comes behind samples, and
+    /// the task that waits for it may block the listener.
     fn reads(&self) -> bool {
         let awaited = !self.pending.is_empty() || self.greeting.is_some();
         self.held.is_empty() && (awaited || self.behind().is_none())
@@ -281,7 +285,7 @@ impl Session {
         [requests, greeting, silent].into_iter().flatten().fold(self.keep_alive_due, Instant::min)
     }
 
-    /// When the board counts as silent.
+    /// The moment from which the board counts as silent.
     fn silent_due(&self) -> Instant {
         (self.heard + SILENT_AFTER).min(self.beat + BEATLESS_AFTER)
     }
@@ -326,7 +330,7 @@ impl Session {
             return self.still_away(since, now);
         }
         if !self.reads() {
-            // Whoever does not listen hears no silence.
+            // The station does not read now, so it cannot call the board silent.
             (self.heard, self.beat) = (now, now);
         }
         if self.session.is_some() && now >= self.silent_due() {
@@ -363,7 +367,7 @@ impl Session {
             let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
             let (damaged, asked, waited) = (bad_checksum + malformed, greeting.asked, now - greeting.since);
             let error = match frames {
-                // One may be the rest of a frame in whose middle the port was opened.
+                // One damaged frame may be the rest of a frame: the port may have opened in the middle of it.
                 0 if damaged > 1 => BoardError::Garbled { damaged, asked },
                 _ => BoardError::NoAnswer { what: "HELLO", asked, waited },
             };
@@ -373,7 +377,7 @@ impl Session {
             return;
         }
         greeting.asked += 1;
-        // At 115,200 baud and below it is half a second or more.
+        // At 115,200 baud and below, five exchanges take half a second or more.
         greeting.due = now + HELLO_EVERY.max(self.link.exchange_time(HELLO_BYTES) * 5);
         let nonce = greeting.nonce;
         self.say_hello(nonce);
@@ -386,7 +390,7 @@ impl Session {
         }
     }
 
-    /// Sends what nobody answered again, under the same id: the board replays a result that was lost.
+    /// Sends unanswered requests again, under the same id. The board replays a result that was lost.
     fn ask_again(&mut self, now: Instant) {
         let held_back = self.pending.iter().any(Pending::is_in_doubt);
         let mut index = 0;
@@ -408,7 +412,7 @@ impl Session {
                 continue;
             }
             let flags = if pending.asked == 0 { Flags::default() } else { Flags::RESENT };
-            // To be asked how it stands is no sign of a loss, the first time.
+            // The first inquiry about a running request is no sign of a loss.
             let lost = pending.asked > 1 || pending.asked == 1 && !std::mem::take(&mut pending.inquiry);
             pending.asked += 1;
             // The answer may have to wait behind a full frame of a stream.
@@ -421,7 +425,7 @@ impl Session {
         }
     }
 
-    /// Nobody listens to the stream any more.
+    /// Drops the stream, to which no code listens any more.
     fn forget(&mut self, id: StreamId) {
         self.streams.retain(|(other, _)| *other != id);
         self.held.retain(|(other, _)| *other != id);
@@ -441,7 +445,7 @@ impl Session {
         self.streams.iter().find(|(other, _)| *other == id).map(|(_, sender)| sender.clone())
     }
 
-    /// The request that an answer ends; for the others it is one more that ended since.
+    /// Takes the request that an answer ends, and counts this end for the other requests.
     fn take(&mut self, request: u16, message: u16) -> Option<Pending> {
         let matches = |pending: &Pending| pending.request == request && pending.message == message;
         let index = self.pending.iter().position(matches)?;
@@ -462,7 +466,7 @@ impl Session {
             let _ = pending.answer.send(Err(error.clone()));
         }
         for (_, sender) in self.streams.drain(..) {
-            // A listener who is behind finds the end of the stream instead, and asks.
+            // A listener that is behind gets no error here: it finds the end of the stream, and asks.
             let _ = sender.try_send(Err(error.clone()));
         }
         self.held.clear();

@@ -11,7 +11,7 @@ pub struct LinkAbsence {
     pub lasted: Duration,
 }
 
-/// What the board said last of its own time.
+/// The board's last report of its own time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BoardTime {
     /// Board time in microseconds.
@@ -20,7 +20,7 @@ pub struct BoardTime {
     pub beats: u32,
 }
 
-/// How far the request that runs is, for people; some of these may be skipped.
+/// How far the running request is, for people; some of these may be skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Advance {
     /// Share done, 0 to 1000.

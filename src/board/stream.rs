@@ -14,47 +14,48 @@ use crate::status::BoardTime;
 /// The board's clock may be this far ahead of the last sample before a stream counts as stopped: twice the time
 /// between two heartbeats.
 const BEHIND_US: u64 = 2_000_000;
-/// Heartbeats over so much link time with a board clock that stands: nothing goes on there any more, as at the end of
-/// a stream whose last frame was lost on a simulated bench at full speed.
+/// Link time with heartbeats while the board's clock stands still, after which the stream counts as ended. So ends a
+/// stream on a simulated bench at full speed when its last frame was lost.
 const STANDS_FOR: Duration = Duration::from_millis(1500);
 
-/// Frames that wait for whoever reads a stream before the line is held up for him: a second of 1 kHz in single samples.
+/// Frames that may wait for the reader of a stream before the line is held up for it: a second of 1 kHz in single
+/// samples.
 pub(super) const WAITING: usize = 1024;
-/// Frames beyond those that may come before an answer that is awaited: what a board says between a request and its
-/// RESULT, over CAN in pieces of six bytes and with a round trip for each message, and that a few times.
+/// More frames that may come before an awaited answer. This is what a board says between a request and its RESULT, a
+/// few times over: over CAN in pieces of six bytes, with a round trip for each message.
 pub(super) const AHEAD: usize = 16_384;
 
-/// Frames of one stream, in the order they came.
+/// The frames of one stream, in the order in which they came.
 #[derive(Debug)]
 pub struct Stream {
     id: StreamId,
     frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
     board_time: Follower<BoardTime>,
     seen_us: u64,
-    /// The last heartbeat's board time, and since when it is that.
+    /// Board time of the last heartbeat, and when that value came first.
     beat_us: Option<(u64, Instant)>,
     losses: Losses,
 }
 
-/// The account of a stream that was stopped.
+/// The counts of a stream that was stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Closed {
     /// Samples (bytes) that the board produced.
     pub produced: u32,
-    /// Where they are.
+    /// Where the samples are.
     pub losses: Losses,
 }
 
-/// The newest frame of each stream in this start of the board: its board time, its first sample and the one behind its
-/// last.
+/// The newest frame of each stream since the board's last start: its board time, its first sample and the number after
+/// its last sample.
 #[derive(Debug, Default)]
 pub(super) struct Newest(Vec<(StreamId, (u64, u32), u32)>);
 
 impl Newest {
-    /// Whether a frame is newer than all before it. One that came already, or that later ones overtook, is no more
-    /// data: its samples are counted, as received or as lost. Board time goes on from one run of a stream to the
-    /// next, and `first` within one. A frame that goes on with the numbers where the newest ends is data whatever its
-    /// time: the board's clock went back, and the reader of the stream must see that.
+    /// Whether a frame is newer than all before it. A frame that came already, or that later ones overtook, is not new
+    /// data: its samples are counted already, as received or as lost. Board time increases from one run of a stream to
+    /// the next, and `first` increases within a run. A frame whose numbers continue those of the newest is data
+    /// whatever its time: the board's clock went back, and the reader of the stream must see that.
     pub(super) fn admit(&mut self, stream: StreamId, head: &StreamHead) -> bool {
         let key = (head.board_time_us, head.first);
         let next = head.first.wrapping_add(head.count.into());
@@ -87,7 +88,7 @@ impl Stream {
         self.id
     }
 
-    /// What is missing up to the last frame.
+    /// Samples that are missing up to the last frame.
     #[must_use]
     pub fn losses(&self) -> Losses {
         self.losses
@@ -99,8 +100,8 @@ impl Stream {
         self.board_time.now().board_time_us.max(self.seen_us)
     }
 
-    /// The next frame. `None`: the board's clock went on for two seconds without one, or stands. Frames and heartbeats
-    /// come down the same line in order, so whatever was sent before a heartbeat has come, or is lost.
+    /// The next frame. `None` if the board's clock went on for two seconds without a frame, or stands still. Frames and
+    /// heartbeats come over the same line in order, so a frame sent before a heartbeat has come or is lost.
     ///
     /// # Errors
     /// The reason for which the conversation ended, if it did.
@@ -128,7 +129,7 @@ impl Stream {
         }
     }
 
-    /// Whether heartbeats have told the same board time for long.
+    /// Whether heartbeats have shown the same board time for too long.
     fn stands(&mut self, now_us: u64) -> bool {
         match self.beat_us {
             Some((before_us, since)) if before_us == now_us => since.elapsed() >= STANDS_FOR,
@@ -139,8 +140,8 @@ impl Stream {
         }
     }
 
-    /// Waits for the figures of the board's end of the stream, counts what still comes meanwhile, and closes the
-    /// account: what the board produced and what is neither here nor dropped there was lost on the line.
+    /// Waits for the board's counts of the stream, counts the frames that still come meanwhile, and closes the account.
+    /// Samples that the board produced and neither dropped nor delivered were lost on the line.
     pub(super) async fn close(
         mut self,
         stopped: impl Future<Output = Result<StreamStopReply, BoardError>>,
@@ -148,7 +149,7 @@ impl Stream {
         tokio::pin!(stopped);
         let board = loop {
             tokio::select! {
-                // Frames left the board before the answer and come before it.
+                // These frames left the board before the answer, so they come before it.
                 biased;
                 frame = self.frames.recv() => match frame {
                     Some(frame) => self.account(&*frame?),
@@ -199,7 +200,7 @@ mod tests {
         }
         assert_eq!(stream.losses(), Losses { received: 30, on_board: 5, on_line: 10 });
     }
-    /// Doubled and overtaken frames are no more data, those of a stream's next run are.
+    /// Doubled and overtaken frames are not new data; frames of a stream's next run are.
     #[test]
     fn only_what_is_new_is_admitted() {
         let mut newest = Newest::default();
@@ -215,7 +216,7 @@ mod tests {
         assert!(admit(StreamId::Gnss, 900, 0), "the next run");
     }
 
-    /// Numbers that go on while the time goes back are no overtaken frame, but a clock that went back.
+    /// Numbers that go on while the time goes back mean a clock that went back, not an overtaken frame.
     #[test]
     fn a_clock_that_goes_back_is_shown() {
         let mut newest = Newest::default();

@@ -1,4 +1,4 @@
-//! The conversation with a board that is played here, over a bus in memory.
+//! The conversation with a board that the test plays, over a bus in memory.
 
 use std::collections::VecDeque;
 use std::task::Poll;
@@ -20,7 +20,7 @@ use tokio::time::Instant;
 
 use super::*;
 
-/// A board that has this many pieces of the receiver's bytes to say before it answers a request.
+/// A board that must send this many pieces of the receiver's bytes before it answers a request.
 async fn talkative_board(mut end: MemoryEnd, pieces: u32) {
     let mut endpoint = Endpoint::new(EndpointRole::Board);
     let mut waiting: VecDeque<CanFrame> = VecDeque::new();
@@ -87,8 +87,9 @@ fn answers(heard: &Frame, said: &mut u32, pieces: u32) -> Vec<Frame> {
     }
 }
 
-/// Who awaits an answer and keeps a listener from his work until it has come, as a runner does that reads the error
-/// records of one item while another one listens to the receiver: the answer comes past the samples, and none is lost.
+/// A task awaits an answer and blocks a listener until the answer has come. A runner does so when it reads the error
+/// records of one item while another item listens to the receiver. The answer comes past the samples, and no sample is
+/// lost.
 #[tokio::test(start_paused = true)]
 async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     let (link, end) = CanLink::in_memory();
@@ -105,8 +106,8 @@ async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     played.abort();
 }
 
-/// A board that never stops talking, of a computer whose clock goes on while the runtime has no time for its timers; how
-/// many keep-alives it hears in three seconds.
+/// Plays a board that never stops talking, on a computer whose clock goes on while the runtime has no time for its
+/// timers. Returns how many keep-alives the board hears in three seconds.
 async fn keep_alives_of_three_seconds(mut end: MemoryEnd) -> u32 {
     let mut endpoint = Endpoint::new(EndpointRole::Board);
     let (began, mut heard) = (Instant::now(), 0);
@@ -127,7 +128,7 @@ async fn keep_alives_of_three_seconds(mut end: MemoryEnd) -> u32 {
         if answered {
             let foreign = CanFrame::new(CanId::Standard(0x7ff), &[]).unwrap();
             let _ = end.to_host.try_send(foreign);
-            // Only begun: the rest of it would let the runtime look at its timers.
+            // The timer is only begun: waiting for its end would let the runtime look at its timers.
             tokio::select! {
                 biased;
                 () = tokio::time::advance(Duration::from_millis(10)) => {}
@@ -139,7 +140,7 @@ async fn keep_alives_of_three_seconds(mut end: MemoryEnd) -> u32 {
     heard
 }
 
-/// Gives others a turn, and is ready at once.
+/// Gives other tasks a turn, and is ready at once.
 async fn again() {
     let mut polled = false;
     std::future::poll_fn(|context| {

@@ -1,7 +1,7 @@
 //! TOML files that people write: plans, bench files, personalities, budgets.
 //!
-//! A reader takes the keys of a table one by one and goes on behind a mistake, so that a file with ten mistakes is mended
-//! in one go. Each mistake has its line and column, and a hint where one is known. The crate knows no key and no unit of
+//! A reader takes the keys of a table one by one and goes on after a mistake, so that the writer can mend ten mistakes
+//! in one go. Each mistake has its line and column, and a hint if there is one. The crate knows no key and no unit of
 //! any file, and never opens one.
 //!
 //! ```

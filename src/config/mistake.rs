@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use gnc_text::{printable, quoted, shortened};
 
-/// Mistakes that are kept; a file with more is not a file of ours, and nobody reads on.
+/// Mistakes that are kept. A file with more is not a file of ours, and people do not read further.
 pub const MAX_MISTAKES: usize = 50;
 
 /// Characters of a source line that are shown around a mistake: a terminal's width.
@@ -14,7 +14,7 @@ const SHOWN_CHARACTERS: usize = 100;
 /// One mistake, with its place and what the writer can try.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// Where it is; `None` if it belongs to no place of a file.
+    /// Where it is; `None` if it has no place in a file.
     pub place: Option<SourcePosition>,
     /// What is wrong: lower case, with its data.
     pub what: String,
@@ -40,7 +40,7 @@ pub struct SourcePosition {
 }
 
 impl Mistake {
-    /// A mistake that belongs to no place.
+    /// A mistake without a place in a file.
     pub fn nowhere(what: impl Into<String>, hint: impl Into<String>) -> Self {
         Self { place: None, what: what.into(), hint: hint.into() }
     }
@@ -74,7 +74,7 @@ impl Mistakes {
         self.kept.iter()
     }
 
-    /// How many there are, those beyond [`MAX_MISTAKES`] included.
+    /// Returns the number of mistakes, those beyond [`MAX_MISTAKES`] included.
     pub fn count(&self) -> usize {
         self.kept.len() + self.dropped
     }
@@ -84,7 +84,7 @@ impl Mistakes {
         Self { kept: vec![mistake], dropped: 0 }
     }
 
-    /// Adds one; it is only made if there is room, since finding its place reads the file again.
+    /// Adds a mistake. It is only made if there is room, since finding its place reads the file again.
     pub fn add(&mut self, mistake: impl FnOnce() -> Mistake) {
         if self.kept.len() < MAX_MISTAKES {
             self.kept.push(mistake());
@@ -134,10 +134,10 @@ impl fmt::Display for Mistakes {
 
 impl std::error::Error for Mistakes {}
 
-/// A text file that was read, for the places of its mistakes.
+/// A text file that was read. It gives mistakes their places.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceText {
-    /// The name that the user gave, or that an include made of it.
+    /// The name that the user gave, or that an include made from it.
     pub name: String,
     /// The text as read.
     pub text: String,
@@ -171,7 +171,7 @@ impl SourceText {
         Mistake { place: Some(self.place(span)), what: what.into(), hint: hint.into() }
     }
 
-    /// The place of a range of bytes; a range over several lines is marked to the end of its first.
+    /// The place of a range of bytes. A range over several lines is marked to the end of its first line.
     pub fn place(&self, span: Range<usize>) -> SourcePosition {
         let start = floor(&self.text, span.start);
         let before = &self.text[..start];
@@ -190,7 +190,7 @@ impl SourceText {
             .take(SHOWN_CHARACTERS)
             .map(|c| if printable(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8() { c } else { ' ' })
             .collect();
-        // What comes behind a line end that is not shown is marked at the end of what is.
+        // A mistake at a line end or beyond the shown part is marked at the end of the shown text.
         let shown = text.chars().count();
         let mark = (column - skipped).min(shown);
         let marked = marked.min(shown - mark).max(1);
@@ -213,7 +213,7 @@ pub(crate) fn syntax_message(message: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Found by fuzzing: behind carriage returns the mark stood as far beyond the line as there were of them.
+    /// Found by fuzzing: carriage returns before a mistake moved the mark beyond the line, one character for each.
     #[test]
     fn a_mark_stays_at_its_line() {
         let source = SourceText::new("plan.toml", b"a = 1\r\r\r".to_vec(), 100).unwrap();

@@ -1,6 +1,6 @@
 //! "Did you mean …?" for names that are nearly right.
 
-/// Longer names are not compared: the work grows with the product of both lengths, and no name of ours is longer.
+/// Longer names are not compared. The work grows with the product of both lengths, and all names of ours are shorter.
 const LONGEST: usize = 64;
 
 /// The candidate that is nearest to the name, if it is near enough to be meant.
@@ -13,13 +13,13 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .into_iter()
         .filter(|candidate| candidate.len() <= LONGEST)
         .map(|candidate| (distance(&name, &plain(candidate)), candidate))
-        // A third of the letters may differ: "sd-ram" is "sdram", while "foo" is nothing of ours.
+        // A third of the letters may differ: "sd-ram" means "sdram", while "foo" matches nothing of ours.
         .filter(|(distance, candidate)| *distance * 3 <= candidate.len().max(name.len()))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
 }
 
-/// A hint for a name that is not known: the candidate that was probably meant, or what `otherwise` says.
+/// A hint for an unknown name: the candidate that was probably meant, or what `otherwise` says.
 pub fn did_you_mean<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,

@@ -1,8 +1,8 @@
-//! Each kind of value, right and wrong, with the place of what is wrong.
+//! Each kind of value, right and wrong, with the place of each mistake.
 
 use crate::{SourceText, TomlEntry, TomlTable, read};
 
-/// What a reader makes of a text, or all mistakes as line, column, what is wrong and what can be tried.
+/// The value that a reader returns for a text, or all mistakes as line, column, what is wrong and what can be tried.
 fn told<T>(text: &str, reader: impl FnOnce(&TomlTable<'_, '_>) -> T) -> Result<T, Vec<String>> {
     let source = SourceText { name: "a.toml".to_owned(), text: text.to_owned() };
     read(&source, reader).map_err(|mistakes| {
@@ -78,7 +78,7 @@ fn tables_refuse_what_nobody_took_in_the_order_of_the_file() {
             "8:1: unknown key \"key\" [the keys are id]",
         ],
     );
-    // A table that is none says so, and so does each element of a list of tables.
+    // A value that must be a table and is not gets a message. So does each such element of a list of tables.
     refused(
         told("oven = 3\n", |root| root.within("oven", |_| ())),
         &["1:8: \"oven\" is a whole number, and must be a table []"],

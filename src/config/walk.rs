@@ -1,6 +1,7 @@
-//! A walk over a parsed TOML file that notes every mistake of meaning with its place and goes on.
+//! A walk over a parsed TOML file. It notes every mistake of meaning with its place and goes on.
 //!
-//! serde's derive stops at the first mistake, and a file with ten of them should be mended in one go.
+//! serde's derive stops at the first mistake, but the writer of a file with ten mistakes should be able to mend all in
+//! one go.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -17,14 +18,14 @@ use crate::suggest::did_you_mean;
 /// Bytes of a file that are marked at a mistake.
 pub type Span = Range<usize>;
 
-/// One file during its walk: where mistakes are noted.
+/// The walk over one file; it notes the mistakes.
 pub struct Walk<'s> {
     source: &'s SourceText,
     mistakes: RefCell<Mistakes>,
 }
 
 impl<'s> Walk<'s> {
-    /// Goes on with the mistakes of files that were read before.
+    /// A walk that starts with the mistakes of files that were read before.
     pub fn new(source: &'s SourceText, mistakes: Mistakes) -> Self {
         Self { source, mistakes: RefCell::new(mistakes) }
     }
@@ -54,7 +55,7 @@ pub fn read<T>(source: &SourceText, read: impl FnOnce(&TomlTable<'_, '_>) -> T) 
 /// Parses a file.
 ///
 /// # Errors
-/// The first syntax error alone: what follows it is guesswork.
+/// The first syntax error alone: what follows it is a guess.
 pub fn parse(source: &SourceText) -> Result<DeTable<'_>, Mistakes> {
     DeTable::parse(&source.text).map(Spanned::into_inner).map_err(|error| {
         let (what, hint) = syntax(error.message());
@@ -62,7 +63,7 @@ pub fn parse(source: &SourceText) -> Result<DeTable<'_>, Mistakes> {
     })
 }
 
-/// A message of the TOML parser in the words of somebody who writes such files.
+/// A message of the TOML parser in words for people who write such files.
 fn syntax(message: &str) -> (String, &'static str) {
     let said = |text: &str| message.contains(text);
     if said("recursion") || said("recurse") {
@@ -79,17 +80,17 @@ fn syntax(message: &str) -> (String, &'static str) {
     }
 }
 
-/// A table whose keys are taken one by one; [`TomlTable::finish`] refuses those that nobody took.
+/// A table whose keys are taken one by one; [`TomlTable::finish`] refuses the keys that were not taken.
 pub struct TomlTable<'w, 't> {
     walk: &'w Walk<'w>,
     table: &'t DeTable<'t>,
     known: RefCell<BTreeSet<Cow<'static, str>>>,
-    /// The place of the table itself, for what is missing in it.
+    /// The place of the table itself, for messages about missing keys.
     span: Span,
 }
 
 impl<'w, 't> TomlTable<'w, 't> {
-    /// The top level of a file, which [`parse`] gave.
+    /// The top level of a file, as [`parse`] returns it.
     pub fn new(walk: &'w Walk<'w>, table: &'t DeTable<'t>, span: Span) -> Self {
         Self { walk, table, known: RefCell::default(), span }
     }
@@ -109,7 +110,7 @@ impl<'w, 't> TomlTable<'w, 't> {
         self.walk.mistake(span, what, hint);
     }
 
-    /// Whether there is a value under a key, whatever it is.
+    /// Whether there is a value under a key, of any type.
     pub fn has(&self, key: &str) -> bool {
         self.table.contains_key(key)
     }
@@ -131,7 +132,7 @@ impl<'w, 't> TomlTable<'w, 't> {
         entry
     }
 
-    /// Every entry, in the order of the file; the parser keeps them sorted by name.
+    /// Every entry, in the order of the file. The parser keeps entries sorted by name.
     pub fn entries(&self) -> Vec<TomlEntry<'w, 't>> {
         let mut entries: Vec<TomlEntry<'w, 't>> = self.table.iter().map(|(key, value)| self.at(key, value)).collect();
         entries.sort_by_key(|entry| entry.key_span);
@@ -160,12 +161,12 @@ impl<'w, 't> TomlTable<'w, 't> {
         Some((text, entry.span()))
     }
 
-    /// A truth value; false where there is none.
+    /// A truth value; false if the key is absent.
     pub fn flag(&self, key: &'static str) -> bool {
         self.entry(key).and_then(|entry| entry.flag()).unwrap_or(false)
     }
 
-    /// A whole number within bounds, or what stands for its absence.
+    /// A whole number within bounds; `absent` if the key is absent.
     pub fn integer(&self, key: &'static str, bounds: (i64, i64), absent: i64) -> i64 {
         self.entry(key).and_then(|entry| entry.integer(bounds)).unwrap_or(absent)
     }
@@ -186,7 +187,7 @@ impl<'w, 't> TomlTable<'w, 't> {
         Some(TomlTable { span: entry.key_span(), ..entry.table()? })
     }
 
-    /// What `read` makes of a table within this one, where there is one; keys that it does not take are refused.
+    /// The result of `read` on a table within this one, if there is one. Keys that `read` does not take are refused.
     pub fn within<T>(
         &self,
         key: impl Into<Cow<'static, str>>,
@@ -195,7 +196,7 @@ impl<'w, 't> TomlTable<'w, 't> {
         Some(self.table(key)?.read(read))
     }
 
-    /// The elements of a list, none where there is none; `wanted` says what the value must be if it is no list.
+    /// The elements of a list; empty if the key is absent. `wanted` says what the value must be if it is not a list.
     pub fn list(&self, key: &'static str, wanted: &str) -> Vec<TomlEntry<'w, 't>> {
         self.entry(key).and_then(|entry| entry.list(wanted)).unwrap_or_default()
     }
@@ -206,20 +207,20 @@ impl<'w, 't> TomlTable<'w, 't> {
         self.list(key, &wanted).into_iter().filter_map(|element| element.table()).collect()
     }
 
-    /// What `read` makes of this table; keys that it does not take are refused.
+    /// The result of `read` on this table. Keys that `read` does not take are refused.
     pub fn read<T>(self, read: impl FnOnce(&Self) -> T) -> T {
         let value = read(&self);
         self.finish();
         value
     }
 
-    /// The entries that nobody asked for so far, in the order of the file.
+    /// The entries that the reader has not asked for so far, in the order of the file.
     pub fn unknown(&self) -> Vec<TomlEntry<'w, 't>> {
         let known = self.known.borrow();
         self.entries().into_iter().filter(|entry| !known.contains(entry.key)).collect()
     }
 
-    /// Refuses every key that nobody asked for.
+    /// Refuses every key that the reader has not asked for.
     pub fn finish(self) {
         for entry in self.unknown() {
             let known = self.known.borrow();
@@ -307,11 +308,11 @@ impl<'w, 't> TomlEntry<'w, 't> {
         })
     }
 
-    /// A number within bounds; a bound that is infinite lets infinity pass. NaN lies in no range.
+    /// A number within bounds. If a bound is infinite, an infinite value passes. NaN lies in no range.
     pub fn number(&self, (min, max): (f64, f64)) -> Option<f64> {
         let (written, number) = match self.value() {
             DeValue::Float(written) => (written.as_str(), written.as_str().parse().ok()),
-            // Every whole number that a file may hold has a float next to it.
+            // Every whole number in a file has a nearest float.
             DeValue::Integer(written) => {
                 let number = i64::from_str_radix(written.as_str(), written.radix());
                 (written.as_str(), number.ok().map(|number| number as f64))
@@ -332,7 +333,7 @@ impl<'w, 't> TomlEntry<'w, 't> {
         self.mistake(what.replace('"', ""), "");
     }
 
-    /// The elements of a list; `wanted` says what the value must be if it is none.
+    /// The elements of a list; `wanted` says what the value must be if it is not a list.
     pub fn list(&self, wanted: &str) -> Option<Vec<TomlEntry<'w, 't>>> {
         let Some(list) = self.value().as_array() else {
             self.wrong_type(wanted);
@@ -341,7 +342,7 @@ impl<'w, 't> TomlEntry<'w, 't> {
         Some(list.iter().map(|value| TomlEntry { value, ..*self }).collect())
     }
 
-    /// So many elements; `wanted` says what the value must be if it is another.
+    /// A list of exactly `N` elements; `wanted` says what the value must be otherwise.
     pub fn array<const N: usize>(&self, wanted: &str) -> Option<[TomlEntry<'w, 't>; N]> {
         let list = self.list(wanted)?;
         let many = list.len();
@@ -374,7 +375,7 @@ impl<'w, 't> TomlEntry<'w, 't> {
     }
 }
 
-/// A TOML type for people.
+/// The name of a TOML type, for people.
 fn type_name(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a text",

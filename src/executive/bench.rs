@@ -1,4 +1,4 @@
-//! The bench file: where the bench stands and how its board is reached.
+//! The bench file: where the bench stands and how the station reaches its board.
 //!
 //! ```toml
 //! [station]
@@ -37,13 +37,13 @@ pub use imperfections::BenchImperfections;
 
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
 
-/// Bytes of a bench file; one has about 1 kB.
+/// Largest size of a bench file in bytes; a usual one has about 1 kB.
 pub const MAX_BENCH_BYTES: usize = 64 << 10;
 
-/// Rate of the RS-422 link where the bench file is silent.
+/// Rate of the RS-422 link if the bench file does not give one.
 pub(crate) const DEFAULT_RATE_BPS: u32 = 921_600;
 
-/// Characters of a name or path.
+/// Largest number of characters of a name or path.
 const TEXT_CHARACTERS: usize = 1024;
 
 /// A checked bench file.
@@ -51,15 +51,15 @@ const TEXT_CHARACTERS: usize = 1024;
 pub struct BenchFile {
     /// Name of the station.
     pub station_id: String,
-    /// Folder of the records as written; `None` leaves it to the program.
+    /// Folder of the records as written; `None` if the program chooses it.
     pub records: Option<String>,
-    /// File of the station's key as written; `None` signs nothing.
+    /// File of the station's key as written; `None` if the station signs nothing.
     pub key: Option<String>,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
-    /// How the board is reached; `None` on a bench that only simulates.
+    /// How the station reaches the board; `None` on a bench that only simulates.
     pub socket: Option<TestSocket>,
-    /// The CAN bus; `None` on a bench without.
+    /// The CAN bus; `None` on a bench without CAN.
     pub can: Option<CanSettings>,
 }
 
@@ -111,7 +111,7 @@ pub enum TestSocket {
     Can,
 }
 
-/// A CAN bus.
+/// The CAN bus of a bench.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CanSettings {
     /// An interface of the kernel, or `slcan:` and a serial port.
@@ -119,7 +119,7 @@ pub struct CanSettings {
 }
 
 impl BenchFile {
-    /// Reads a bench file; `name` is how the user named it.
+    /// Reads a bench file; `name` is the user's name for it.
     ///
     /// # Errors
     /// All mistakes of meaning, or the first syntax error alone.
@@ -132,7 +132,7 @@ impl BenchFile {
                 Station::default()
             });
             let site = root.within("site", site);
-            // A bench may know its fixture without knowing its place.
+            // A bench file may state its fixture without its place.
             let site = match (site, root.within("fixture", imperfections::fixture)) {
                 (None, None) => None,
                 (site, fixture) => Some(BenchSite { fixture, ..site.unwrap_or_default() }),
@@ -163,7 +163,7 @@ fn station(table: &TomlTable<'_, '_>) -> Station {
 fn site(table: &TomlTable<'_, '_>) -> BenchSite {
     let latitude_deg = bounded_at(table, "latitude", Unit::Degree, (-90.0, 90.0));
     let longitude_deg = bounded_at(table, "longitude", Unit::Degree, (-180.0, 180.0));
-    // From the shore of the Dead Sea to the highest town, with some room.
+    // The range goes from the shore of the Dead Sea to the highest town, with some room.
     let height_m = bounded_at(table, "height", Unit::Metre, (-1000.0, 9000.0));
     let written = ["latitude", "longitude", "height"].map(|key| table.has(key));
     if written.contains(&true) && written.contains(&false) {
@@ -220,7 +220,7 @@ fn socket(table: &TomlTable<'_, '_>, has_can: bool) -> Option<TestSocket> {
     Some(TestSocket::Rs422 { port: port?, rate_bps })
 }
 
-/// A name or path; one that is not fit for that is refused.
+/// Reads a name or path; refuses an unfit one.
 fn checked(table: &TomlTable<'_, '_>, written: Option<(&str, Span)>) -> Option<String> {
     let (text, span) = written?;
     if text.chars().any(char::is_control) || text.chars().count() > TEXT_CHARACTERS {

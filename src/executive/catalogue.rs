@@ -1,10 +1,10 @@
-//! The contract between procedures, which measure, and plans, which judge: what every item takes and what it yields.
+//! The contract between procedures, which measure, and plans, which judge: what every item takes and yields.
 //!
-//! Pure data. A procedure yields exactly the measurements that stand here, and a plan may limit exactly those.
-//! Procedures name a measurement by its constant, so that a misspelt name does not compile.
+//! The catalogue is pure data. A procedure yields exactly the measurements that stand here, and a plan may limit
+//! exactly those. Procedures name a measurement by its constant, so that a misspelt name does not compile.
 //!
-//! A bench that lacks a device of an item cannot run it: the plan is then refused before power-on, unless it calls
-//! the item optional, which makes it skipped with that cause.
+//! A bench without a device of an item cannot run it. The station then refuses the plan before power-on, unless the
+//! plan calls the item optional; such an item is skipped with that cause.
 
 pub mod calibration;
 mod magnetometer;
@@ -28,8 +28,8 @@ use crate::quantity::{Dimension, Unit};
 pub use page::page;
 pub use shared::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
 
-/// Makes the items out of their one table. A row is an item: what it tests, its id in plans and records, and its
-/// specification.
+/// Makes the items out of one table. A row is an item: its description (the doc comment, which people read), its id in
+/// plans and records, and its specification.
 macro_rules! items {
     ($($(#[doc = $about:literal])* $item:ident = $id:literal: $spec:path,)*) => {
         /// A test item.
@@ -49,7 +49,7 @@ macro_rules! items {
                 }
             }
 
-            /// What it tests, in a sentence.
+            /// A description of its test, in a sentence.
             fn about(self) -> &'static str {
                 match self {
                     $(ItemId::$item => concat!($($about),*).trim_ascii(),)*
@@ -147,22 +147,23 @@ impl fmt::Display for ItemId {
     }
 }
 
-/// One item of the table.
+/// The specification of an item.
 #[derive(Debug)]
 pub struct ItemSpec {
-    /// For people: "CPU, both cores".
+    /// The title for people: "CPU, both cores".
     pub title: &'static str,
-    /// What a plan can set.
+    /// The parameters that a plan can set.
     pub params: &'static [ParamSpec],
-    /// What the procedure yields.
+    /// The measurements that the procedure yields.
     pub measurements: &'static [MeasurementSpec],
-    /// What the bench must have.
+    /// The devices that the bench must have.
     pub devices: &'static [Device],
-    /// What no other item may use at the same time.
+    /// The resources that no other item may use at the same time.
     pub resources: &'static [Resource],
-    /// Items whose results this one works with, and the parameter that switches the need on. A plan has them before it.
+    /// Items whose results this item uses, and the parameter that switches the need on. A plan has them before this
+    /// item.
     pub needs: &'static [(ItemId, Option<When>)],
-    /// Board time after which an attempt is given up, unless the plan says otherwise.
+    /// Board time after which an attempt is given up, unless the plan states another one.
     pub timeout_s: f64,
 }
 
@@ -183,13 +184,13 @@ impl ItemSpec {
 pub struct ParamSpec {
     /// The key in the plan.
     pub name: &'static str,
-    /// What it sets, for people.
+    /// What the parameter sets, for people.
     pub about: &'static str,
-    /// What it may be.
+    /// The allowed values.
     pub kind: ParamKind,
 }
 
-/// What a parameter may be, and what it is where the plan is silent.
+/// The allowed values of a parameter, and its default.
 #[derive(Debug)]
 pub enum ParamKind {
     /// A whole number.
@@ -198,7 +199,7 @@ pub enum ParamKind {
         min: i64,
         /// Largest value.
         max: i64,
-        /// Where the plan is silent.
+        /// The value if the plan gives none.
         default: i64,
     },
     /// A list of different whole numbers, at least one.
@@ -207,38 +208,38 @@ pub enum ParamKind {
         min: i64,
         /// Largest value.
         max: i64,
-        /// Where the plan is silent.
+        /// The value if the plan gives none.
         default: &'static [i64],
     },
     /// A number with a unit.
     Quantity {
-        /// Unit of the bounds and the default; the plan may use any of the same dimension.
+        /// Unit of the bounds and the default; the plan may use any unit of the same dimension.
         unit: Unit,
         /// Smallest value.
         min: f64,
         /// Largest value.
         max: f64,
-        /// Where the plan is silent.
+        /// The value if the plan gives none.
         default: f64,
     },
     /// One text of a set.
     Choice {
         /// The set.
         of: &'static [&'static str],
-        /// Where the plan is silent.
+        /// The value if the plan gives none.
         default: &'static str,
     },
     /// A list of different texts of a set, at least one.
     Choices {
         /// The set.
         of: &'static [&'static str],
-        /// Where the plan is silent.
+        /// The value if the plan gives none.
         default: &'static [&'static str],
     },
-    /// Name of an item of the plan that stands before this one, whose captures are used; none where the plan is silent:
-    /// the item captures by itself. The item is skipped unless that other one is good.
+    /// Name of an earlier item of the plan. This item uses the captures of that one, and is skipped unless that one is
+    /// good. Without a name the item captures by itself.
     Source {
-        /// What the other item may be.
+        /// The kinds of items that may be named.
         of: &'static [ItemId],
     },
 }
@@ -250,15 +251,15 @@ pub struct MeasurementSpec {
     pub name: &'static str,
     /// Text, or a number of a dimension.
     pub kind: MeasurementKind,
-    /// Unit in which it is shown where no limit chooses one; [`Unit::Count`] for texts.
+    /// Unit for display if no limit chooses one; [`Unit::Count`] for texts.
     pub unit: Unit,
-    /// What to look at when it fails: a sentence for operator and engineer.
+    /// What to look at when the measurement fails: a sentence for operator and engineer.
     pub look_at: &'static str,
-    /// The parameter that switches it on; without one it always comes.
+    /// The condition for this measurement; `None` if it always comes.
     pub when: Option<When>,
 }
 
-/// A measurement that comes only if a list parameter contains an element.
+/// The condition that a list parameter contains an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
     /// The list of whole numbers `param` contains `element`.
@@ -277,7 +278,7 @@ pub enum When {
     },
 }
 
-/// What a bench may have or lack.
+/// A device that a bench may have or lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Device {
     /// Any link to the slave test board, RS-422 or CAN.
@@ -286,12 +287,12 @@ pub enum Device {
     Rs422,
     /// A CAN link to the slave test board.
     Can,
-    /// Somebody, or a fixture, who answers prompts.
+    /// A person or a fixture that answers prompts.
     Operator,
 }
 
 impl Device {
-    /// For people, in "the bench has no …".
+    /// The name for people, in "the bench has no …".
     pub(crate) fn as_str(self) -> &'static str {
         match self {
             Device::Slave => "link to the slave board",
@@ -301,7 +302,7 @@ impl Device {
         }
     }
 
-    /// What can be tried when it is missing.
+    /// What people can try if the device is missing.
     pub(crate) fn hint(self) -> &'static str {
         match self {
             Device::Slave => "name the port under [socket] in the bench file",
@@ -314,12 +315,12 @@ impl Device {
     }
 }
 
-/// What items share. Two items may run at once if none of their resources exclude each other.
+/// A resource that items share. Two items may run at once if their resources do not exclude each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Resource {
     /// The module must not move; several items may need that at once.
     Still,
-    /// The module is turned.
+    /// The item turns the module.
     Attitude,
     /// The four IO lines, which SPI uses as well.
     IoPins,
@@ -331,7 +332,7 @@ pub enum Resource {
     Link,
     /// The CAN bus.
     CanBus,
-    /// The supply of the module is switched or settles: excludes every other item.
+    /// The item switches the module's supply, or the supply settles: this excludes every other item.
     Power,
 }
 
@@ -348,7 +349,7 @@ impl Resource {
         Resource::Power,
     ];
 
-    /// Whether one item with this resource and one with the other cannot run at once.
+    /// Whether an item with this resource and an item with the other one cannot run at once.
     pub(crate) fn excludes(self, other: Resource) -> bool {
         match (self, other) {
             (Resource::Still, Resource::Still) => false,
@@ -364,7 +365,7 @@ impl ItemId {
     pub(crate) fn excludes(self, other: ItemId) -> bool {
         let others = other.spec().resources;
         let switches = |resources: &[Resource]| resources.contains(&Resource::Power);
-        // Two items of one kind want the same device, and one without resources still wants its module powered.
+        // Two items of one kind need the same device, and an item without resources still needs a powered module.
         self == other
             || switches(self.spec().resources)
             || switches(others)

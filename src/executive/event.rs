@@ -1,7 +1,7 @@
-//! What happens in a run, as a closed list of events.
+//! The events of a run, as a closed list.
 //!
-//! The runner emits them, and every observer (store, screen, text output, replay of a stored journal) folds the same
-//! sequence with [`RunState::apply`](crate::state::RunState::apply), so that no two of them can disagree.
+//! The runner emits the events. Every observer (store, screen, text output, replay of a stored journal) folds the same
+//! sequence with [`RunState::apply`](crate::state::RunState::apply), so that all of them agree.
 
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,8 @@ use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
 
-/// Version of the events' form. A program that reads a journal compares it first, with [`crate::journal::fold`]; a later
-/// form counts it up.
+/// Version of the events' form. A program that reads a journal compares it first, with [`crate::journal::fold`]. A
+/// later form has a higher number.
 pub const EVENTS_SCHEMA: &str = "gnc-events/1";
 
 /// One event, one line of a journal.
@@ -21,7 +21,7 @@ pub const EVENTS_SCHEMA: &str = "gnc-events/1";
 pub struct Event {
     /// Position in the run, from 0, without gaps.
     pub seq: u64,
-    /// Time of day with offset. It may jump when somebody sets the clock; durations come from `elapsed_us`.
+    /// Time of day with offset. It may jump when a person sets the clock; durations come from `elapsed_us`.
     pub at: DateTime<FixedOffset>,
     /// Microseconds since the start of the run by a clock that never jumps.
     pub elapsed_us: u64,
@@ -41,10 +41,10 @@ pub struct Event {
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
 ///
-/// `board_found`, `board_rebooted`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere
-/// between the first and the last. A journal that was cut off has no `run_ended`: the run was interrupted.
+/// `board_found`, `board_rebooted`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
+/// the first event and the last. A journal that was cut off has no `run_ended`: the run was interrupted.
 ///
-/// Progress is no event: it may be skipped, and events never are.
+/// Progress is not an event: progress may be skipped, and events never are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum EventKind {
@@ -57,7 +57,7 @@ pub enum EventKind {
     },
     /// The slave board answered.
     BoardFound(BoardInfo),
-    /// The slave board answers with another boot id: it restarted.
+    /// The slave board answers with another boot id: it has restarted.
     BoardRebooted {
         /// The item whose request caused it, if that is known.
         item: Option<String>,
@@ -82,16 +82,16 @@ pub enum EventKind {
         /// The value with its judgement.
         measurement: Measurement,
     },
-    /// What an analysis found beside the measurements: equations, covariances, residuals, what a report draws.
+    /// Results of an analysis beside the measurements: equations, covariances, residuals, data for the report's plots.
     Found {
         /// Name of the item.
         item: String,
         /// Attempt, from 1.
         attempt: u32,
-        /// As the analysis gives it; once for each round within the attempt.
+        /// The details as the analysis gives them; once for each round within the attempt.
         details: serde_json::Value,
     },
-    /// The slave made an error record for fault analysis.
+    /// The slave board made an error record for fault analysis.
     ErrorRecord {
         /// Name of the item.
         item: String,
@@ -108,7 +108,7 @@ pub enum EventKind {
         attempt: u32,
         /// How it ended.
         outcome: Outcome,
-        /// Why the station could not tell, or who stopped it; `None` if the measurements say it all.
+        /// Why the station could not tell, or who stopped the attempt; `None` if the measurements say it all.
         error: Option<AttemptError>,
     },
     /// An item ended; no attempt of it follows.
@@ -120,7 +120,7 @@ pub enum EventKind {
         /// Why it was skipped.
         cause: Option<Cause>,
     },
-    /// Somebody was asked to do something.
+    /// The station asked a person to do something.
     Prompted {
         /// Name of the item that needs it.
         item: Option<String>,
@@ -129,25 +129,25 @@ pub enum EventKind {
     },
     /// The prompt was answered.
     Answered {
-        /// Name of the item that needed it.
+        /// Name of the item that needed the prompt.
         item: Option<String>,
-        /// The answer; empty for a mere "done".
+        /// The answer; empty for a simple "done".
         answer: String,
     },
-    /// Something worth knowing that is no verdict.
+    /// Useful information that is not a verdict.
     Note {
         /// How much it matters.
         level: NoteLevel,
         /// One sentence.
         text: String,
-        /// Name of the item to which it belongs.
+        /// Name of the item to which the note belongs.
         item: Option<String>,
     },
-    /// Somebody wants the run to end.
+    /// A person or a signal asks the run to end.
     StopRequested {
         /// In order or at once.
         how: StopHow,
-        /// What wanted it: "ctrl-C", "SIGTERM".
+        /// What requested it: "ctrl-C", "SIGTERM".
         by: String,
     },
     /// The run ended.
@@ -177,10 +177,10 @@ pub struct RunHeader {
     pub site: Option<BenchSite>,
     /// The plan that it follows.
     pub plan: PlanInfo,
-    /// The run whose raw record was judged again; absent where something was captured.
+    /// The run whose raw record was judged again; absent if this run captured samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recomputed: Option<EarlierRun>,
-    /// The run that broke off and whose captures were taken over.
+    /// The interrupted run whose captures this run took over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resumed: Option<EarlierRun>,
     /// Names of the chosen items; `None` for the whole plan. A selection is never a module's pass.
@@ -225,7 +225,7 @@ pub struct BenchInfo {
 }
 
 impl BenchInfo {
-    /// A real bench of which nothing else is known.
+    /// A real bench without any other data.
     pub fn real() -> Self {
         Self {
             kind: BenchKind::Real,
@@ -256,7 +256,7 @@ impl BenchInfo {
 pub enum BenchKind {
     /// A program plays the board and the module.
     Simulated,
-    /// A board and a module.
+    /// A real board and a real module.
     Real,
 }
 
@@ -271,7 +271,7 @@ pub struct PlanInfo {
     pub sha256: String,
 }
 
-/// A run to which this one goes back.
+/// An earlier run that this one uses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EarlierRun {
     /// Name of its folder.
@@ -285,11 +285,11 @@ pub struct EarlierRun {
 pub struct Loop {
     /// Which round, from 1.
     pub index: u32,
-    /// How many rounds; `None` if the loop ends otherwise.
+    /// How many rounds; `None` if another condition ends the loop.
     pub count: Option<u32>,
 }
 
-/// One item of the plan, as far as its row needs it.
+/// One item of the plan, with the data that its row needs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlannedItem {
     /// The unique name in the plan.
@@ -303,7 +303,7 @@ pub struct PlannedItem {
     pub phase: Phase,
     /// Whether the run is complete without it.
     pub optional: bool,
-    /// Whether this run is to run it.
+    /// Whether this run includes it.
     pub selected: bool,
 }
 
@@ -333,13 +333,13 @@ pub struct Power {
     pub voltage_v: Option<f64>,
     /// Measured current, if the supply tells.
     pub current_a: Option<f64>,
-    /// The calibration that the module keeps, at power-on: its checksum, "none" or "damaged"; absent where the board knows
-    /// of none.
+    /// The calibration that the module keeps, at power-on: its checksum, "none" or "damaged"; absent if the board
+    /// supports none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
 }
 
-/// What the slave says about a fault; every text is from outside.
+/// The slave board's record of a fault; every text is from outside.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ErrorRecord {
     /// What went wrong.
@@ -362,7 +362,7 @@ pub struct AttemptError {
     pub text: String,
     /// What the operator can try; may be empty.
     pub hint: String,
-    /// The trouble of another item ended it, so that it does not count as an attempt of this one.
+    /// Whether the trouble of another item ended the attempt, so that it does not count as an attempt of this item.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub again: bool,
 }
@@ -371,9 +371,9 @@ pub struct AttemptError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoteLevel {
-    /// Good to know.
+    /// Useful information.
     Info,
-    /// Something to look after.
+    /// Something that needs attention.
     Warning,
     /// Something went wrong beside the items.
     Error,
@@ -383,9 +383,9 @@ pub enum NoteLevel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopHow {
-    /// What is in flight is ended, teardown runs.
+    /// Items in flight end, then teardown runs.
     InOrder,
-    /// Nothing more is done than making the board safe.
+    /// The station only makes the board safe.
     AtOnce,
 }
 

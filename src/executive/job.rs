@@ -1,4 +1,4 @@
-//! A plan on a bench: what can be run, what is chosen, and what comes next.
+//! A plan on a bench: which items can run, which are chosen, and which comes next.
 
 use gnc_config::{Mistake, Mistakes, did_you_mean};
 use gnc_text::quoted;
@@ -9,14 +9,14 @@ use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
 use crate::state::{Attempt, Row, RunState};
 
-/// What a bench can do.
+/// The abilities of a bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BenchAbilities {
     /// An RS-422 link to the slave board.
     pub rs422: bool,
     /// A CAN link to the slave board.
     pub can: bool,
-    /// Somebody, or a fixture, who answers prompts.
+    /// A person or a fixture that answers prompts.
     pub operator: bool,
 }
 
@@ -32,7 +32,8 @@ impl BenchAbilities {
     }
 }
 
-/// Attempts of one item that others may spoil before it ends as it stands: a board that restarts more often is ill.
+/// Attempts of one item that other items may spoil. After so many the item ends as it stands: a board that restarts
+/// more often is faulty.
 const MAX_SPOILT: usize = 3;
 
 /// A plan that a bench can run, with the items that were chosen.
@@ -54,7 +55,7 @@ pub enum Next {
         /// Attempt, from 1.
         attempt: u32,
     },
-    /// Its last attempt is over: the item ends with this outcome.
+    /// The last attempt of the item is over: the item ends with this outcome.
     End {
         /// Position in [`Plan::items`].
         item: usize,
@@ -68,9 +69,9 @@ pub enum Next {
         /// Why.
         cause: Cause,
     },
-    /// Nothing can begin before an attempt that runs has ended.
+    /// No attempt can begin before a running one has ended.
     Wait,
-    /// Nothing is left: the run ends with this outcome.
+    /// All items are over: the run ends with this outcome.
     Done {
         /// Outcome of the run.
         outcome: Outcome,
@@ -145,7 +146,7 @@ impl Job {
             .collect()
     }
 
-    /// What comes next if items run one after the other.
+    /// Returns the next step if items run one after the other.
     ///
     /// Setup first, then tests, then teardown, each in the order of the plan. The runner turns the answer into events
     /// (`Run` into an attempt, `End` and `Skip` into `item_ended`, `Done` into `run_ended`), applies them, and asks
@@ -154,18 +155,18 @@ impl Job {
         if state.in_flight() > 0 { Next::Wait } else { self.decide(state) }
     }
 
-    /// What comes next if independent items may run at once: an item that shares no resource with one that runs.
+    /// Returns the next step if independent items may run at once: such an item shares no resource with a running one.
     pub fn next_overlapping(&self, state: &RunState) -> Next {
         self.decide(state)
     }
 
-    /// The least time that this job can take, whatever the order: the longest chain of items that wait for one another,
-    /// or the items that exclude one another together. `busy_s` is the time that the item at a position needs; items
-    /// without one count for nothing. `None` if no item has one.
+    /// The least time that this job can take in any order. It is the longest chain of items that wait for one another,
+    /// or the time of items that exclude one another. `busy_s` is the time that the item at a position needs; items
+    /// without a time do not count. `None` if all items are without a time.
     pub fn critical_path(&self, busy_s: &dyn Fn(usize) -> Option<f64>) -> Option<CriticalPath> {
         let items = self.plan.items();
         let needs_s = |position: usize| busy_s(position).unwrap_or(0.0);
-        // An item's requirements stand before it, so that one pass in order finds the longest chain up to each.
+        // An item's requirements stand before it, so one pass in order finds the longest chain up to each item.
         let mut chains: Vec<Chain> = Vec::with_capacity(items.len());
         for (position, item) in items.iter().enumerate() {
             let span_s = |required: &usize| chains.get(*required).map_or(0.0, |chain| chain.span_s);
@@ -173,7 +174,7 @@ impl Job {
             let span_s = after.as_ref().map_or(0.0, span_s) + needs_s(position);
             chains.push(Chain { span_s, after });
         }
-        // The items of a chain that need time, the first one first.
+        // The items of a chain that need time, in their order.
         let chain = |last: usize| {
             let back = std::iter::successors(Some(last), |at| chains.get(*at)?.after);
             let mut items: Vec<usize> = back.filter(|at| busy_s(*at).is_some()).collect();
@@ -186,11 +187,11 @@ impl Job {
                 let mut together: Vec<usize> =
                     (0..items.len()).filter(|at| busy_s(*at).is_some() && has(at, resource)).collect();
                 if resource == Resource::Attitude && !together.is_empty() {
-                    // Items that need stillness may overlap each other, but none of these: the longest one counts.
+                    // Items that need stillness may overlap each other, but not these items: the longest one counts.
                     let still = (0..items.len()).filter(|at| has(at, Resource::Still));
                     together.extend(still.max_by(|a, b| needs_s(*a).total_cmp(&needs_s(*b))));
                 }
-                // Before the first of them there is at least the shortest of their ways to begin.
+                // At least the shortest of the chains to these items runs before the first of them.
                 let begin = together.iter().map(|at| (chains[*at].span_s - needs_s(*at), *at));
                 let (begin_s, first) = begin.min_by(|a, b| a.0.total_cmp(&b.0))?;
                 let way = chain(first).into_iter().filter(|at| *at != first);
@@ -204,7 +205,7 @@ impl Job {
     }
 
     fn decide(&self, state: &RunState) -> Next {
-        // Ends first: an attempt that is over may set others free.
+        // Ends come first: the end of an attempt may allow others to begin.
         let over = |(position, row)| self.ended(state, position, self.item(position)?, row);
         if let Some(end) = state.begun().find_map(over) {
             return end;
@@ -260,7 +261,7 @@ impl Job {
         (!(again && may_go_on)).then_some(Next::End { item: position, outcome })
     }
 
-    /// The next attempt of an item, or why it is skipped; `None` while it must wait for others.
+    /// The next attempt of an item, or why the item is skipped; `None` while it must wait for others.
     fn begin(&self, state: &RunState, position: usize, item: &PlanItem, row: &Row) -> Option<Next> {
         if row.attempts.is_empty() {
             match self.precondition(state, position, item) {
@@ -292,7 +293,7 @@ impl Job {
         }
         let mut condition = Condition::Good;
         for row in item.requires.iter().filter_map(|required| rows.get(*required)) {
-            // What was not chosen is not waited for: a selection is never a module's pass anyway.
+            // An item does not wait for items that were not chosen: a selection is never a module's pass anyway.
             if !row.planned.selected || row.is_over() && row.outcome.is_good() {
                 continue;
             }
@@ -300,7 +301,7 @@ impl Job {
                 let (item, outcome) = (row.planned.name.clone(), row.outcome);
                 return Condition::Skip(Cause::Precondition { item, outcome });
             }
-            // After a stop nothing but teardown begins, so that waiting for another item would never end.
+            // After a stop only teardown begins, so an item would wait for ever for another one.
             if state.stop().is_some() && row.planned.phase != Phase::Teardown && row.running().is_none() {
                 let (item, outcome) = (row.planned.name.clone(), Outcome::NotRun);
                 return Condition::Skip(Cause::Precondition { item, outcome });
@@ -320,7 +321,7 @@ pub struct CriticalPath {
     pub items: Vec<usize>,
 }
 
-/// The longest chain of items that wait for one another and end with a certain one.
+/// The longest chain of items that wait for one another, up to a certain item.
 struct Chain {
     span_s: f64,
     /// The item before the last one.

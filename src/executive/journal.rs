@@ -1,12 +1,12 @@
-//! A run's journal: its events as JSON lines, and the fold of a stored one.
+//! A run's journal: its events as JSON lines, and the fold of a stored journal.
 //!
-//! Each event is one line, appended at once. A station that loses its power leaves a journal whose last line may be cut
-//! off, or followed by zero bytes where the file system had no time for the data; that run is interrupted, and all
-//! events before are good.
+//! Each event is one line, appended at once. If a station loses its power, the last line of its journal may be cut off.
+//! Zero bytes may follow if the file system had no time for the data. That run is interrupted, and all earlier events
+//! are good.
 //!
-//! A later version of the station may add kinds of events and values, or count up the schema that the first event names.
-//! Such a journal is refused as [`JournalError::Newer`], which is not damage. Anything else that cannot be read is a
-//! damaged journal. A misspelt name looks like a new one: only the digests of the record tell the two apart.
+//! A later version of the station may add kinds of events and values, or raise the number of the schema that the first
+//! event names. Such a journal is refused as [`JournalError::Newer`]; it is not damaged. Any other journal that cannot
+//! be read is damaged. A misspelt name looks like a new one: only the digests of the record tell the two apart.
 
 mod newer;
 
@@ -15,21 +15,21 @@ use crate::state::{OutOfOrder, RunState};
 
 pub use newer::Unknown;
 
-/// What a stored journal holds.
+/// The content of a stored journal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredJournal {
     /// The run after the last whole event; [`RunState::is_interrupted`] if it has no end.
     pub state: RunState,
     /// Bytes of the whole events, line ends included.
     pub good_bytes: usize,
-    /// Bytes behind them: the event that was being written.
+    /// Bytes after the whole events: the event that was being written.
     pub cut_bytes: usize,
 }
 
 /// Why a journal is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// A line is no event.
+    /// A line is not an event.
     #[error("line {line} of the journal is not an event")]
     NotAnEvent {
         /// Number of the line, from 1.
@@ -37,12 +37,12 @@ pub enum JournalError {
         /// What the parser says.
         source: serde_json::Error,
     },
-    /// A later version of the station wrote it, and this one does not know all of it.
+    /// A later version of the station wrote the journal, and this version does not know all of its content.
     #[error("written by a newer version of the station ({unknown})")]
     Newer {
         /// Number of the line, from 1.
         line: usize,
-        /// What this version does not know.
+        /// The content that this version does not know.
         unknown: Unknown,
     },
     /// The first event names a schema that no version of the station has.
@@ -69,14 +69,14 @@ pub enum JournalError {
 /// The event as a line with its end, ready to be appended.
 ///
 /// # Errors
-/// Never for events as they are today; the serializer's type has room for it.
+/// Never for today's events; the serializer's type allows an error.
 pub fn line(event: &Event) -> Result<String, serde_json::Error> {
     let mut line = serde_json::to_string(event)?;
     line.push('\n');
     Ok(line)
 }
 
-/// Folds a stored journal; an empty one gives an empty state.
+/// Folds a stored journal; an empty journal gives an empty state.
 ///
 /// # Errors
 /// A line other than the last is damaged, events do not follow from each other, or a later version wrote them.
@@ -88,7 +88,7 @@ pub fn fold(bytes: &[u8]) -> Result<StoredJournal, JournalError> {
         let line = index + 1;
         let event: Event = match serde_json::from_slice(piece) {
             Ok(event) => event,
-            // Only the last line can be cut off, and then it has no end. One whose end alone is missing is whole.
+            // Only the last line can be cut off, and then it has no line end. A line that lacks only its end is whole.
             Err(source) => match newer::unknown(piece, &source, state.next_seq()) {
                 Some(unknown) => return Err(JournalError::Newer { line, unknown }),
                 None if !piece.ends_with(b"\n") => break,

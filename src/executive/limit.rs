@@ -1,10 +1,10 @@
-//! Limits: the grammar in which plans write them, and the judgement of a value.
+//! Limits: the grammar for plans, and the judgement of a value.
 //!
 //! ```text
 //! <= Q      >= Q      Q .. Q      Q +- Q      Q +- N %      == text      == N (counts)      == $serial_number
 //! ```
-//! Q is a number with its unit. In `Q .. Q` and `Q +- Q` the first number may leave its unit to the last one:
-//! `0 +- 2 deg/s`. Bounds belong to the limit: a value on its bound keeps it.
+//! Q is a number with its unit. In `Q .. Q` and `Q +- Q` the first number may be without a unit and then has that of
+//! the last one: `0 +- 2 deg/s`. Bounds belong to the limit: a value equal to a bound keeps it.
 
 use std::fmt;
 
@@ -14,10 +14,10 @@ use crate::number;
 use crate::outcome::Outcome;
 use crate::quantity::{Dimension, Quantity, QuantityError, Unit, number_and_unit, with_unit};
 
-/// Stands in a limit for the serial number that was scanned for this run.
+/// The placeholder in a limit for the serial number that was scanned for this run.
 pub(crate) const SERIAL_NUMBER: &str = "$serial_number";
 
-/// What a measurement is, and therefore which limits it can have.
+/// The kind of a measurement. It decides which limits are possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeasurementKind {
     /// A number of this dimension.
@@ -26,7 +26,7 @@ pub enum MeasurementKind {
     Text,
 }
 
-/// A limit as judged: numbers in one unit, or an expected text.
+/// A limit ready for judgement: numbers in one unit, or an expected text.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Limit {
     /// A number within bounds.
@@ -35,7 +35,7 @@ pub enum Limit {
     Text(Expected),
 }
 
-/// Bounds of a number, all in `unit`; both belong to the range, and at least one is there.
+/// Bounds of a number, all in `unit`. The bounds belong to the range, and at least one exists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Range {
     /// The unit in which values are compared, shown and recorded.
@@ -114,7 +114,7 @@ impl Limit {
         } else if let Some((low, high)) = text.split_once("..") {
             let high = quantity(high, dimension)?;
             let low = quantity_before(low, high.unit, dimension)?;
-            // Of two units the first is shown; both measure the same dimension, so that the conversion is there.
+            // The first of two units is shown. Both measure the same dimension, so the conversion exists.
             let top = high.in_unit(low.unit).unwrap_or(f64::NAN);
             (low.unit, Some(low.number), Some(top))
         } else if let Some((centre, tolerance)) = text.split_once("+-") {
@@ -130,10 +130,11 @@ impl Limit {
         Ok(Limit::Range(Range { unit, low, high, marginal: None }))
     }
 
-    /// Adds a marginal band: inside the limit, but closer than this to a bound.
+    /// Adds a marginal band: values inside the limit, but closer than this to a bound.
     ///
     /// # Errors
-    /// A text limit, a band of another dimension, one that is not positive, or one that leaves no value unmarginal.
+    /// A text limit, a band of another dimension, a band that is not positive, or a band that makes every good value
+    /// marginal.
     pub(crate) fn with_marginal(self, text: &str) -> Result<Limit, LimitError> {
         let Limit::Range(range) = self else { return Err(LimitError::MarginalOfText) };
         let band = quantity(text, range.unit.dimension())?;
@@ -160,7 +161,7 @@ impl fmt::Display for Limit {
     }
 }
 
-/// Bounds for people: ">= 4.75 V", "0.4655 .. 0.5145 A"; empty without any bound.
+/// Bounds for people: ">= 4.75 V", "0.4655 .. 0.5145 A"; empty without bounds.
 pub(crate) fn bounds(low: Option<f64>, high: Option<f64>, unit: Unit) -> String {
     match (low, high) {
         (None, None) => String::new(),
@@ -176,13 +177,13 @@ pub(crate) fn bounds(low: Option<f64>, high: Option<f64>, unit: Unit) -> String 
 /// Why a limit is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LimitError {
-    /// None of the forms of the grammar.
+    /// The text has no form of the grammar.
     #[error("{} is not a limit", quoted(text))]
     NoOperator {
         /// The text.
         text: String,
     },
-    /// A number in it cannot be read.
+    /// A number in the text cannot be read.
     #[error("{source}")]
     Quantity {
         /// What is wrong with it.
@@ -190,7 +191,7 @@ pub enum LimitError {
         /// What the measurement measures.
         dimension: Dimension,
     },
-    /// A number without unit where the measurement has one.
+    /// A number without a unit, although the measurement has one.
     #[error("{} has no unit", number::exact(*number))]
     MissingUnit {
         /// The number.
@@ -243,10 +244,10 @@ pub enum LimitError {
         /// What the measurement measures.
         dimension: Dimension,
     },
-    /// Nothing after `==`.
+    /// No text after `==`.
     #[error("nothing stands after ==")]
     NothingExpected,
-    /// A `$name` that is not known.
+    /// An unknown `$name`.
     #[error("unknown placeholder {}", quoted(text))]
     UnknownPlaceholder {
         /// The placeholder as written.
@@ -317,7 +318,7 @@ fn equal(text: &str, kind: MeasurementKind) -> Result<Limit, LimitError> {
     }
 }
 
-/// Bounds around a centre: the tolerance is a quantity of the same dimension or a percentage of the centre.
+/// Bounds around a centre. The tolerance is a quantity of the same dimension or a percentage of the centre.
 fn around(centre: &str, tolerance: &str, dimension: Dimension) -> Result<(Unit, Option<f64>, Option<f64>), LimitError> {
     let tolerance = read(tolerance, dimension)?;
     let percent = tolerance.unit == Unit::Percent;
@@ -345,7 +346,7 @@ fn around(centre: &str, tolerance: &str, dimension: Dimension) -> Result<(Unit, 
     Ok((centre.unit, Some(low), Some(high)))
 }
 
-/// The first of two numbers, which may leave its unit to the second.
+/// Reads the first of two numbers. Without a unit it has that of the second.
 fn quantity_before(text: &str, unit: Unit, dimension: Dimension) -> Result<Quantity, LimitError> {
     match number_and_unit(text) {
         Ok((number, "")) => Ok(Quantity::new(number, unit)),

@@ -9,16 +9,16 @@ use crate::outcome::Outcome;
 use crate::quantity::{Quantity, Unit, with_unit};
 use crate::uncertainty::{Decision, Uncertainty};
 
-/// What a procedure measured.
+/// A value that a procedure measured.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// A number with its unit; it may be NaN or infinite, which is then errored.
+    /// A number with its unit. It may be NaN or infinite; it is errored then.
     Number(Quantity),
     /// A number with its unit, and its coverage interval in that unit.
     Estimate(Quantity, Uncertainty),
-    /// A text, from outside: shown only through [`printable`].
+    /// A text from outside; shown only through [`printable`].
     Text(String),
-    /// What this bench or link cannot tell, and why; with a limit it is errored, never assumed.
+    /// A value that this bench or link cannot provide, and why. With a limit it is errored, never assumed.
     NotAvailable(String),
 }
 
@@ -33,7 +33,7 @@ impl Value {
         Value::Estimate(Quantity::new(number, unit), uncertainty)
     }
 
-    /// A number of pieces, errors, words. Counts above 2^53 lose their last digits.
+    /// A number of pieces, errors or words. Counts above 2^53 lose their last digits.
     pub fn count(count: u64) -> Self {
         Value::number(count as f64, Unit::Count)
     }
@@ -58,18 +58,18 @@ pub enum Reading {
 
 /// One measured value with the limit that it was judged against.
 ///
-/// Value, bounds and marginal bounds are all in `unit`, exactly as they were compared, so that anybody can repeat the
+/// Value, bounds and marginal bounds are all in `unit`, exactly as they were compared. So everyone can repeat the
 /// judgement from the record alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     /// Name in the catalogue.
     pub name: String,
-    /// Which repeat within the attempt, from 1; absent where the plan repeats nothing.
+    /// Which repeat within the attempt, from 1; absent if the plan has no repeats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeat: Option<u32>,
     /// The value.
     pub value: Reading,
-    /// What came instead of a value: "NaN", "inf", "-inf", or why none is available.
+    /// The raw text if there is no value: "NaN", "inf", "-inf", or why no value is available.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub raw: Option<String>,
     /// Unit of value and bounds; null for texts and counts.
@@ -84,10 +84,10 @@ pub struct Measurement {
     /// Good values above this are marginal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub marginal_high: Option<f64>,
-    /// The coverage interval of the value, in `unit`; absent where the procedure states none.
+    /// The coverage interval of the value, in `unit`; absent if the procedure states none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<Uncertainty>,
-    /// The rule by which that interval counted; absent where it did not.
+    /// The rule by which that interval counted; absent if it did not count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decision: Option<Decision>,
     /// The text that it must equal.
@@ -115,9 +115,9 @@ impl Measurement {
 
     /// Judges a value against its limit, if there is one.
     ///
-    /// `shown` is the unit for a number without a limit; with one, the limit's unit is taken. `serial_number` is the
-    /// scanned one, for limits that name it. A value whose kind does not fit its limit is errored. `decision` counts for
-    /// values with a coverage interval.
+    /// `shown` is the unit for a number without a limit; a number with a limit takes the limit's unit. `serial_number`
+    /// is the scanned one, for limits that name it. A value whose kind does not fit its limit is errored. `decision`
+    /// applies to values with a coverage interval.
     pub fn judge(
         name: &str,
         value: &Value,
@@ -166,7 +166,7 @@ impl Measurement {
         measurement
     }
 
-    /// Takes a number in `unit` and judges it.
+    /// Takes a number, converts it to `unit` and judges it.
     fn number(
         &mut self,
         quantity: Quantity,
@@ -175,7 +175,7 @@ impl Measurement {
         limit: Option<&Limit>,
         decision: Decision,
     ) {
-        // Without a limit nothing is compared, and a procedure's own unit is better than no number at all.
+        // A value without a limit is not compared, and the procedure's own unit is better than no number.
         let (number, unit) = match quantity.in_unit(unit) {
             Some(number) => (number, unit),
             None => (quantity.number, quantity.unit),
@@ -201,12 +201,12 @@ impl Measurement {
         });
     }
 
-    /// Whether something was measured, were it NaN; false for [`Value::NotAvailable`].
+    /// Whether there is a measured value, NaN included; false for [`Value::NotAvailable`].
     pub(crate) fn is_available(&self) -> bool {
         self.value != Reading::Null || matches!(self.raw.as_deref(), Some("NaN" | "inf" | "-inf"))
     }
 
-    /// The value for people, with its unit: never printed so short that it seems to lie on the other side of a bound.
+    /// The value for people, with its unit. It has enough digits to stay visibly on its side of every bound.
     pub fn value_text(&self) -> String {
         match &self.value {
             Reading::Number(value) => {
@@ -220,7 +220,7 @@ impl Measurement {
         }
     }
 
-    /// The coverage interval for people: "+- 0.03", "2.9 .. 11"; empty where none is stated.
+    /// The coverage interval for people: "+- 0.03", "2.9 .. 11"; empty if there is none.
     pub fn uncertainty_text(&self) -> String {
         let Some(known) = &self.uncertainty else { return String::new() };
         match known.expanded() {

@@ -1,20 +1,20 @@
-//! Numbers printed for people: few digits, but never so few that a value seems to lie on the other side of its limit.
+//! Numbers printed for people: few digits, but enough that a value does not seem to be on the other side of its limit.
 
 use std::cmp::Ordering;
 
-/// Digits after which an `f64` has no more to say.
+/// Number of digits after which an `f64` has no further information.
 const ALL_DIGITS: usize = 17;
 
-/// Significant digits that survive one or two roundings of an `f64`; noise stands behind them.
+/// Significant digits that survive one or two roundings of an `f64`; the digits after them are noise.
 const ARITHMETIC_DIGITS: usize = 12;
 
-/// Significant digits of an uncertainty, which is itself known to a few percent at best.
+/// Significant digits of an uncertainty. It is itself known only to a few percent.
 pub(crate) const INTERVAL_DIGITS: usize = 2;
 
-/// Digits that the ends of an interval have at least.
+/// Least number of digits of the ends of an interval.
 const END_DIGITS: usize = 3;
 
-/// The ends of an interval, with as many digits as its width needs: both ends never look alike unless they are.
+/// The ends of an interval, with as many digits as its width needs: the ends look alike only if they are equal.
 pub(crate) fn interval(low: f64, high: f64) -> (String, String) {
     let width = high - low;
     let end = |number: f64| {
@@ -28,7 +28,7 @@ pub(crate) fn interval(low: f64, high: f64) -> (String, String) {
     (end(low), end(high))
 }
 
-/// A number with about so many significant digits, trailing zeros cut; an integer is always printed in full.
+/// A number with about this many significant digits, without trailing zeros. An integer is always printed in full.
 pub(crate) fn plain(number: f64, digits: usize) -> String {
     if !number.is_finite() {
         return non_finite(number).to_owned();
@@ -47,7 +47,7 @@ pub(crate) fn plain(number: f64, digits: usize) -> String {
     if text == "-0" { "0".to_owned() } else { text }
 }
 
-/// A number that stands beside its bounds: printed with as many digits as keep it on its side of every bound.
+/// A number beside its bounds, with enough digits to stay on its side of every bound.
 pub(crate) fn beside(number: f64, digits: usize, bounds: &[f64]) -> String {
     let faithful = |text: &str| {
         let printed: f64 = text.parse().unwrap_or(f64::NAN);
@@ -59,7 +59,7 @@ pub(crate) fn beside(number: f64, digits: usize, bounds: &[f64]) -> String {
         .unwrap_or_else(|| exact(number))
 }
 
-/// A bound, exactly as the plan has it.
+/// A bound, exactly as in the plan.
 pub(crate) fn exact(number: f64) -> String {
     if number != 0.0 && !(1e-5..1e15).contains(&number.abs()) { format!("{number:e}") } else { format!("{number}") }
 }
@@ -69,7 +69,7 @@ pub(crate) fn denoised(number: f64) -> f64 {
     format!("{number:.*e}", ARITHMETIC_DIGITS - 1).parse().unwrap_or(number)
 }
 
-/// The name of a number that is none.
+/// The name of a number that is not finite.
 pub(crate) fn non_finite(number: f64) -> &'static str {
     if number.is_nan() {
         "NaN"

@@ -1,4 +1,4 @@
-//! How an item and a run end, and which of several ends counts.
+//! How an item and a run end, and which of several outcomes counts.
 
 use std::fmt;
 
@@ -10,17 +10,17 @@ use serde::{Deserialize, Serialize};
 pub enum Outcome {
     /// Every limit is kept.
     Passed,
-    /// Every limit is kept, and at least one value lies closer to its limit than the plan likes.
+    /// Every limit is kept, but at least one value is closer to its limit than the plan likes.
     Marginal,
     /// At least one limit is violated: the module is bad.
     Failed,
-    /// The station could not tell: a link lost, a value that is not a number, a measurement that never came.
+    /// The station could not tell: a lost link, a value that is not a number, a measurement that never came.
     Errored,
     /// Stopped by a person or a signal.
     Aborted,
-    /// Deliberately not run, for a reason that stands beside it as a [`Cause`].
+    /// Deliberately not run, for the reason in its [`Cause`].
     Skipped,
-    /// Planned and not reached.
+    /// Planned but not reached.
     NotRun,
 }
 
@@ -54,17 +54,18 @@ impl Outcome {
         matches!(self, Outcome::Passed | Outcome::Marginal)
     }
 
-    /// The worst of outcomes that say something about the module, aborted > errored > failed > marginal > passed.
+    /// Returns the worst of outcomes that say something about the module, aborted > errored > failed > marginal >
+    /// passed.
     ///
-    /// Skipped and not run say nothing, so they do not count; `None` if nothing else is there.
+    /// Skipped and not run say nothing about the module, so they do not count; `None` if there are only such outcomes.
     pub fn worst(outcomes: impl IntoIterator<Item = Outcome>) -> Option<Outcome> {
         outcomes.into_iter().filter(|outcome| outcome.severity() > 0).max_by_key(|outcome| outcome.severity())
     }
 
     /// The status with which a program ends: 0 passed or marginal, 1 failed, 3 errored, 4 aborted.
     ///
-    /// 2 is left to usage errors and refused plans. A run that is skipped or not run as a whole told nothing about
-    /// the module, so it ends like an errored one.
+    /// 2 is for usage errors and refused plans. A run that is skipped or not run as a whole says nothing about the
+    /// module, so it ends like an errored one.
     pub fn exit_code(self) -> u8 {
         match self {
             Outcome::Passed | Outcome::Marginal => 0,
@@ -108,7 +109,7 @@ pub enum Cause {
         /// How that item ended.
         outcome: Outcome,
     },
-    /// A setup item did not pass, so nothing that it sets up was run.
+    /// A setup item did not pass, so the items that need it did not run.
     Setup {
         /// Name of the setup item.
         item: String,
@@ -163,18 +164,18 @@ fn verb(outcome: Outcome) -> &'static str {
 pub(crate) struct ItemEnd {
     /// How the item ended.
     pub outcome: Outcome,
-    /// Whether the run is complete without it: called optional by the plan, or not selected.
+    /// Whether the run is complete without it: the plan calls it optional, or it is not selected.
     pub dispensable: bool,
 }
 
-/// The outcome of a run.
+/// Returns the outcome of a run.
 ///
 /// - The worst judged item counts: aborted > errored > failed > marginal > passed.
-/// - `stopped` (a stop was requested) is aborted, whatever the items say.
-/// - If every judged item is good, but an item that the plan requires was skipped or not run, the run is errored:
-///   the station cannot tell whether the module is good. Beside a failed item it changes nothing, so that items
-///   skipped *because* of a failed one do not turn a failed module into an errored bench.
-/// - A run in which nothing was judged is errored, never passed, even if every item is optional.
+/// - `stopped` (a stop was requested) gives aborted, whatever the items say.
+/// - If every judged item is good, but an item that the plan requires was skipped or not run, the run is errored: the
+///   station cannot tell whether the module is good. With a failed item the run stays failed, so that items skipped
+///   *because* of a failed one do not turn a failed module into an errored bench.
+/// - A run without any judged item is errored, never passed, even if every item is optional.
 pub(crate) fn run_outcome(items: impl IntoIterator<Item = ItemEnd>, stopped: bool) -> Outcome {
     if stopped {
         return Outcome::Aborted;
@@ -209,13 +210,13 @@ mod tests {
                 assert_eq!(run(&[(a, false), (b, false)]), ladder[i.max(j)]);
             }
         }
-        // An optional item that was skipped costs nothing; a required one that is missing is not a pass.
+        // An optional item that was skipped does not change a pass; a missing required item prevents it.
         assert_eq!(run(&[(Passed, false), (Skipped, true)]), Passed);
         assert_eq!(run(&[(Passed, false), (Skipped, false)]), Errored);
         assert_eq!(run(&[(Passed, false), (NotRun, false)]), Errored);
         // Items skipped after a failed one leave the run failed.
         assert_eq!(run(&[(Failed, false), (Skipped, false)]), Failed);
-        // Nothing judged is never a pass.
+        // A run without a judgement is never a pass.
         assert_eq!(run(&[]), Errored);
         assert_eq!(run(&[(Skipped, true), (NotRun, true)]), Errored);
         assert_eq!(run_outcome([ItemEnd { outcome: Passed, dispensable: false }], true), Aborted);

@@ -1,7 +1,7 @@
-//! Test plans: what is run, in which order, with which parameters, and what every measured value must keep.
+//! Test plans: which items run, in which order, with which parameters, and which limits every measured value must keep.
 //!
-//! A plan is written in TOML and read here into a checked one; all mistakes come at once, with line and column. The
-//! language, with every key:
+//! A plan is written in TOML. This module reads it and checks it, and reports all mistakes at once, with line and
+//! column. The language, with every key:
 //!
 //! ```toml
 //! name = "functional"                # required; small letters, digits, - _ .
@@ -29,7 +29,7 @@
 //! accel_norm = { limit = "1 g +- 5 %", marginal = "1 mg" }
 //! ```
 //!
-//! Of several limits for one measurement an exact name counts more than a pattern, and a later pattern more than an
+//! If several limits fit one measurement, an exact name counts more than a pattern, and a later pattern more than an
 //! earlier one.
 
 mod closure;
@@ -53,17 +53,17 @@ use crate::uncertainty::Decision;
 pub use params::{ParamError, ParamValue, Params};
 pub use schema::plan_schema;
 
-/// Bytes of one plan file. The functional plan has about 5 kB and 20,000 items about 2 MB; what is larger is another
-/// file that was given by accident, and reading it would only take memory. Readers should stop at one byte more.
+/// Largest size of one plan file in bytes. The functional plan has about 5 kB, and 20,000 items have about 2 MB. A
+/// larger file was given by mistake, and reading it would only take memory. Readers should stop at one byte more.
 pub const MAX_PLAN_BYTES: usize = 4 << 20;
 
-/// Files of a plan with all that it includes.
+/// Largest number of files of a plan, its includes counted.
 pub const MAX_PLAN_FILES: usize = 32;
 
-/// Includes within includes.
+/// Largest depth of includes within includes.
 pub(crate) const MAX_INCLUDE_DEPTH: usize = 8;
 
-/// Items of a plan: what the figures for time and memory are measured with, and far more than anybody runs.
+/// Largest number of items of a plan. Time and memory are measured with this number, and real plans have far fewer.
 pub(crate) const MAX_ITEMS: usize = 20_000;
 
 /// A checked plan.
@@ -95,7 +95,7 @@ pub enum OnFail {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// Before all tests, which are skipped unless it is good.
+    /// Before all tests; they are skipped unless it is good.
     Setup,
     /// The test itself.
     #[default]
@@ -113,7 +113,7 @@ pub struct PlanItem {
     pub id: ItemId,
     /// When it is run.
     pub phase: Phase,
-    /// Skipped instead of refused where the bench lacks a device.
+    /// Whether the item is skipped instead of refused if the bench lacks a device.
     pub optional: bool,
     /// Positions of the items that must be good, all before this one.
     pub requires: Vec<usize>,
@@ -129,7 +129,7 @@ pub struct PlanItem {
     pub decision: Decision,
     /// What the operator is asked to do before the first attempt.
     pub prompt: Option<String>,
-    /// Every parameter of the catalogue, with its default where the plan is silent.
+    /// Every parameter of the catalogue, with its default if the plan gives no value.
     pub params: Params,
     limits: Vec<ItemLimit>,
     place: ItemPlace,
@@ -151,7 +151,7 @@ impl PartialEq for ItemLimit {
     }
 }
 
-/// Where an item stands: file and bytes of its id.
+/// The place of an item: file and bytes of its id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct ItemPlace {
     source: usize,
@@ -162,9 +162,9 @@ struct ItemPlace {
 impl Plan {
     /// Reads a plan and all that it includes.
     ///
-    /// `name` is how the user named the file; `load` is given the name of an include, joined to the folder of the
-    /// file that includes it, and returns its bytes or says why it cannot. It should read no more than
-    /// [`MAX_PLAN_BYTES`] and one byte.
+    /// `name` is the user's name for the file. `load` takes the name of an include, joined to the folder of the file
+    /// that includes it, and returns its bytes or says why it cannot. It should read no more than [`MAX_PLAN_BYTES`]
+    /// and one byte.
     ///
     /// # Errors
     /// All mistakes of meaning in all files; or the first syntax error alone.
@@ -176,21 +176,22 @@ impl Plan {
         closure::read(name, bytes, load)
     }
 
-    /// The items in the order of running: setup, tests, teardown, and within each those of includes first.
+    /// The items in the order of running: setup, tests, teardown. Within each phase the items of includes come first.
     pub fn items(&self) -> &[PlanItem] {
         &self.items
     }
 
-    /// Name and text of every file, the plan itself first, then its includes in the order of reading: what a digest
-    /// of the plan must cover.
+    /// Name and text of every file: the plan itself first, then its includes in the order of reading. A digest of the
+    /// plan must cover all of them.
     pub fn files(&self) -> impl Iterator<Item = (&str, &[u8])> {
         self.sources.iter().map(|source| (source.name.as_str(), source.text.as_bytes()))
     }
 
-    /// Checks what only the one who carries an item out knows: `look` gives what is wrong with it, and what to try.
+    /// Checks what only the code that carries an item out knows: `look` returns what is wrong with the item, and what
+    /// to try.
     ///
     /// # Errors
-    /// All that is wrong, each at the id of its item.
+    /// All mistakes, each at the id of its item.
     pub fn check(self, look: impl Fn(&PlanItem) -> Vec<(String, &'static str)>) -> Result<Plan, Mistakes> {
         let mut mistakes = Mistakes::default();
         for item in &self.items {
@@ -211,12 +212,12 @@ impl Plan {
 }
 
 impl PlanItem {
-    /// For people.
+    /// The title for people.
     pub(crate) fn title(&self) -> &'static str {
         self.id.spec().title
     }
 
-    /// What the bench must have to run it.
+    /// The devices that the bench must have to run it.
     pub(crate) fn devices(&self) -> impl Iterator<Item = Device> {
         let asks = self.prompt.is_some() && !self.id.spec().devices.contains(&Device::Operator);
         self.id.spec().devices.iter().copied().chain(asks.then_some(Device::Operator))
@@ -229,7 +230,7 @@ impl PlanItem {
 
     /// Judges a measured value. A measurement that is not in the catalogue has no limit and is information.
     ///
-    /// `repeat` counts the rounds within an attempt from 1; it is recorded only where the plan repeats.
+    /// `repeat` counts the rounds within an attempt from 1; it is recorded only if the plan repeats.
     pub fn judge(&self, name: &str, value: &Value, repeat: u32, serial_number: &str) -> Measurement {
         let shown = self.id.spec().measurement(name).map_or(Unit::Count, |spec| spec.unit);
         let mut measurement = Measurement::judge(name, value, shown, self.limit(name), self.decision, serial_number);
@@ -237,12 +238,12 @@ impl PlanItem {
         measurement
     }
 
-    /// The outcome of an attempt that ended by itself.
+    /// Returns the outcome of an attempt that ended by itself.
     ///
     /// - The worst measurement counts.
-    /// - A limited measurement that never came, came in too few rounds, or was not available is errored; but if another
-    ///   one violates its limit the attempt is failed, since a procedure that finds no fix has no position either.
-    /// - An attempt in which nothing was judged is errored. Only setup and teardown may go without limits.
+    /// - A limited measurement is errored if it never came, came in too few rounds, or was not available. But if
+    ///   another one violates its limit, the attempt is failed: a procedure without a fix has no position either.
+    /// - An attempt without a judgement is errored. Only setup and teardown may be without limits.
     pub fn attempt_outcome(&self, measurements: &[Measurement]) -> Outcome {
         let judged = |available: bool| {
             let these = measurements.iter().filter(move |measurement| measurement.is_available() == available);

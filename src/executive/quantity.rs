@@ -1,8 +1,7 @@
-//! Numbers with units: what a plan writes and a procedure measures.
+//! Numbers with units, as a plan writes them and a procedure measures them.
 //!
-//! A quantity stays in the unit in which it was given, and is converted once, where it is compared. Scales are exact
-//! ratios of integers, so that 1 g is 1000 mg and 500 us is 0.5 ms without an error in the last place, and a value
-//! that lies on its limit stays there.
+//! A quantity stays in its given unit and is converted once, at the comparison. Scales are exact ratios of integers. So
+//! 1 g is 1000 mg and 500 us is 0.5 ms without an error in the last place, and a value equal to its limit stays equal.
 
 mod spelling;
 mod unit;
@@ -18,12 +17,12 @@ use crate::number;
 pub use unit::Unit;
 pub(crate) use written::{bounded, bounded_at, quantity_at};
 
-/// What kind of quantity a number is; numbers compare only within a dimension.
+/// The kind of a quantity. Only numbers of one dimension can be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Dimension {
     /// A plain number without unit: pieces, errors, dilution of precision.
     Count,
-    /// A part of a whole; written in % or ppm.
+    /// A part of a whole, in % or ppm.
     Ratio,
     /// Time; SI unit s.
     Time,
@@ -45,22 +44,22 @@ pub enum Dimension {
     Acceleration,
     /// Magnetic flux density; SI unit T.
     MagneticField,
-    /// Temperature, kept in degC, since a bench never speaks of kelvin.
+    /// Temperature, kept in degC, since benches do not use kelvin.
     Temperature,
     /// Rate of a link; bit/s.
     BitRate,
     /// Amount of data; bytes.
     Data,
-    /// Angular rate for one unit of specific force; SI unit (rad/s)/(m/s^2).
+    /// Angular rate per unit of specific force; SI unit (rad/s)/(m/s^2).
     GSensitivity,
-    /// Angle random walk, also the density of a rate's noise; SI unit rad/sqrt(s).
+    /// Angle random walk, also the noise density of a rate; SI unit rad/sqrt(s).
     AngleRandomWalk,
-    /// Velocity random walk, also the density of an acceleration's noise; SI unit (m/s)/sqrt(s).
+    /// Velocity random walk, also the noise density of an acceleration; SI unit (m/s)/sqrt(s).
     VelocityRandomWalk,
 }
 
 impl Dimension {
-    /// For people: "angular rate".
+    /// The name for people: "angular rate".
     pub(crate) fn as_str(self) -> &'static str {
         match self {
             Dimension::Count => "plain number",
@@ -84,12 +83,12 @@ impl Dimension {
         }
     }
 
-    /// The units of this dimension, as they stand in [`Unit::ALL`].
+    /// The units of this dimension, in the order of [`Unit::ALL`].
     pub(crate) fn units(self) -> impl Iterator<Item = Unit> {
         Unit::ALL.into_iter().filter(move |unit| unit.dimension() == self)
     }
 
-    /// In which units it is written, as a hint.
+    /// A hint that names the units of this dimension.
     pub(crate) fn hint(self) -> String {
         if self == Dimension::Count {
             return "write a plain number without a unit".to_owned();
@@ -105,7 +104,7 @@ impl Dimension {
         format!("{article} {name}")
     }
 
-    /// The unit that people use first, for examples.
+    /// The most usual unit, for examples.
     pub(crate) fn usual_unit(self) -> Unit {
         match self {
             Dimension::Count => Unit::Count,
@@ -129,7 +128,7 @@ impl Dimension {
         }
     }
 
-    /// Significant digits that a person needs: an angle may be a latitude, where 9 digits are a centimetre.
+    /// Significant digits for people. An angle may be a latitude, where 9 digits are a centimetre.
     pub(crate) fn digits(self) -> usize {
         if self == Dimension::Angle { 9 } else { 6 }
     }
@@ -141,7 +140,7 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// A number with its unit. The number may be anything that an `f64` can be: measurements do come as NaN.
+/// A number with its unit. The number may be any `f64`: measurements may give NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
     /// The number, in `unit`.
@@ -156,8 +155,8 @@ impl Quantity {
         Self { number, unit }
     }
 
-    /// Reads "2 mg", "0.49 A", "20 °/h", "5 %" or "12" (a count), the unit in any spelling of [`Unit::parse`]. The space
-    /// is optional, the result finite.
+    /// Reads "2 mg", "0.49 A", "20 °/h", "5 %" or "12" (a count). The unit may have any spelling of [`Unit::parse`].
+    /// The space is optional, and the result is finite.
     ///
     /// # Errors
     /// No number, a number beyond the range of an `f64`, or a unit that is not in the table.
@@ -169,7 +168,7 @@ impl Quantity {
         }
     }
 
-    /// The number in another unit; `None` if that measures another dimension.
+    /// The number in another unit; `None` if that unit measures another dimension.
     pub fn in_unit(self, unit: Unit) -> Option<f64> {
         self.unit.convert(self.number, unit)
     }
@@ -215,7 +214,7 @@ pub enum QuantityError {
 }
 
 impl QuantityError {
-    /// What the writer can try, where a quantity of this dimension is wanted.
+    /// What the writer can try if a quantity of this dimension is wanted.
     pub fn hint(&self, wanted: Dimension) -> String {
         match self {
             QuantityError::NotANumber { .. } => "write a number and its unit, such as \"0.49 A\"".to_owned(),
@@ -234,7 +233,7 @@ impl QuantityError {
 /// Splits a text into its finite number and what follows, trimmed.
 pub(crate) fn number_and_unit(text: &str) -> Result<(f64, &str), QuantityError> {
     let text = text.trim();
-    // A true minus sign, as typeset documents have it.
+    // Typeset documents have a true minus sign.
     let (sign, unsigned) = match text.strip_prefix('\u{2212}') {
         Some(rest) if !rest.starts_with(['+', '-']) => (-1.0, rest),
         _ => (1.0, text),
@@ -253,7 +252,7 @@ pub(crate) fn with_unit(number: &str, unit: Unit) -> String {
     if unit == Unit::Count { number.to_owned() } else { format!("{number} {unit}") }
 }
 
-/// Length of the decimal number at the beginning; the exponent belongs to it only if digits follow.
+/// Length of the decimal number at the beginning. The exponent belongs to it only if digits follow.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |from: usize| from + bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
@@ -272,7 +271,7 @@ fn number_length(text: &str) -> usize {
     end
 }
 
-/// `0,49 A` ends its number at the comma.
+/// Whether the number ends at a comma, as in `0,49 A`.
 fn decimals_after_a_comma(unit: &str) -> bool {
     unit.strip_prefix(',').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
 }
@@ -286,7 +285,7 @@ fn suggested_unit(unit: &str, wanted: Dimension) -> Option<&'static str> {
         _ => {}
     }
     let known = || wanted.units().map(Unit::symbol);
-    // A single letter in the wrong case is near; another letter is not.
+    // A single letter in the wrong case is a likely mistake; another letter is not.
     known()
         .find(|symbol| symbol.eq_ignore_ascii_case(&plain))
         .or_else(|| nearest(&plain, known().filter(|symbol| symbol.len() > 1)))

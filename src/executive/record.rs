@@ -1,6 +1,6 @@
-//! The record of a run, as `run.json` holds it: everything that is needed to show the run again.
+//! The record of a run, as in `run.json`: all data to show the run again.
 //!
-//! The form is described in `docs/run.schema.json`; fields are only ever added.
+//! `docs/run.schema.json` describes the form; new versions only add fields.
 
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
@@ -26,19 +26,19 @@ pub struct RunRecord {
     pub schema: String,
     /// How the run ended; aborted if it is interrupted.
     pub outcome: Outcome,
-    /// The run has no end: the station lost its power, or was killed.
+    /// Whether the run has no end: the station lost its power, or was killed.
     pub interrupted: bool,
     /// The scanned serial number.
     pub serial_number: String,
     /// The plan that was followed.
     pub plan: PlanInfo,
-    /// Where the bench stands, as its file said.
+    /// Where the bench stands, as its file states.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub site: Option<BenchSite>,
-    /// The run whose raw record was judged again; absent where something was captured.
+    /// The run whose raw record was judged again; absent if this run captured samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recomputed: Option<EarlierRun>,
-    /// The run that broke off and whose captures were taken over.
+    /// The interrupted run whose captures this run took over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resumed: Option<EarlierRun>,
     /// Which station.
@@ -62,11 +62,11 @@ pub struct RunRecord {
     pub finished: Option<DateTime<FixedOffset>>,
     /// Seconds from the start to the last event, by a clock that never jumps.
     pub elapsed_s: f64,
-    /// Who stopped the run, and how.
+    /// What stopped the run, and how.
     pub stop: Option<StopRecord>,
     /// Every planned item, in the order of the plan.
     pub items: Vec<ItemRecord>,
-    /// What was worth knowing beside the measurements.
+    /// Useful information beside the measurements.
     pub notes: Vec<NoteRecord>,
 }
 
@@ -92,7 +92,7 @@ pub struct ItemRecord {
     pub phase: Phase,
     /// Whether the run is complete without it.
     pub optional: bool,
-    /// Whether this run was to run it.
+    /// Whether this run included it.
     pub selected: bool,
     /// How it ended.
     pub outcome: Outcome,
@@ -117,21 +117,21 @@ pub struct AttemptRecord {
     pub started: DateTime<FixedOffset>,
     /// Seconds that it took; null if it has no end.
     pub elapsed_s: Option<f64>,
-    /// What was measured, in the order of measuring.
+    /// Measurements, in the order of measuring.
     pub measurements: Vec<Measurement>,
-    /// What an analysis found beside them, once for each round: its form is that of the item.
+    /// Results of an analysis beside the measurements, once for each round. Their form depends on the item.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub details: Vec<serde_json::Value>,
     /// Why the station could not tell.
     pub error: Option<AttemptError>,
-    /// What the slave recorded for fault analysis.
+    /// The slave board's records for fault analysis.
     pub error_records: Vec<ErrorRecord>,
 }
 
-/// A line for people.
+/// A note for people.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoteRecord {
-    /// When.
+    /// When it was made.
     pub at: DateTime<FixedOffset>,
     /// Seconds since the start of the run.
     pub elapsed_s: f64,
@@ -139,7 +139,7 @@ pub struct NoteRecord {
     pub level: NoteLevel,
     /// One sentence.
     pub text: String,
-    /// Name of the item to which it belongs.
+    /// Name of the item to which the note belongs.
     pub item: Option<String>,
 }
 
@@ -160,7 +160,7 @@ pub struct ItemFile {
 }
 
 impl ItemFile {
-    /// The file of the item at a position of the plan; `None` before it was tried.
+    /// The file of the item at a position of the plan; `None` before the first attempt.
     pub fn from_state(state: &RunState, position: usize) -> Option<Self> {
         let (header, row) = (state.header()?, state.rows().get(position)?);
         let file = |run_started| Self {
@@ -206,7 +206,7 @@ impl RunRecord {
         })
     }
 
-    /// Whether the record may speak for the module: a real bench, the whole plan, and an end.
+    /// Whether the record may speak for the module: the bench is real, the plan is whole, and the run has an end.
     pub fn is_evidence(&self) -> bool {
         self.bench.kind == BenchKind::Real && self.selection.is_none() && !self.interrupted
     }
@@ -222,7 +222,7 @@ impl ItemRecord {
 impl From<&Row> for ItemRecord {
     fn from(row: &Row) -> Self {
         let PlannedItem { name, id, title, phase, optional, selected } = row.planned.clone();
-        // An attempt without end was cut off together with the run.
+        // An attempt without an end was cut off together with the run.
         let outcome = if row.running().is_some() { Outcome::Aborted } else { row.outcome };
         Self {
             name,

@@ -1,4 +1,4 @@
-//! The one fold over the events of a run.
+//! The only fold over the events of a run.
 
 use chrono::{DateTime, FixedOffset};
 
@@ -9,10 +9,11 @@ use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
 use crate::plan::Phase;
 
-/// Notes that the state keeps; a board that babbles must not fill the memory, and the journal has them all.
+/// Most notes that the state keeps. A board that sends too many must not fill the memory, and the journal has all
+/// notes.
 pub(crate) const MAX_NOTES: usize = 1000;
 
-/// Everything that is known of a run after some of its events.
+/// The state of a run after some of its events.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunState {
     header: Option<Box<RunHeader>>,
@@ -20,13 +21,13 @@ pub struct RunState {
     rows: Vec<Row>,
     /// Row numbers in the order of their names, to find a row without a second copy of its name.
     by_name: Vec<u32>,
-    /// Rows before this one have ended or are not selected: they need not be looked at to find out what comes next.
+    /// Rows before this one have ended or are not selected, so the search for the next item skips them.
     first_open: usize,
-    /// Rows that have begun and not ended, in the order of their beginning; as few as run at once.
+    /// Rows that have begun and not ended, in the order of their beginning. There are only as many as run at once.
     begun: Vec<u32>,
-    /// The first setup item that ended badly, which skips all tests.
+    /// The first setup item that ended badly; it skips all tests.
     bad_setup: Option<u32>,
-    /// The first test that ended badly, after which a plan may stop.
+    /// The first test that ended badly; a plan may stop after it.
     bad_test: Option<u32>,
     in_flight: usize,
     board: Option<BoardInfo>,
@@ -50,13 +51,13 @@ pub struct Stamp {
 /// One planned item.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What the plan says.
+    /// The item as planned.
     pub planned: PlannedItem,
-    /// How it ended; not run as long as it has not.
+    /// How it ended; not run as long as it has no end.
     pub outcome: Outcome,
     /// Why it was skipped or not run.
     pub cause: Option<Cause>,
-    /// Its attempts, every one of them.
+    /// All its attempts.
     pub attempts: Vec<Attempt>,
     /// When its first attempt began.
     pub started: Option<Stamp>,
@@ -88,28 +89,28 @@ pub struct Attempt {
     pub started: Stamp,
     /// When it ended.
     pub ended: Option<Stamp>,
-    /// How it ended; `None` while it runs, or where the journal was cut off.
+    /// How it ended; `None` while it runs, or if the journal was cut off.
     pub outcome: Option<Outcome>,
-    /// What was measured, in the order of measuring.
+    /// Measurements, in the order of measuring.
     pub measurements: Vec<Measurement>,
-    /// What an analysis found beside them, once for each round.
+    /// Results of an analysis beside the measurements, once for each round.
     pub details: Vec<serde_json::Value>,
-    /// What the slave recorded.
+    /// The slave board's records.
     pub error_records: Vec<ErrorRecord>,
     /// Why there is no verdict.
     pub error: Option<AttemptError>,
 }
 
-/// A line for people.
+/// A note for people.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {
-    /// When.
+    /// When it was made.
     pub stamp: Stamp,
     /// How much it matters.
     pub level: NoteLevel,
     /// One sentence.
     pub text: String,
-    /// The item to which it belongs.
+    /// The item to which the note belongs.
     pub item: Option<String>,
 }
 
@@ -124,7 +125,7 @@ pub enum OutOfOrder {
         /// Number that is due.
         expected: u64,
     },
-    /// The first event is another than `run_started`.
+    /// The first event is not `run_started`.
     #[error("event {seq} is {kind} before run_started")]
     NotStarted {
         /// Number of the event.
@@ -146,7 +147,7 @@ pub enum OutOfOrder {
         /// Its name.
         kind: &'static str,
     },
-    /// Two rows would have one name.
+    /// Two rows would have the same name.
     #[error("item {} is planned twice", gnc_text::quoted(item))]
     PlannedTwice {
         /// Name of the item.
@@ -162,7 +163,7 @@ pub enum OutOfOrder {
         /// Name of the item.
         item: String,
     },
-    /// The item is not in the state in which this can happen.
+    /// The item is not in a state in which this event can happen.
     #[error("event {seq} is {kind} of {}, which {state}", gnc_text::quoted(item))]
     Item {
         /// Number of the event.
@@ -171,13 +172,13 @@ pub enum OutOfOrder {
         kind: &'static str,
         /// Name of the item.
         item: String,
-        /// What is in the way: "has ended already".
+        /// The reason: "has ended already".
         state: &'static str,
     },
 }
 
 impl RunState {
-    /// A run of which nothing is known.
+    /// A run before its first event.
     pub fn new() -> Self {
         Self::default()
     }
@@ -241,12 +242,12 @@ impl RunState {
         self.power.as_ref()
     }
 
-    /// Lines for people, at most a thousand; the journal holds all.
+    /// Notes for people, at most a thousand; the journal holds all.
     pub fn notes(&self) -> &[Note] {
         &self.notes
     }
 
-    /// How and by what a stop was requested; the strongest request counts.
+    /// How a stop was requested, and by what; the strongest request counts.
     pub fn stop(&self) -> Option<(StopHow, &str)> {
         self.stop.as_ref().map(|(how, by)| (*how, by.as_str()))
     }
@@ -256,7 +257,7 @@ impl RunState {
         self.next_seq
     }
 
-    /// When the last event happened: of an ended run its end, of an interrupted one the last that is known.
+    /// When the last event happened: the end of a run that ended, or the last known event of an interrupted one.
     pub fn last(&self) -> Option<Stamp> {
         self.last
     }
@@ -266,12 +267,12 @@ impl RunState {
         self.ended
     }
 
-    /// The run started and has no end: it still runs, or its journal was cut off.
+    /// Whether the run has started and has no end: it still runs, or its journal was cut off.
     pub fn is_interrupted(&self) -> bool {
         self.header.is_some() && self.ended.is_none()
     }
 
-    /// The outcome that follows from the rows as they are, by the rule of [`crate::outcome`].
+    /// The outcome that follows from the rows so far, by the rule of [`crate::outcome`].
     pub fn outcome_so_far(&self) -> Outcome {
         let ends = self
             .rows
@@ -285,7 +286,7 @@ impl RunState {
         self.in_flight
     }
 
-    /// The item whose end skips the tests after it: a bad setup item, or a bad test if the plan stops at one.
+    /// The item whose end skips the tests after it: a bad setup item, or a bad test if the plan stops at a bad test.
     pub(crate) fn stopper(&self, stop_at_tests: bool) -> Option<&Row> {
         let test = self.bad_test.filter(|_| stop_at_tests);
         self.rows.get(self.bad_setup.or(test)? as usize)
@@ -384,7 +385,7 @@ impl RunState {
                 running.outcome = Some(*outcome);
                 running.ended = Some(stamp);
                 running.error.clone_from(error);
-                // Nothing is added any more, and a run may have 20,000 items: keep no spare room.
+                // No more values follow, and a run may have 20,000 items: keep no spare room.
                 running.measurements.shrink_to_fit();
                 running.error_records.shrink_to_fit();
                 self.in_flight -= 1;

@@ -27,7 +27,7 @@ pub(crate) fn job(text: &str) -> Job {
     Job::new(plan(text), EVERYTHING, None).unwrap_or_else(|mistakes| panic!("{mistakes}"))
 }
 
-/// A run whose events are applied as they are made.
+/// A run that applies its events as they are made.
 pub(crate) struct TestRun {
     pub(crate) state: RunState,
     pub(crate) events: Vec<Event>,
@@ -42,7 +42,7 @@ impl TestRun {
 
     pub(crate) fn emit(&mut self, kind: EventKind) {
         let seq = self.state.next_seq();
-        // 0.25 s between events, so that times can be worked out by hand.
+        // 0.25 s between events, so that times are easy to calculate by hand.
         let elapsed_us = seq * 250_000;
         let at = start() + TimeDelta::microseconds(elapsed_us.try_into().unwrap());
         let event = Event { seq, at, elapsed_us, kind };
@@ -63,7 +63,7 @@ impl TestRun {
         outcome
     }
 
-    /// Applies what the job says until it asks for an attempt or is done; says which.
+    /// Applies the job's steps until it asks for an attempt or is done; returns that step.
     pub(crate) fn settle(&mut self, job: &Job) -> Next {
         loop {
             let (item, outcome, cause) = match job.next(&self.state) {
@@ -129,7 +129,7 @@ requires = ["sdram"]
 wrong_reads = "== 0"
 "#;
 
-/// A run of [`SMALL`] with every kind of event but a stop.
+/// A run of [`SMALL`] with every kind of event except a stop.
 pub(crate) fn small_run(header: RunHeader) -> TestRun {
     let job = job(SMALL);
     let item = |position: usize| job.item(position).unwrap();

@@ -1,7 +1,7 @@
 //! A run as lines for people: on a terminal, in a file, in a mail.
 //!
-//! Texts from outside (serial numbers, answers of boards, names in stored records) go through
-//! [`printable`], so that no line here can move a cursor or hide another.
+//! Texts from outside (serial numbers, answers of boards, names in stored records) go through [`printable`]. So a line
+//! here cannot move a cursor or hide another line.
 
 mod log;
 
@@ -19,7 +19,7 @@ pub use log::log_txt;
 /// Width of an item's name in a line; most names are shorter.
 const NAME_WIDTH: usize = 16;
 
-/// Characters of the reason in an item's line: a board may say much, and the record has all of it.
+/// Characters of the reason in an item's line. A board may send a long text, and the record has all of it.
 const REASON_CHARACTERS: usize = 120;
 
 /// Characters of a serial number in the verdict: a barcode reader may deliver 10 kB.
@@ -28,7 +28,7 @@ const SERIAL_NUMBER_CHARACTERS: usize = 60;
 /// Width of the longest outcome.
 const OUTCOME_WIDTH: usize = 8;
 
-/// The line of an item that has ended: outcome, name, time, and what decided.
+/// The line of an item that has ended: outcome, name, time, and the reason.
 pub fn item_line(item: &ItemRecord) -> String {
     let outcome = words(item.outcome);
     let name = printable(&item.name);
@@ -45,7 +45,8 @@ pub fn item_line(item: &ItemRecord) -> String {
     line.trim_end().to_owned()
 }
 
-/// The rows that are not good, each with its limit and with what to look at; empty if there are none.
+/// The rows of items and measurements that are not good, each with its limit and what to look at; empty if there are
+/// none.
 pub fn failing_rows(record: &RunRecord) -> String {
     let mut out = String::new();
     for item in record.items.iter().filter(|item| is_bad(item.outcome)) {
@@ -57,10 +58,10 @@ pub fn failing_rows(record: &RunRecord) -> String {
     out
 }
 
-/// The last line of a run: its verdict, and how many items ended how.
+/// The last line of a run: its verdict, and the number of items with each outcome.
 pub fn verdict_line(record: &RunRecord) -> String {
     let mut verdict = if record.interrupted { "INTERRUPTED".to_owned() } else { words(record.outcome).to_uppercase() };
-    // Beside the word itself, since a single line may be all that somebody copies.
+    // This stands beside the word itself, since a person may copy only this line.
     match (record.bench.kind, &record.selection) {
         (BenchKind::Real, None) => {}
         (BenchKind::Real, Some(_)) => verdict.push_str(" (selection)"),
@@ -84,7 +85,7 @@ pub fn verdict_line(record: &RunRecord) -> String {
     )
 }
 
-/// What must stand beside every verdict: why this record does not speak for the module. Empty if it does.
+/// Lines that must stand beside every verdict: why this record does not speak for the module. Empty if it does.
 pub fn banners(record: &RunRecord) -> Vec<String> {
     let mut banners = Vec::new();
     if record.bench.kind == BenchKind::Simulated {
@@ -121,7 +122,7 @@ pub fn duration(seconds: f64) -> String {
     if !(0.0..3.6e8).contains(&seconds) {
         return "unknown".to_owned();
     }
-    // Rounded first, so that 59.96 s does not become "60.0 s".
+    // The number is rounded first, so that 59.96 s does not become "60.0 s".
     let whole = seconds.round() as u64;
     if seconds < 9.995 {
         format!("{seconds:.2} s")
@@ -139,7 +140,7 @@ fn is_bad(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Marginal | Outcome::Failed | Outcome::Errored | Outcome::Aborted)
 }
 
-/// What decided an item: its cause, its error, its worst value, or the good value that is nearest to its limit.
+/// The reason for an item's outcome: its cause, its error, its worst value, or the good value nearest to its limit.
 pub fn reason(item: &ItemRecord) -> String {
     if let Some(cause) = &item.cause {
         return printable(&cause.to_string()).into_owned();
@@ -149,7 +150,7 @@ pub fn reason(item: &ItemRecord) -> String {
         return printable(&error.text).into_owned();
     }
     let bad = || attempt.measurements.iter().filter(|measurement| measurement.outcome.is_some_and(is_bad));
-    // Of equally bad values the first: later ones often follow from it.
+    // Among equally bad values the first one counts: later ones often follow from it.
     let Some(worst) = bad().rev().max_by_key(|measurement| severity(measurement)) else {
         return nearest_to_limit(attempt).map(measurement_line).unwrap_or_default();
     };
@@ -159,13 +160,14 @@ pub fn reason(item: &ItemRecord) -> String {
     }
 }
 
-/// The good value with the least room to its limit, as a part of the room that there is.
+/// The good value with the least room to its limit, as a fraction of the whole room.
 fn nearest_to_limit(attempt: &AttemptRecord) -> Option<&Measurement> {
     let judged = attempt.measurements.iter().filter(|measurement| measurement.outcome.is_some());
     judged.min_by(|a, b| room(a).total_cmp(&room(b)))
 }
 
-/// 1 in the middle of the limit or far from a single bound, 0 on a bound; texts and exact counts have all the room.
+/// Room to the limit: 1 in the middle of the limit or far from a single bound, 0 on a bound. Texts and exact counts
+/// have 1.
 fn room(measurement: &Measurement) -> f64 {
     let Reading::Number(value) = measurement.value else { return 1.0 };
     match (measurement.low, measurement.high) {

@@ -1,4 +1,4 @@
-//! What is known of a value beside itself, and the rule by which that counts in its judgement.
+//! The coverage interval of a value, and the rule by which it counts in the judgement.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +14,8 @@ pub struct Uncertainty {
     pub low: f64,
     /// Its upper end.
     pub high: f64,
-    /// Coverage factor: the ends are the value -+ k standard uncertainties. Absent where the interval is not symmetric,
-    /// as that of a standard deviation.
+    /// Coverage factor: the ends are the value -+ k standard uncertainties. Absent if the interval is not symmetric,
+    /// such as that of a standard deviation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<f64>,
     /// Probability of the interval, 0.95 for 95 %.
@@ -28,7 +28,7 @@ impl Uncertainty {
         Self { low: value - k * standard, high: value + k * standard, k: Some(k), probability }
     }
 
-    /// An interval of its own shape.
+    /// An interval of any shape.
     pub fn interval(low: f64, high: f64, probability: f64) -> Self {
         Self { low, high, k: None, probability }
     }
@@ -38,12 +38,12 @@ impl Uncertainty {
         self.k.map(|_| (self.high - self.low) / 2.0)
     }
 
-    /// Whether it tells anything: ends that are numbers, in order.
+    /// Whether the interval is usable: its ends are numbers, in order.
     pub fn is_finite(&self) -> bool {
         self.low.is_finite() && self.high.is_finite() && self.low <= self.high && self.k.is_none_or(f64::is_finite)
     }
 
-    /// The interval in another unit; `None` if that measures another dimension.
+    /// The interval in another unit; `None` if that unit measures another dimension.
     pub fn in_unit(&self, from: Unit, to: Unit) -> Option<Self> {
         Some(Self { low: from.convert(self.low, to)?, high: from.convert(self.high, to)?, ..*self })
     }
@@ -53,7 +53,7 @@ impl Uncertainty {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decision {
-    /// Simple acceptance: the value decides. Inside its limit it is marginal where its interval crosses the limit.
+    /// Simple acceptance: the value decides. A value inside its limit is marginal if its interval crosses the limit.
     #[default]
     Simple,
     /// Guard band by the uncertainty: the whole interval must lie inside the limit.
@@ -61,7 +61,7 @@ pub enum Decision {
 }
 
 impl Decision {
-    /// As plans write it.
+    /// The name in plans.
     pub(crate) fn as_str(self) -> &'static str {
         match self {
             Decision::Simple => "simple",
@@ -69,8 +69,8 @@ impl Decision {
         }
     }
 
-    /// Judges a number with its interval, both in the unit of the range. An interval that tells nothing is errored:
-    /// nobody knows on which side the value lies.
+    /// Judges a number with its interval, both in the unit of the range. Without a usable interval the result is
+    /// errored: the side of the limit on which the value lies is unknown then.
     pub(crate) fn judge(self, range: &Range, number: f64, uncertainty: &Uncertainty) -> Outcome {
         let alone = range.judge(number);
         if !alone.is_good() {
@@ -102,7 +102,7 @@ mod tests {
             (8.0, 2.0, Outcome::Passed, Outcome::Passed),
             (8.0, 2.1, Outcome::Marginal, Outcome::Failed),
             (-8.0, 2.1, Outcome::Marginal, Outcome::Failed),
-            // Outside is outside, however little is known.
+            // A value outside is outside, however uncertain it is.
             (10.1, 5.0, Outcome::Failed, Outcome::Failed),
             (5.0, f64::INFINITY, Outcome::Errored, Outcome::Errored),
             (5.0, f64::NAN, Outcome::Errored, Outcome::Errored),

@@ -1,4 +1,4 @@
-//! A port or interface that went away, unplugged or switched off, and is looked for until it is back.
+//! A port or interface that went away, unplugged or switched off. The link looks for it until it is back.
 
 use std::error::Error;
 use std::io;
@@ -6,49 +6,49 @@ use std::time::Duration;
 
 use tokio::time::{Instant, sleep_until};
 
-/// Longest wait for its return: whoever pulled the wrong plug has put it back by then. The run stands still meanwhile,
-/// and the board's watchdog has long made the module safe.
+/// Longest wait for the return of a port or interface. A person who pulled the wrong plug has put it back by then. The
+/// run stands still meanwhile, and the board's watchdog has long made the module safe.
 pub const RETURNS_WITHIN: Duration = Duration::from_secs(10);
-/// Between two looks for it: what is back is in use within one.
+/// Time between two looks for the port. A port that is back is in use within this time.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// How long something has been away.
+/// The time for which a port or interface has been away.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Absence {
     since: Instant,
     next_look: Instant,
-    /// Its return was told; it has said nothing since.
+    /// Its return was reported, and nothing has come from it since.
     told: bool,
 }
 
 impl Absence {
-    /// It went away. What had come back from an absence and never said a word is still in that one: an adapter that
-    /// opens and is gone again at once must not be waited for without end.
+    /// Begins an absence. If the port came back from an earlier absence and nothing came from it since, that absence
+    /// goes on: the link must not wait without end for an adapter that opens and is gone again at once.
     pub(super) fn begin(mute: Option<Self>) -> Self {
         let now = Instant::now();
         let (since, told) = mute.map_or((now, false), |before| (before.since, before.told));
         Self { since, next_look: now + LOOK_EVERY, told }
     }
 
-    /// Whether this is news.
+    /// Whether the absence is still unreported.
     pub(super) fn is_new(&self) -> bool {
         !self.told
     }
 
-    /// Waits until it is looked for again. May be dropped half way.
+    /// Waits until the next look is due. The wait may be dropped half way.
     pub(super) async fn look_due(&self) {
         sleep_until(self.next_look).await;
     }
 
-    /// It opened. How long it was away, if nobody was told yet.
+    /// The port opened. Returns how long it was away, or `None` if this was reported already.
     pub(super) fn returned(&mut self) -> Option<Duration> {
         (!std::mem::replace(&mut self.told, true)).then(|| self.since.elapsed())
     }
 
-    /// It did not open.
+    /// The port did not open.
     ///
     /// # Errors
-    /// It was away for too long.
+    /// The port was away for too long.
     pub(super) fn goes_on(&mut self, name: &str, why: &(dyn Error + 'static)) -> io::Result<()> {
         if self.since.elapsed() < RETURNS_WITHIN {
             self.next_look = Instant::now() + LOOK_EVERY;

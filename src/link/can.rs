@@ -1,4 +1,4 @@
-//! CAN: commands by ISO-TP, streams as raw frames, and test frames beside them for whoever tests the bus itself.
+//! CAN: commands by ISO-TP, streams as raw frames, and test frames beside them for items that test the bus itself.
 
 mod bus;
 mod interface;
@@ -27,9 +27,9 @@ use crate::received::{LinkEvent, NoFrame};
 use bus::{Bus, BusEvent};
 pub use memory::MemoryEnd;
 
-/// Raw frames that may wait for a bus that does not take them.
+/// Raw frames that may wait while the bus does not take them.
 const OUTGOING: usize = 256;
-/// Test frames under way in either direction; whoever tests the bus keeps fewer in flight.
+/// Test frames under way in either direction; an item that tests the bus keeps fewer in flight.
 pub(crate) const TEST_FRAMES: usize = 64;
 
 /// A bus as a bench file names it.
@@ -39,7 +39,7 @@ pub enum CanTarget {
     Slcan(PathBuf),
     /// An interface of the kernel: `can0`.
     Interface(String),
-    /// An adapter that speaks slcan, in this program; no bench file names one.
+    /// An adapter that speaks slcan, in this program; a bench file cannot name it.
     Memory(MemoryPort),
 }
 
@@ -73,33 +73,33 @@ pub enum CanOpenError {
     /// The kernel was built without CAN.
     #[error("this computer's kernel has no CAN, so there is no interface {interface}")]
     NoKernel {
-        /// What was asked for.
+        /// The interface that was asked for.
         interface: String,
     },
     /// There is no such interface.
     #[error("there is no network interface {interface}")]
     Missing {
-        /// What was asked for.
+        /// The interface that was asked for.
         interface: String,
     },
     /// An interface of another kind.
     #[error("the network interface {interface} is no CAN interface")]
     NotCan {
-        /// What was asked for.
+        /// The interface that was asked for.
         interface: String,
     },
-    /// It is switched off.
+    /// The interface is switched off.
     #[error("the CAN interface {interface} is down")]
     Down {
-        /// What was asked for.
+        /// The interface that was asked for.
         interface: String,
     },
-    /// Anything else that the system said.
+    /// Any other error of the system.
     #[error("cannot open the CAN interface {interface}")]
     System {
-        /// What was asked for.
+        /// The interface that was asked for.
         interface: String,
-        /// What it said.
+        /// What the system said.
         source: io::Error,
     },
 }
@@ -128,7 +128,7 @@ impl CanOpenError {
 /// Whether there is a CAN interface of this name that is switched on.
 ///
 /// # Errors
-/// [`CanOpenError`] says what is there instead.
+/// [`CanOpenError`] says what the name stands for instead.
 pub fn check_interface(interface: &str) -> Result<(), CanOpenError> {
     interface::look_at(interface)
 }
@@ -138,9 +138,9 @@ pub fn check_interface(interface: &str) -> Result<(), CanOpenError> {
 pub struct BusErrors {
     /// Error frames.
     pub frames: u32,
-    /// Times it left the bus.
+    /// Times the controller left the bus.
     pub bus_off: u32,
-    /// Times its buffer was full and a frame was lost: the host's fault, not the bus's.
+    /// Times the controller's buffer was full and a frame was lost. This is the host's fault, not the bus's.
     pub overruns: u32,
 }
 
@@ -149,7 +149,7 @@ pub struct BusErrors {
 pub struct Traffic {
     /// Frames.
     pub frames: u64,
-    /// Their bits with the most stuff bits there can be.
+    /// Bits of these frames with the largest possible number of stuff bits.
     pub bits: u64,
 }
 
@@ -159,14 +159,14 @@ impl Traffic {
         self.bits += u64::from(frame.worst_bits());
     }
 
-    /// What came since an earlier look.
+    /// The traffic since an earlier look.
     #[must_use]
     pub fn since(self, earlier: Self) -> Self {
         Self { frames: self.frames - earlier.frames, bits: self.bits - earlier.bits }
     }
 }
 
-/// Test frames of the bus, beside the conversation that goes over it.
+/// The access to test frames on the bus, beside the conversation on the same bus.
 #[derive(Debug)]
 pub struct Tap {
     outgoing: mpsc::Sender<CanFrame>,
@@ -175,12 +175,12 @@ pub struct Tap {
     /// Times that the port or interface went away.
     absences: watch::Receiver<u32>,
     traffic: watch::Receiver<Traffic>,
-    /// Where the kernel counts what it or the controller lost.
+    /// The counters of the kernel for frames that it or the controller lost.
     statistics: Option<interface::Statistics>,
 }
 
 impl Tap {
-    /// Sends a test frame; waits while too many wait.
+    /// Sends a test frame; waits while too many frames wait.
     ///
     /// # Errors
     /// The bus is gone.
@@ -188,7 +188,7 @@ impl Tap {
         self.outgoing.send(frame).await.map_err(|_| gone())
     }
 
-    /// The next frame under a test id: one that came back, or another station's.
+    /// The next frame under a test id: an echo, or a frame of another station.
     ///
     /// # Errors
     /// The bus is gone.
@@ -196,17 +196,17 @@ impl Tap {
         self.incoming.lock().await.recv().await.ok_or_else(gone)
     }
 
-    /// Forgets what has come back and nobody waited for.
+    /// Drops test frames that have come back and were not read.
     pub async fn drain(&self) {
         let mut incoming = self.incoming.lock().await;
         while incoming.try_recv().is_ok() {}
     }
 
-    /// Frames that this computer's own controller or driver has lost so far; `None` where nobody counts them.
+    /// Frames that this computer's own controller or driver has lost so far; `None` if nothing counts them.
     #[must_use]
     pub fn lost_by_host(&self) -> Option<u64> {
         let overruns = self.errors().map(|errors| u64::from(errors.overruns));
-        // Some drivers count, some send error frames, some do both.
+        // Some drivers count losses, some send error frames, some do both.
         self.statistics.as_ref().map(interface::Statistics::lost).max(overruns)
     }
 
@@ -216,13 +216,13 @@ impl Tap {
         *self.absences.borrow()
     }
 
-    /// What came over the bus so far beside test frames.
+    /// The traffic on the bus so far, without test frames.
     #[must_use]
     pub fn traffic(&self) -> Traffic {
         *self.traffic.borrow()
     }
 
-    /// What the host's own controller saw; `None` where the adapter cannot tell.
+    /// What the host's own controller saw; `None` if the adapter cannot tell.
     #[must_use]
     pub fn errors(&self) -> Option<BusErrors> {
         *self.errors.borrow()
@@ -268,7 +268,7 @@ impl CanLink {
         }))
     }
 
-    /// A bus in memory, and its other end.
+    /// Makes a bus in memory, and its other end.
     #[must_use]
     pub fn in_memory() -> (Self, MemoryEnd) {
         let (bus, end) = memory::pair();
@@ -299,7 +299,7 @@ impl CanLink {
         }
     }
 
-    /// The test frames of this bus; the first who asks gets them.
+    /// The access to the test frames of this bus; only the first caller gets it.
     pub fn tap(&mut self) -> Option<Tap> {
         self.handed_out.take()
     }
@@ -313,7 +313,7 @@ impl CanLink {
         });
     }
 
-    /// Moves frames until one of the conversation is whole. Nothing is lost when it is dropped half way.
+    /// Moves frames until a frame of the conversation is whole. A caller that drops this wait half way loses nothing.
     ///
     /// # Errors
     /// The bus is gone.
@@ -333,9 +333,10 @@ impl CanLink {
                     BusEvent::Errors => {
                         self.tap.errors.send_replace(self.bus.errors());
                     }
-                    // Test frames of another station come under the ids of this one's.
+                    // Test frames of another station have the same ids as those of this station.
                     BusEvent::Received(frame) if is_echo(frame.id()) || echo_of(frame.id()).is_some() => {
-                        // Without a listener, or with one that keeps too many in flight, it is lost like any other.
+                        // Without a listener the frame is lost. The same happens with a listener that has too many in
+                        // flight.
                         let _ = self.tap.incoming.try_send(frame);
                     }
                     BusEvent::Received(frame) => {
@@ -356,7 +357,7 @@ impl CanLink {
         }
     }
 
-    /// The port or interface, as people call it.
+    /// The name of the port or interface for people.
     #[must_use]
     pub fn name(&self) -> String {
         self.bus.name()
@@ -371,8 +372,8 @@ impl CanLink {
     }
 
     pub(super) fn exchange_time(&self, payload: usize) -> Duration {
-        // A frame of flow control and a consecutive frame for each seven bytes; twice, since both ends' answers to
-        // one another take their time too.
+        // A frame of flow control, and a consecutive frame for each seven bytes. Twice that, since each end also needs
+        // time to answer the other.
         let bits = |bytes: usize| (bytes.div_ceil(7) as u64 + 2) * u64::from(worst_bits(false, 8));
         bus_time(2 * (bits(HEADER + payload + CRC) + 2 * bits(MAX_FRAME)))
     }
@@ -448,7 +449,7 @@ mod tests {
         board.abort();
     }
 
-    /// Dropped half way again and again, as a task does that waits for several things, it loses nothing.
+    /// A task that waits for several things drops this wait half way again and again; nothing is lost.
     #[tokio::test(start_paused = true)]
     async fn nothing_is_lost_when_a_wait_is_dropped() {
         let (mut link, end) = CanLink::in_memory();

@@ -1,7 +1,7 @@
 //! Ways to reach a slave board: RS-422 by a serial port, CAN by the kernel or by an slcan adapter, a cable in memory.
 //!
-//! A link carries frames, looks for a port that went away, and counts what the line lost or damaged. It knows nothing of what
-//! the frames mean: `gnc-board` asks, waits and repeats.
+//! A link carries frames, looks for a port that went away, and counts what the line lost or damaged. It does not know
+//! what the frames mean: `gnc-board` asks, waits and repeats.
 
 mod absence;
 pub mod can;

@@ -1,4 +1,4 @@
-//! One face for links of either kind.
+//! One type for links of both kinds.
 
 use std::io;
 use std::time::Duration;
@@ -43,7 +43,7 @@ impl LinkError {
 }
 
 impl Link {
-    /// Opens what a bench names.
+    /// Opens the target that a bench names.
     ///
     /// # Errors
     /// [`LinkError`].
@@ -55,8 +55,8 @@ impl Link {
         }
     }
 
-    /// Takes a frame to send. A link that takes nothing drops it: that is found by the answers that do not come, and
-    /// must not cost memory.
+    /// Takes a frame to send. A link that cannot send drops the frame: the missing answer shows this, and waiting
+    /// frames must not use up memory.
     pub fn send(&mut self, frame: &Frame) {
         match self {
             Self::Serial(link) => link.send(frame),
@@ -64,8 +64,8 @@ impl Link {
         }
     }
 
-    /// Moves what waits until something has come. Nothing is lost when it is dropped half way. Without `read` it only
-    /// sends, and never returns but with an error.
+    /// Sends waiting frames until something has come. A caller that drops this wait half way loses nothing. Without
+    /// `read` it only sends, and returns only with an error.
     ///
     /// # Errors
     /// The link is gone and did not come back within [`crate::RETURNS_WITHIN`].
@@ -76,7 +76,7 @@ impl Link {
         }
     }
 
-    /// The port or interface, as people call it.
+    /// The name of the port or interface for people.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -85,7 +85,7 @@ impl Link {
         }
     }
 
-    /// What was seen so far.
+    /// The counts of the line so far.
     #[must_use]
     pub fn counters(&self) -> LineCounters {
         match self {
@@ -94,7 +94,7 @@ impl Link {
         }
     }
 
-    /// The other end numbers its frames afresh.
+    /// Tells the link that the other end numbers its frames afresh.
     pub fn restart_sequence(&mut self) {
         match self {
             Self::Serial(link) => link.restart_sequence(),
@@ -102,7 +102,7 @@ impl Link {
         }
     }
 
-    /// Time on the wire for a request of so many bytes, one full frame before its answer, and the answer.
+    /// Time on the wire for a request of this many bytes, one full frame before its answer, and the answer.
     #[must_use]
     pub fn exchange_time(&self, payload: usize) -> Duration {
         match self {
@@ -111,7 +111,7 @@ impl Link {
         }
     }
 
-    /// Leaves the line in order.
+    /// Leaves the line in a clean state.
     pub async fn close(self) {
         if let Self::Can(link) = self {
             link.close().await;

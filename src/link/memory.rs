@@ -1,12 +1,12 @@
-//! A serial cable in this program's memory: station and bench on one clock, so that a clock which only moves when both
-//! wait repeats a run exactly.
+//! A serial cable in this program's memory. Station and bench share one clock. If this clock moves only while both
+//! wait, a run repeats exactly.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::io::DuplexStream;
 
-/// Bytes that wait for who reads, in each direction: as many as a pseudo-terminal holds.
+/// Bytes that may wait for the reader, in each direction: as many as a pseudo-terminal holds.
 const HELD: usize = 4096;
 
 /// The place where the station finds a cable's end. A cable that was pulled out comes back under the same name.
@@ -19,13 +19,13 @@ pub struct MemoryPort {
 }
 
 impl MemoryPort {
-    /// A place without a cable, and the rate at which whoever plugs one in says that it works.
+    /// Makes a place without a cable. The rate is the one that the bench states for its cable.
     #[must_use]
     pub fn new(name: &'static str, rate_baud: u32) -> Self {
         Self { name, rate_baud, plugged: Arc::default() }
     }
 
-    /// Plugs a cable in and gives its other end. When that is dropped the cable is pulled out.
+    /// Plugs a cable in and returns its other end. Dropping that end pulls the cable out.
     #[must_use]
     pub fn plug_in(&self) -> DuplexStream {
         let (station, bench) = tokio::io::duplex(HELD);
@@ -33,7 +33,7 @@ impl MemoryPort {
         bench
     }
 
-    /// Pulls out a cable that the station has not opened.
+    /// Pulls out a cable if the station has not opened it.
     pub fn unplug(&self) {
         *self.plugged() = None;
     }
@@ -58,7 +58,7 @@ impl fmt::Display for MemoryPort {
 }
 
 impl PartialEq for MemoryPort {
-    /// The same place.
+    /// Whether both are the same place.
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.plugged, &other.plugged)
     }

@@ -1,4 +1,4 @@
-//! RS-422 by way of a serial port, an USB adapter or a pseudo-terminal.
+//! RS-422 over a serial port, an USB adapter or a pseudo-terminal.
 
 mod port;
 
@@ -15,13 +15,13 @@ use super::memory::MemoryPort;
 use crate::received::{LinkEvent, NoFrame};
 pub(super) use port::{Port, PortEvent, PortLocation};
 
-/// Bytes that may wait for a line that does not take them: sixteen frames, more than can be in flight.
+/// Bytes that may wait while the line does not take them: sixteen frames, more than can be in flight.
 const OUTGOING: usize = 16 * MAX_ON_WIRE;
 
 /// An open port that carries frames.
 ///
-/// It is written to directly, never flushed: flushing a port waits in the kernel until the last bit is out, and
-/// blocks all of the station meanwhile.
+/// The link writes to the port directly and never flushes it. Flushing waits in the kernel until the last bit is out,
+/// and blocks the whole station meanwhile.
 #[derive(Debug)]
 pub struct SerialLink {
     port: Port,
@@ -53,7 +53,7 @@ impl SerialLink {
         }
     }
 
-    /// The next frame in what has come. Damaged ones come through as such.
+    /// The next frame in the received bytes. Damaged frames are returned as damaged.
     fn decoded(&mut self) -> Option<LinkEvent> {
         let incoming = &mut self.port.incoming;
         let mut rest: &[u8] = incoming;
@@ -94,10 +94,10 @@ pub enum OpenError {
     Busy {
         /// The port.
         port: PathBuf,
-        /// Who holds it, if the system lets us see that.
+        /// The holder, if the system shows it.
         holder: Option<String>,
     },
-    /// The user may not open it.
+    /// The user lacks the permission to open it.
     #[error("no permission to open port {}", port.display())]
     Denied {
         /// The port.
@@ -114,17 +114,17 @@ pub enum OpenError {
     Rate {
         /// The port.
         port: PathBuf,
-        /// Asked for.
+        /// The rate that was asked for.
         wanted: u32,
-        /// Read back.
+        /// The rate that was read back.
         got: u32,
     },
-    /// Anything else that the system said.
+    /// Any other error of the system.
     #[error("cannot open port {}", port.display())]
     System {
         /// The port.
         port: PathBuf,
-        /// What it said.
+        /// What the system said.
         source: tokio_serial::Error,
     },
 }
@@ -152,7 +152,7 @@ pub(crate) fn open(port: &Path, rate_baud: u32) -> Result<SerialLink, OpenError>
     Ok(SerialLink::on(Port::open(PortLocation::Device(port.to_owned(), rate_baud))?))
 }
 
-/// Opens a cable's end in this program's memory.
+/// Opens the end of a cable in this program's memory.
 ///
 /// # Errors
 /// [`OpenError::Missing`]: no cable is plugged in, or it was opened already.
@@ -174,7 +174,7 @@ pub fn try_open(port: &Path, rate_baud: u32) -> Result<(), OpenError> {
     }
 }
 
-/// The port alone, whatever is spoken on it.
+/// Opens the port alone, for any protocol.
 fn open_stream(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
     let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)
         .open_native_async()
@@ -197,7 +197,7 @@ fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
             Err(_) => OpenError::Missing { port },
             Ok(_) => busy(port),
         },
-        // The crate keeps no error number, only its text.
+        // The crate keeps no error number, only the text of the error.
         _ if source.description == Errno::ENOTTY.desc()
             || std::fs::metadata(&port).is_ok_and(|meta| !is_device(&meta)) =>
         {
@@ -219,7 +219,7 @@ fn holder(port: &Path) -> Option<String> {
     let (major, minor) = (nix::sys::stat::major(file.dev()), nix::sys::stat::minor(file.dev()));
     let wanted = format!("{major:02x}:{minor:02x}:{}", file.ino());
     let locks = std::fs::read_to_string("/proc/locks").ok()?;
-    // 1: FLOCK  ADVISORY  WRITE 1234 00:16:3 0 EOF
+    // A line looks like this: 1: FLOCK  ADVISORY  WRITE 1234 00:16:3 0 EOF
     let holds = |line: &&str| line.contains(" FLOCK ") && line.split_whitespace().any(|word| word == wanted);
     let number = locks.lines().find(holds)?.split_whitespace().nth(4)?;
     let name = std::fs::read_to_string(format!("/proc/{number}/comm")).unwrap_or_default();

@@ -20,7 +20,7 @@ pub enum Target {
     },
     /// CAN.
     Can(CanTarget),
-    /// RS-422 by a cable in this program's memory; no bench file names one.
+    /// RS-422 by a cable in this program's memory; a bench file cannot name it.
     Memory(MemoryPort),
 }
 
@@ -35,7 +35,7 @@ impl Target {
         }
     }
 
-    /// Bits in a second of its line.
+    /// Bit rate of its line in bits per second.
     #[must_use]
     pub fn rate_bps(&self) -> u32 {
         match self {

@@ -1,32 +1,32 @@
-//! Dimensions, dilutions and satellites of GSA, which has no time of its own and need not come with each epoch.
+//! Dimensions, dilutions and satellites of GSA. GSA has no time of its own and may be missing in an epoch.
 
 use super::sentence::Active;
 
 /// Epochs for which a GSA is carried over at most.
 pub(super) const CARRIED_EPOCHS: u32 = 10;
 
-/// What the GSA of one epoch, or the last ones before it, say of it.
+/// The geometry of an epoch, from its own GSA or from the last ones before it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Geometry {
-    /// 1 none, 2 or 3; `None` where none came lately.
+    /// 1 none, 2 or 3; `None` if no GSA came lately.
     pub(super) dimensions: Option<u32>,
-    /// Satellites of all systems; only of an epoch with a GSA of its own.
+    /// Satellites of all systems; only for an epoch with a GSA of its own.
     pub(super) satellites: Option<u32>,
     pub(super) hdop: Option<f64>,
     pub(super) vdop: Option<f64>,
 }
 
-/// Collects the GSA of an epoch and carries them over.
+/// Collects the GSA of an epoch and carries them over to the next epochs.
 #[derive(Debug, Default)]
 pub(super) struct ActiveSatellites {
-    /// Since the last epoch ended.
+    /// GSA since the end of the last epoch.
     fresh: Vec<Active>,
     last: Geometry,
-    /// Epochs since one had a GSA of its own.
+    /// Epochs since the last one with a GSA of its own.
     age: u32,
-    /// Epochs from one GSA to the next, at most so far; `None` before the second one.
+    /// The largest number of epochs from one GSA to the next so far; `None` before the second GSA.
     usual: Option<u32>,
-    /// A sentence was broken since, and it may have been one.
+    /// A sentence was broken since the last GSA, and it may have been a GSA.
     missed: bool,
 }
 
@@ -35,10 +35,11 @@ impl ActiveSatellites {
         let shares = |other: &Active| other.satellites.iter().any(|number| active.satellites.contains(number));
         let again = self.fresh.iter().any(|other| other.system == active.system && shares(other));
         if again {
-            // Not another page of its system's satellites but the same one anew.
+            // This is not another page of the satellites of its system, but the same page again.
             self.fresh.retain(|other| other.system != active.system);
         }
-        // A receiver has some systems with some pages each; more are said without an epoch between them.
+        // A receiver has several systems with several pages each. Without an epoch between them a receiver may send any
+        // number, so the list is bounded.
         if self.fresh.len() < 32 {
             self.fresh.push(active);
         }
@@ -48,7 +49,7 @@ impl ActiveSatellites {
         self.missed = true;
     }
 
-    /// An epoch ends.
+    /// Ends an epoch.
     pub(super) fn close(&mut self) -> Geometry {
         self.age = self.age.saturating_add(1);
         let fresh = std::mem::take(&mut self.fresh);
@@ -71,11 +72,11 @@ impl ActiveSatellites {
     fn carried(&self) -> Geometry {
         let usual = self.usual.unwrap_or(CARRIED_EPOCHS);
         let carried = if self.missed { 2 * usual } else { usual };
-        // The one behind `usual` epochs should have come.
+        // The next GSA should have come after `usual` epochs.
         if self.age >= carried || self.last.dimensions.is_none() {
             return Geometry::default();
         }
-        // No fix then is no word of now.
+        // An earlier GSA without a fix says nothing about now.
         Geometry {
             satellites: None,
             dimensions: self.last.dimensions.filter(|dimensions| *dimensions > 1),

@@ -1,20 +1,20 @@
-//! One solution of the receiver, and what it is made of.
+//! One solution of the receiver, and where its position comes from.
 
 use chrono::NaiveDate;
 
-/// What a position is made of.
+/// Where a position comes from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Fix {
-    /// Nothing.
+    /// There is no position.
     #[default]
     None,
-    /// Dead reckoning, which is no fix.
+    /// Dead reckoning. This is not a fix.
     Estimated,
-    /// A position that was typed in, which is no fix.
+    /// A position that was typed in. This is not a fix.
     Manual,
-    /// A simulator within the receiver, which is no fix.
+    /// A simulator within the receiver. This is not a fix.
     Simulated,
-    /// Satellites; no GSA tells with how many dimensions.
+    /// Satellites; no GSA tells the number of dimensions.
     DimensionsUnknown,
     /// Satellites, without height.
     TwoD,
@@ -23,7 +23,7 @@ pub enum Fix {
 }
 
 impl Fix {
-    /// As plans and screens call it.
+    /// The name in plans and on screens.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -47,7 +47,7 @@ impl Fix {
 /// One solution of the receiver.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Epoch {
-    /// What it is made of.
+    /// Where the position comes from.
     pub fix: Fix,
     /// North positive.
     pub latitude_deg: Option<f64>,
@@ -55,11 +55,11 @@ pub struct Epoch {
     pub longitude_deg: Option<f64>,
     /// Above mean sea level.
     pub altitude_m: Option<f64>,
-    /// Above the WGS-84 ellipsoid: that above the sea and the geoid's, where the receiver says both.
+    /// Above the WGS-84 ellipsoid: height above the sea plus height of the geoid, if the receiver sends both.
     pub height_m: Option<f64>,
     /// Over ground.
     pub ground_speed_mps: Option<f64>,
-    /// In the solution.
+    /// Satellites in the solution.
     pub satellites_used: Option<u32>,
     /// Horizontal dilution of precision.
     pub hdop: Option<f64>,

@@ -1,4 +1,4 @@
-//! Epochs of sentences: all that is said of one time of day.
+//! Epochs of sentences. An epoch is all that the receiver sends for one time of day.
 
 use chrono::NaiveDate;
 
@@ -8,9 +8,9 @@ use super::fault::SentenceFault;
 use super::fields::Time;
 use super::sentence::{Quality, Sentence, Solution, Source};
 
-/// The talker of what several systems found together.
+/// The talker of a combined solution of several systems.
 const COMBINED: [u8; 2] = *b"GN";
-/// Solutions of one epoch: each kind of each talker.
+/// The largest number of solutions in one epoch: each kind of each talker.
 const MAX_SOLUTIONS: usize = 32;
 
 /// Makes epochs.
@@ -18,7 +18,7 @@ const MAX_SOLUTIONS: usize = 32;
 pub(super) struct Epochs {
     open: Open,
     active: ActiveSatellites,
-    /// The fullest kind of solution that this receiver says.
+    /// The fullest kind of solution that this receiver sends.
     fullest: Option<Source>,
     /// Whether an epoch ended before: the first one may have been under way when listening began.
     begun: bool,
@@ -35,7 +35,7 @@ struct Open {
     date: Option<NaiveDate>,
 }
 
-/// What came of the end of an epoch.
+/// The result of the end of an epoch.
 pub(super) type Ended = Option<Result<Epoch, SentenceFault>>;
 
 impl Epochs {
@@ -43,12 +43,12 @@ impl Epochs {
         self.repeated
     }
 
-    /// A sentence was broken, of which nothing else is known.
+    /// Notes a broken sentence of unknown kind.
     pub(super) fn broken(&mut self) {
         self.active.missed();
     }
 
-    /// A sentence of this kind cannot be: it is no solution, but its kind is one that this receiver says.
+    /// Notes a sentence with an impossible value. It is not a solution, but its kind is one that this receiver sends.
     pub(super) fn faulty(&mut self, body: &str) {
         let source = [Source::Gga, Source::Gns].into_iter().find(|source| body.get(2..5) == Some(source.name()));
         self.heard(source);
@@ -57,7 +57,7 @@ impl Epochs {
         }
     }
 
-    /// Takes a sentence; gives the epoch that it ends, or why that one is none.
+    /// Takes a sentence. Returns the epoch that it ends, or why that epoch is not valid.
     pub(super) fn add(&mut self, sentence: Sentence) -> Ended {
         match sentence {
             Sentence::Solution(solution) => self.solution(solution),
@@ -80,13 +80,13 @@ impl Epochs {
         self.fullest = self.fullest.into_iter().chain(source).min();
     }
 
-    /// Whether an epoch can be made of this kind: a position of RMC or GLL alone counts where the receiver says no other.
+    /// Whether this kind can make an epoch. A position of RMC or GLL alone counts if the receiver sends no fuller kind.
     fn counts(&self, source: Source) -> bool {
         source <= Source::Gns || self.fullest.is_none_or(|fullest| source <= fullest)
     }
 
-    /// Another time begins the next epoch, and so does the same sentence again. Receivers differ in which one they send
-    /// first.
+    /// Takes a solution. Another time begins the next epoch, and so does the same sentence again. Receivers differ in
+    /// the order of their sentences.
     fn solution(&mut self, solution: Solution) -> Ended {
         if !self.counts(solution.source) && solution.source == Source::Gll {
             return None;
@@ -117,7 +117,7 @@ impl Epochs {
             return None;
         }
         let geometry = self.active.close();
-        // Before its first fix a receiver's clock may stand.
+        // Before its first fix a receiver's clock may stand still.
         let again = chosen.quality == Quality::Satellites
             && self.last_time.zip(open.time).is_some_and(|(last, now)| last.is(now));
         self.last_time = open.time;
@@ -134,7 +134,8 @@ impl Epochs {
     }
 }
 
-/// The fullest kind counts; of each system's own solutions the combined one does, or else the first with a fix.
+/// Chooses the fullest kind. If each system has a solution of its own, the combined one is chosen, or else the first
+/// with a fix.
 fn choose(solutions: &[Solution]) -> Option<&Solution> {
     let fixed = |solution: &Solution| solution.quality == Quality::Satellites && solution.place.is_some();
     let rank = |solution: &&Solution| {
@@ -145,7 +146,7 @@ fn choose(solutions: &[Solution]) -> Option<&Solution> {
     solutions.iter().min_by_key(rank)
 }
 
-/// Whether RMC of the same time calls a fix void.
+/// Whether RMC of the same time declares the fix void.
 fn contradicted(chosen: &Solution, solutions: &[Solution]) -> bool {
     let mut said = solutions.iter().filter(|solution| solution.source == Source::Rmc).peekable();
     chosen.source <= Source::Gns
@@ -172,7 +173,7 @@ fn epoch(chosen: &Solution, open: &Open, geometry: Geometry) -> Epoch {
         altitude_m: chosen.altitude_m,
         height_m: chosen.altitude_m.zip(chosen.geoid_m).map(|(above_sea, geoid)| above_sea + geoid),
         ground_speed_mps: rmc().find_map(|rmc| rmc.speed_mps).or(open.speed_mps),
-        // GGA of many receivers counts up to 12, and one GSA lists no more.
+        // Many receivers count only up to 12 in GGA, and one GSA lists no more than 12.
         satellites_used: chosen.satellites.into_iter().chain(geometry.satellites).max(),
         hdop: chosen.hdop.or(geometry.hdop),
         vdop: geometry.vdop,

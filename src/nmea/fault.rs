@@ -1,24 +1,24 @@
-//! What a receiver says under a good checksum that cannot be: an error of the receiver and not of the line.
+//! Impossible content under a good checksum: an error of the receiver and not of the line.
 
-/// What cannot be in a sentence.
+/// Impossible content of a sentence.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SentenceFault {
-    /// A sentence ends before the fields that make it.
+    /// A sentence ends before its necessary fields.
     #[error("{sentence} ends after {fields} fields")]
     Short {
         /// Its kind.
         sentence: &'static str,
-        /// How many it has.
+        /// The number of fields it has.
         fields: usize,
     },
-    /// A field that should be a number is none, or is one that cannot be.
+    /// A field that should be a number is not a number, or not a possible one.
     #[error("{sentence}: {what} is `{text}`")]
     Number {
         /// Its kind.
         sentence: &'static str,
         /// The field.
         what: &'static str,
-        /// What it says.
+        /// The text of the field.
         text: String,
     },
     /// Minutes of 60 and more.
@@ -28,7 +28,7 @@ pub enum SentenceFault {
         sentence: &'static str,
         /// Latitude or longitude.
         what: &'static str,
-        /// What it says.
+        /// The text of the field.
         text: String,
     },
     /// Degrees with too few digits or too many.
@@ -38,11 +38,11 @@ pub enum SentenceFault {
         sentence: &'static str,
         /// Latitude or longitude.
         what: &'static str,
-        /// What it says.
+        /// The text of the field.
         text: String,
-        /// How many it has.
+        /// The number of digits it has.
         digits: usize,
-        /// How many there should be.
+        /// The number of digits it should have.
         needed: usize,
     },
     /// More degrees than the earth has.
@@ -52,25 +52,25 @@ pub enum SentenceFault {
         sentence: &'static str,
         /// Latitude or longitude.
         what: &'static str,
-        /// What it says.
+        /// The text of the field.
         text: String,
-        /// The most there can be.
+        /// The largest possible value.
         most_deg: u32,
     },
-    /// A place without its hemisphere, or with one that is none.
+    /// A place without a hemisphere, or with an unknown one.
     #[error("{sentence}: {what} has the hemisphere `{text}`")]
     Hemisphere {
         /// Its kind.
         sentence: &'static str,
         /// Latitude or longitude.
         what: &'static str,
-        /// What it says.
+        /// The text of the field.
         text: String,
     },
-    /// One sentence calls the epoch void, and another one says a fix.
+    /// One sentence declares the epoch void, and another one reports a fix.
     #[error("RMC is void where {sentence} of the same time says a fix")]
     Void {
-        /// The kind of the one with the fix.
+        /// The kind of the sentence with the fix.
         sentence: &'static str,
     },
 }

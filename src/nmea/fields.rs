@@ -1,34 +1,34 @@
 //! Fields of a sentence.
 //!
-//! They are read here because the crate `nmea` (0.8), which is the peer in the tests, refuses or mistakes what real receivers
-//! say: sentences above 102 characters, GSA with an empty dilution or more than 18 satellites, GNS with more than two mode
-//! letters, the second 60 and 24:00:00, the quality 9, half-empty places (`,S,,W`); and it takes 73 minutes, four digits of
-//! longitude and `nan` for numbers.
+//! The crate reads fields itself. The crate `nmea` (0.8), which is the peer in the tests, refuses or mistakes what real
+//! receivers send: sentences above 102 characters, GSA with an empty dilution or more than 18 satellites, GNS with more
+//! than two mode letters, the second 60 and 24:00:00, the quality 9, half-empty places (`,S,,W`). It also takes 73
+//! minutes, four digits of longitude and `nan` for numbers.
 
 use chrono::NaiveDate;
 
 use super::fault::SentenceFault;
 
 const DAY_MS: u32 = 86_400_000;
-/// No field has a number like that; its square is still one.
+/// Bound of all numbers. Real fields stay below it, and its square is still a number.
 const IMPOSSIBLE: f64 = 1e9;
-/// A field may be as long as a sentence.
+/// Characters that a fault quotes, since a field may be as long as a sentence.
 const SHOWN: usize = 24;
-/// Decimals of a time differ between the sentences of one epoch.
+/// Times of one epoch differ by less than this, since its sentences may differ in their decimals.
 const SAME_MS: u32 = 10;
 
-/// Time of day in UTC; a leap second lies behind the last one of its day.
+/// Time of day in UTC. A leap second comes after the last second of its day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Time(u32);
 
 impl Time {
-    /// Whether two are one epoch's.
+    /// Whether both times belong to one epoch.
     pub(super) fn is(self, other: Self) -> bool {
         self.0.abs_diff(other.0) < SAME_MS
     }
 }
 
-/// As much of a field as a fault quotes.
+/// The part of a field that a fault quotes.
 fn shown(text: &str) -> String {
     text.chars().take(SHOWN).collect()
 }
@@ -40,10 +40,10 @@ pub(super) struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// Those behind the address.
+    /// Splits the fields after the address.
     ///
     /// # Errors
-    /// There are fewer than it needs.
+    /// There are fewer fields than needed.
     pub(super) fn new(sentence: &'static str, text: &'a str, needed: usize) -> Result<Self, SentenceFault> {
         let fields: Vec<&str> = text.split(',').map(str::trim).collect();
         if fields.len() < needed {
@@ -56,7 +56,7 @@ impl<'a> Fields<'a> {
         self.fields.len()
     }
 
-    /// A field; one that is not there is empty.
+    /// A field; a missing field is empty.
     pub(super) fn get(&self, at: usize) -> &'a str {
         self.fields.get(at).copied().unwrap_or_default()
     }
@@ -69,7 +69,7 @@ impl<'a> Fields<'a> {
         SentenceFault::Number { sentence: self.sentence, what, text: shown(text) }
     }
 
-    /// A number, were it below zero. `nan`, `inf` and exponents are none.
+    /// A number, which may be negative. `nan`, `inf` and exponents are not accepted.
     pub(super) fn number(&self, at: usize, what: &'static str) -> Result<Option<f64>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() {
@@ -80,7 +80,7 @@ impl<'a> Fields<'a> {
         number.map(Some).ok_or_else(|| self.wrong(what, text))
     }
 
-    /// A number that has no sign.
+    /// A number that must not be negative.
     pub(super) fn amount(&self, at: usize, what: &'static str) -> Result<Option<f64>, SentenceFault> {
         match self.number(at, what)? {
             Some(number) if number < 0.0 => Err(self.wrong(what, self.get(at))),
@@ -97,7 +97,7 @@ impl<'a> Fields<'a> {
         text.parse().ok().filter(|_| digits).map(Some).ok_or_else(|| self.wrong(what, text))
     }
 
-    /// Metres, or what the unit behind them says.
+    /// A length in metres. The field after it is the unit; another unit is an error.
     pub(super) fn metres(&self, at: usize, what: &'static str) -> Result<Option<f64>, SentenceFault> {
         let metres = self.number(at, what)?;
         match self.get(at + 1) {
@@ -107,7 +107,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// `hhmmss` with any number of decimals. Midnight may be said as 24:00:00.
+    /// `hhmmss` with any number of decimals. A receiver may send midnight as 24:00:00.
     pub(super) fn time(&self, at: usize) -> Result<Option<Time>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() {
@@ -122,18 +122,19 @@ impl<'a> Fields<'a> {
         let number: u32 = whole.parse().map_err(|_| wrong())?;
         let (hour, minute, second) = (number / 10_000, number / 100 % 100, number % 100);
         let part: f64 = format!("0.{decimals}0").parse().map_err(|_| wrong())?;
-        // Down, so that 12.999 is not the second after.
+        // Round down, so that 12.999 does not become the next second.
         let milliseconds = (part * 1000.0 + 1e-6) as u32;
         let time = (hour * 3600 + minute * 60 + second) * 1000 + milliseconds;
         match (hour, minute, second) {
             (24, 0, 0) => Ok(Some(Time(time - DAY_MS))),
-            // 60 is a leap second, or a receiver that rounds.
+            // Second 60 is a leap second, or a receiver that rounds.
             (0..=23, 0..=59, 0..=60) => Ok(Some(Time(time))),
             _ => Err(wrong()),
         }
     }
 
-    /// `ddmmyy`: 83 to 99 lie in the nineties, as NMEA 0183 is from 1983. All zero is a date that is not known yet.
+    /// `ddmmyy`: 83 to 99 lie in the nineties, as NMEA 0183 is from 1983. If all digits are zero, the date is not known
+    /// yet.
     pub(super) fn date(&self, at: usize) -> Result<Option<NaiveDate>, SentenceFault> {
         let text = self.get(at);
         if text.is_empty() || text == "000000" {
@@ -148,7 +149,7 @@ impl<'a> Fields<'a> {
         date.map(Some).ok_or_else(|| self.wrong("date", text))
     }
 
-    /// Latitude and longitude in degrees, north and east positive, from four fields. `None` where either is empty.
+    /// Latitude and longitude in degrees, north and east positive, from four fields. `None` if either is empty.
     pub(super) fn place(&self, at: usize) -> Result<Option<(f64, f64)>, SentenceFault> {
         if self.get(at).is_empty() || self.get(at + 2).is_empty() {
             return Ok(None);
@@ -158,7 +159,7 @@ impl<'a> Fields<'a> {
         Ok(Some((latitude_deg, longitude_deg)))
     }
 
-    /// Degrees and minutes in one number, and the letter behind it.
+    /// Degrees and minutes in one number, and the letter after it.
     fn angle(
         &self,
         at: usize,
@@ -175,7 +176,7 @@ impl<'a> Fields<'a> {
         if digits != needed {
             return Err(SentenceFault::Digits { sentence, what, text: shown(text), digits, needed });
         }
-        // Of the text, since 100 degrees less in one number cost digits of the minutes.
+        // The text is split, since subtracting the degrees from one number loses digits of the minutes.
         let (degrees, minutes) = text.split_at(digits - 2);
         let minutes: f64 = minutes.parse().map_err(|_| self.wrong(what, text))?;
         if minutes >= 60.0 {

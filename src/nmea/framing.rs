@@ -1,24 +1,25 @@
-//! Sentences in bytes that come cut anywhere, with frames of other protocols and noise between them.
+//! Finds sentences in bytes that come in arbitrary pieces, with frames of other protocols and noise between the
+//! sentences.
 
 use super::protocols::{self, Front, Protocol};
 
 /// Longest sentence. NMEA 0183 allows 82 characters; receivers are known to exceed it by several hundred.
 pub(super) const MAX_SENTENCE: usize = 1024;
-/// What was under way when listening began is no error: at most so many bytes.
+/// A sentence that was under way when listening began is not an error. It takes at most this many bytes.
 const UNDER_WAY: u64 = 1024;
-/// Noise without an end of line counts once in so many bytes.
+/// Noise without an end of line counts once for this many bytes.
 const NOISE: usize = 512;
-/// Longest group between backslashes in front of a sentence (NMEA 0183 version 4, TAG block).
+/// Longest group between backslashes before a sentence (NMEA 0183 version 4, TAG block).
 const MAX_TAG: usize = 128;
 
-/// What was found in the bytes.
+/// A piece found in the bytes.
 #[derive(Debug, PartialEq)]
 pub(super) enum Piece<'a> {
-    /// What stands between `$` or `!` and the checksum.
+    /// The text between `$` or `!` and the checksum.
     Sentence(&'a str),
-    /// A whole frame that is none of NMEA.
+    /// A whole frame of another protocol.
     Foreign(Protocol),
-    /// A spoilt sentence, or bytes that are nothing.
+    /// A spoilt sentence, or bytes without a meaning.
     Broken,
 }
 
@@ -26,31 +27,31 @@ pub(super) enum Piece<'a> {
 #[derive(Debug, Default)]
 pub(super) struct Framer {
     buffer: Vec<u8>,
-    /// Bytes that were dealt with.
+    /// Bytes that were processed.
     heard: u64,
-    /// Whether something whole was heard, so that what is broken was broken on the way.
+    /// Whether a whole piece was found. From then on a broken piece was broken on the line.
     synchronised: bool,
     /// Length of the noise so far.
     noise: usize,
-    /// Whether this receiver says checksums.
+    /// Whether this receiver sends checksums.
     checksums: bool,
     unchecked: u32,
 }
 
 /// What to do with the front of the buffer.
 enum Step {
-    /// Nothing before more bytes come.
+    /// The bytes do not suffice; wait for more.
     Wait,
-    /// Nothing of meaning.
+    /// Bytes without a meaning.
     Skip(usize),
-    /// The same, and it ends a line.
+    /// A byte without a meaning that ends a line.
     EndOfLine,
     Noise,
     Broken(usize),
     Foreign(Protocol, usize),
     /// A sentence with a right checksum.
     Checked(usize),
-    /// A line of so many bytes without a checksum.
+    /// A line of this many bytes without a checksum.
     Unchecked(usize),
 }
 
@@ -66,8 +67,8 @@ impl Framer {
         self.take(false, found);
     }
 
-    /// No more bytes come: what looks like the beginning of a long frame may have whole sentences in it. Nothing is an
-    /// error that the end cut off.
+    /// Ends the input. Bytes that look like the beginning of a long frame may contain whole sentences. A piece that the
+    /// end cut off is not an error.
     pub(super) fn finish(&mut self, mut found: impl FnMut(Piece<'_>)) {
         self.take(true, |piece| {
             if piece != Piece::Broken {
@@ -126,14 +127,14 @@ impl Framer {
     }
 
     fn sentence(&mut self, body: &[u8], found: &mut impl FnMut(Piece<'_>)) {
-        // Printable ASCII by the scan.
+        // The scan has accepted only printable ASCII.
         if let Ok(text) = std::str::from_utf8(body) {
             found(Piece::Sentence(text));
         }
     }
 
-    /// A receiver that says no checksum at all is taken at its word, which is counted. Where others have one, the line
-    /// lost it.
+    /// Handles a sentence without a checksum. If the receiver sends no checksums at all, the sentence is accepted and
+    /// counted. If other sentences have one, the line lost it.
     fn without_checksum(&mut self, body: &[u8], found: &mut impl FnMut(Piece<'_>)) {
         let address = body.split(|byte| *byte == b',').next().unwrap_or_default();
         let addressed = address.len() >= 5 && address.iter().all(u8::is_ascii_alphanumeric);
@@ -151,7 +152,7 @@ impl Framer {
         if self.synchronised {
             found(Piece::Broken);
         }
-        // The rest of the line belongs to it.
+        // The rest of the line belongs to the broken piece.
         self.noise = 1;
     }
 
@@ -163,7 +164,7 @@ impl Framer {
     }
 }
 
-/// What stands at the front; `last` where no more bytes come.
+/// The step for the front of the buffer; `last` if no more bytes come.
 fn step(bytes: &[u8], last: bool) -> Step {
     match protocols::front(bytes) {
         Front::Frame(protocol, length) => return Step::Foreign(protocol, length),
@@ -179,7 +180,8 @@ fn step(bytes: &[u8], last: bool) -> Step {
     }
 }
 
-/// A sentence ends with its checksum, or with its line. What cannot stand in one begins something else.
+/// Reads a sentence. It ends with its checksum or its line. A character that is not allowed in a sentence begins
+/// something else.
 fn sentence(bytes: &[u8]) -> Step {
     for (at, byte) in bytes.iter().enumerate().skip(1) {
         match byte {

@@ -1,10 +1,10 @@
-//! Epochs of a receiver from whatever bytes it sends.
+//! Makes epochs from the bytes of a receiver, whatever these bytes are.
 //!
-//! Bytes become sentences and frames of other protocols (`framing`), sentences become solutions (`sentence`), and all
-//! that is said of one time of day becomes an epoch (`epochs`). Where a receiver says GGA or GNS, that is its solution;
-//! RMC alone, or GLL alone, is one of a receiver that says no more. The number of dimensions is what GSA says, carried over
-//! for as many epochs as it usually takes to the next one; a receiver without GSA has a fix of unknown dimensions. What
-//! cannot be is an error and never a number.
+//! Bytes become sentences and frames of other protocols (`framing`). Sentences become solutions (`sentence`). All
+//! solutions of one time of day become an epoch (`epochs`). If a receiver sends GGA or GNS, that is its solution; RMC
+//! alone or GLL alone is a solution only if the receiver sends no fuller sentence. GSA gives the number of dimensions.
+//! This number is carried over for as many epochs as it usually takes to the next GSA; a receiver without GSA has a fix
+//! of unknown dimensions. An impossible value is an error and never a number.
 //!
 //! The crate knows no line and no clock of the host: bytes go in, epochs and counts come out.
 
@@ -25,5 +25,5 @@ pub use fault::SentenceFault;
 pub use listener::{Counts, Sentences};
 pub use protocols::Protocol;
 
-/// Epochs with a fix after which a receiver that said no GSA says none.
+/// The number of epochs with a fix after which a receiver without a GSA so far counts as one that sends no GSA.
 pub const DIMENSIONS_AFTER: usize = active::CARRIED_EPOCHS as usize;

@@ -14,7 +14,7 @@ pub struct Sentences {
     heard: Heard,
 }
 
-/// What came of the pieces so far.
+/// The results of the pieces so far.
 #[derive(Debug, Default)]
 struct Heard {
     epochs: Epochs,
@@ -23,28 +23,31 @@ struct Heard {
     foreign: [u32; Protocol::ALL.len()],
 }
 
-/// What was heard beside the epochs.
+/// Counts of everything that was heard beside the epochs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Sentences with a wrong checksum, spoilt, or of which a field cannot be; and bytes that are nothing.
+    /// Sentences with a wrong checksum, spoilt sentences, sentences with an impossible field, and bytes without a
+    /// meaning.
     pub errors: u32,
-    /// Those of them with a right checksum: errors of the receiver.
+    /// Errors with a right checksum: errors of the receiver. `errors` includes them.
     pub faults: u32,
-    /// Epochs of the time of the one before: said again, or a clock that stands. They are none of their own.
+    /// Epochs with the same time as the one before: sent again, or from a clock that stands still. They do not count as
+    /// epochs.
     pub repeated: u32,
     /// Frames of other protocols.
     pub foreign: u32,
-    /// Sentences of a receiver that says no checksums.
+    /// Sentences of a receiver that sends no checksums.
     pub unchecked: u32,
 }
 
 impl Sentences {
-    /// Takes bytes as they come; gives the epochs that ended in them.
+    /// Takes bytes as they come. Returns the epochs that ended in them.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Epoch> {
         self.hear(|framer, found| framer.push(bytes, found))
     }
 
-    /// No more bytes come: gives the epochs that ended in those that seemed to be under way. The last epoch did not end.
+    /// Ends the input. Returns the epochs that ended in bytes that seemed to be under way. The last epoch has not
+    /// ended.
     pub fn finish(&mut self) -> Vec<Epoch> {
         self.hear(|framer, found| framer.finish(found))
     }
@@ -56,7 +59,7 @@ impl Sentences {
         ended
     }
 
-    /// What was heard beside the epochs.
+    /// Counts of everything that was heard beside the epochs.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let (repeated, unchecked) = (self.heard.epochs.repeated(), self.framer.unchecked());
@@ -69,7 +72,7 @@ impl Sentences {
         self.heard.fault.as_ref()
     }
 
-    /// The other protocols with the number of their frames, as `12 UBX, 3 RTCM 3`; empty for none.
+    /// The other protocols with the number of their frames, as `12 UBX, 3 RTCM 3`; empty if there are none.
     #[must_use]
     pub fn foreign(&self) -> String {
         let heard = Protocol::ALL.iter().zip(self.heard.foreign).filter(|(_, frames)| *frames > 0);
@@ -78,7 +81,7 @@ impl Sentences {
 }
 
 impl Heard {
-    /// Takes a piece; gives the epoch that ended with it.
+    /// Takes a piece. Returns the epoch that ended with it.
     fn piece(&mut self, piece: &Piece<'_>) -> Option<Epoch> {
         match piece {
             Piece::Sentence(body) => match sentence::read(body) {

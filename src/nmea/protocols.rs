@@ -1,12 +1,14 @@
-//! Frames of other protocols that receivers put between their sentences, each known by its own length and checksum.
+//! Frames of other protocols that receivers send between their sentences. Each is recognised by its length and
+//! checksum.
 //!
-//! Nothing of them is read: they are told apart from what the line spoilt, so that the sentence behind them is not lost.
+//! The crate does not read these frames. It only tells them from spoilt bytes, so that the sentence after them is not
+//! lost.
 
 use crc::{Algorithm, CRC_16_XMODEM, CRC_24_LTE_A, Crc};
 
-/// Longest frame that is waited for: an epoch of raw measurements of all systems. A longer length is chance.
+/// Longest frame to wait for: an epoch of raw measurements of all systems. A longer length is chance.
 const MAX_FRAME: usize = 8192;
-/// Longest packet between DLEs, which tells no length.
+/// Longest packet between DLEs; such a packet does not state its length.
 const MAX_DLE_PACKET: usize = 512;
 const DLE: u8 = 0x10;
 const ETX: u8 = 0x03;
@@ -15,7 +17,7 @@ const ETX: u8 = 0x03;
 static CRC_24Q: Crc<u32> = Crc::<u32>::new(&CRC_24_LTE_A);
 /// CRC-CCITT of SBF.
 static CRC_CCITT: Crc<u16> = Crc::<u16>::new(&CRC_16_XMODEM);
-/// The CRC-32 of NovAtel and Unicore: the usual polynomial, neither begun nor ended with ones.
+/// The CRC-32 of NovAtel and Unicore: the usual polynomial, with zeros at the start and no inversion at the end.
 static CRC_OEM: Crc<u32> = Crc::<u32>::new(&Algorithm {
     width: 32,
     poly: 0x04c1_1db7,
@@ -30,7 +32,7 @@ static CRC_OEM: Crc<u32> = Crc::<u32>::new(&Algorithm {
 /// A protocol that is not NMEA 0183.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Protocol {
-    /// u-blox; Allystar has the same frame behind another preamble.
+    /// u-blox; Allystar has the same frame after another preamble.
     Ubx,
     /// SiRF binary.
     Sirf,
@@ -69,14 +71,14 @@ impl Protocol {
     }
 }
 
-/// What stands at the front of some bytes.
+/// The result of a look at the front of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Front {
     /// No frame.
     No,
     /// Too few bytes to tell.
     More,
-    /// A frame of so many bytes.
+    /// A frame of this many bytes.
     Frame(Protocol, usize),
 }
 
@@ -141,12 +143,12 @@ fn big(bytes: &[u8], at: usize) -> Option<usize> {
     Some(usize::from(u16::from_be_bytes([*bytes.get(at)?, *bytes.get(at + 1)?])))
 }
 
-/// The bytes beside a payload whose length stands in the frame are added.
+/// The length of a frame: the payload length, as the frame states it, and the other bytes.
 fn with(payload: Option<usize>, others: usize) -> Length {
     payload.map_or(Length::More, |payload| Length::Bytes(payload + others))
 }
 
-/// Class, id, length and payload, under two sums of eight bits (u-blox 8 receiver description, 32.4).
+/// UBX: class, id, length and payload, then two sums of eight bits (u-blox 8 receiver description, 32.4).
 fn ubx_length(bytes: &[u8]) -> Length {
     with(little(bytes, 4), 8)
 }
@@ -160,7 +162,7 @@ fn fletcher(frame: &[u8]) -> bool {
     checksum == [sums.0, sums.1]
 }
 
-/// Length, payload, sum of 15 bits, `B0 B3` (SiRF binary protocol reference, 2).
+/// SiRF: length, payload, sum of 15 bits, `B0 B3` (SiRF binary protocol reference, 2).
 fn sirf_length(bytes: &[u8]) -> Length {
     match big(bytes, 2) {
         Some(payload) if payload > 2047 => Length::No,
@@ -174,7 +176,7 @@ fn sirf_good(frame: &[u8]) -> bool {
     frame.ends_with(&[0xb0, 0xb3]) && big(frame, frame.len() - 4) == Some(sum)
 }
 
-/// Six bits of zero, ten of length, payload, CRC-24Q (RTCM 10403.3, 4).
+/// RTCM 3: six bits of zero, ten of length, payload, CRC-24Q (RTCM 10403.3, 4).
 fn rtcm_length(bytes: &[u8]) -> Length {
     match big(bytes, 1) {
         Some(head) if head > 0x3ff => Length::No,
@@ -187,7 +189,7 @@ fn rtcm_good(frame: &[u8]) -> bool {
     CRC_24Q.checksum(summed).to_be_bytes()[1..] == *checksum
 }
 
-/// CRC, id, length of all in fours (Septentrio reference guide, SBF block header).
+/// SBF: CRC, id, length of the whole frame, a multiple of four (Septentrio reference guide, SBF block header).
 fn sbf_length(bytes: &[u8]) -> Length {
     match little(bytes, 6) {
         Some(length) if length < 8 || length % 4 != 0 => Length::No,
@@ -199,7 +201,7 @@ fn sbf_good(frame: &[u8]) -> bool {
     little(frame, 2) == Some(usize::from(CRC_CCITT.checksum(&frame[4..])))
 }
 
-/// A header of the length that it tells, its payload, CRC-32 (OEM7 commands and logs, binary).
+/// NovAtel: a header that states its own length, payload, CRC-32 (OEM7 commands and logs, binary).
 fn novatel_length(bytes: &[u8]) -> Length {
     match bytes.get(3) {
         Some(header) if *header < 28 => Length::No,
@@ -238,7 +240,7 @@ fn oem_text_good(frame: &[u8]) -> bool {
     told == Some(CRC_OEM.checksum(&summed[1..summed.len() - 1]))
 }
 
-/// Length, payload, exclusive or, CR, LF (Skytraq binary messages, 1).
+/// Skytraq: length, payload, exclusive or, CR, LF (Skytraq binary messages, 1).
 fn skytraq_length(bytes: &[u8]) -> Length {
     with(big(bytes, 2), 7)
 }
@@ -247,7 +249,7 @@ fn skytraq_good(frame: &[u8]) -> bool {
     ended_by_xor(frame, 4)
 }
 
-/// Length of all, command, payload, exclusive or, CR, LF.
+/// MTK: length of the whole frame, command, payload, exclusive or, CR, LF.
 fn mtk_length(bytes: &[u8]) -> Length {
     match little(bytes, 2) {
         Some(length) if length < 9 => Length::No,
@@ -264,7 +266,7 @@ fn ended_by_xor(frame: &[u8], from: usize) -> bool {
     end == [summed[from..].iter().fold(0, |sum, byte| sum ^ byte), b'\r', b'\n']
 }
 
-/// DLE, id, data, DLE ETX; a DLE inside is said twice (Trimble TSIP, 1). TSIP has no checksum.
+/// DLE, id, data, DLE ETX; a DLE inside the data is sent twice (Trimble TSIP, 1). TSIP has no checksum.
 fn dle_length(bytes: &[u8]) -> Length {
     if bytes.get(1).is_some_and(|id| matches!(*id, DLE | ETX)) {
         return Length::No;

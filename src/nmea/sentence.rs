@@ -1,4 +1,4 @@
-//! The sentences of which something is used: GGA, GNS, RMC, GLL, GSA, VTG, ZDA of any talker.
+//! The sentences that the crate uses: GGA, GNS, RMC, GLL, GSA, VTG, ZDA of any talker.
 
 use chrono::NaiveDate;
 
@@ -9,7 +9,7 @@ const KNOT_MPS: f64 = 1852.0 / 3600.0;
 /// Satellites of GSA before version 2.3 of NMEA 0183, and of nearly all receivers since.
 const GSA_SLOTS: usize = 12;
 
-/// Where a solution stands, the fullest first.
+/// The kind of sentence that holds a solution, the fullest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Source {
     Gga,
@@ -29,22 +29,22 @@ impl Source {
     }
 }
 
-/// What a solution is made of.
+/// Where a solution comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quality {
-    /// There is none, or it is void.
+    /// There is no solution, or it is void.
     None,
     /// Satellites, with corrections or without.
     Satellites,
     /// Dead reckoning.
     Estimated,
-    /// Typed in.
+    /// A position that was typed in.
     Manual,
     /// A simulator within the receiver.
     Simulated,
 }
 
-/// One solution as a sentence tells it.
+/// One solution as a sentence states it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Solution {
     pub(super) source: Source,
@@ -57,7 +57,7 @@ pub(super) struct Solution {
     pub(super) hdop: Option<f64>,
     /// Above mean sea level.
     pub(super) altitude_m: Option<f64>,
-    /// Of the geoid above the ellipsoid.
+    /// Height of the geoid above the ellipsoid.
     pub(super) geoid_m: Option<f64>,
     pub(super) speed_mps: Option<f64>,
     pub(super) date: Option<NaiveDate>,
@@ -66,7 +66,7 @@ pub(super) struct Solution {
 /// The satellites in use, of one system or of all.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Active {
-    /// Talker, and system where the sentence tells it (version 4.11).
+    /// Talker, and the system if the sentence states it (version 4.11).
     pub(super) system: ([u8; 2], Option<u32>),
     /// 1 none, 2 or 3.
     pub(super) dimensions: u32,
@@ -75,18 +75,18 @@ pub(super) struct Active {
     pub(super) vdop: Option<f64>,
 }
 
-/// A sentence of which something is used.
+/// A sentence that the crate uses.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Sentence {
     Solution(Solution),
     Active(Active),
-    /// Over ground, m/s; it belongs to the epoch under way.
+    /// Speed over ground, m/s; it belongs to the epoch under way.
     Speed(f64),
     /// Day with all digits of its year; it belongs to the epoch under way.
     Date(NaiveDate),
 }
 
-/// Reads what stands between `$` and `*`. `None` for all of which nothing is used.
+/// Reads the text between `$` and `*`. `None` if the crate does not use this sentence.
 pub(super) fn read(body: &str) -> Result<Option<Sentence>, SentenceFault> {
     let (address, text) = body.split_once(',').unwrap_or((body, ""));
     let Ok([talker @ .., _, _, _]) = <&[u8; 5]>::try_from(address.as_bytes()) else { return Ok(None) };
@@ -102,7 +102,7 @@ pub(super) fn read(body: &str) -> Result<Option<Sentence>, SentenceFault> {
     }
 }
 
-/// Time, place, quality, satellites, dilution, altitude M, geoid M.
+/// GGA: time, place, quality, satellites, dilution, altitude M, geoid M.
 fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("GGA", text, 6)?;
     let quality = match fields.whole(5, "quality")? {
@@ -124,7 +124,7 @@ fn gga(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     }))
 }
 
-/// Time, place, a letter for each system, satellites, dilution, altitude, geoid.
+/// GNS: time, place, a letter for each system, satellites, dilution, altitude, geoid.
 fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("GNS", text, 6)?;
     let quality = modes(fields.get(5));
@@ -139,7 +139,7 @@ fn gns(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     }))
 }
 
-/// Time, status, place, knots, course, date, variation, mode.
+/// RMC: time, status, place, knots, course, date, variation, mode.
 fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("RMC", text, 9)?;
     let quality = status(fields.letter(1), fields.get(11));
@@ -152,7 +152,7 @@ fn rmc(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     }))
 }
 
-/// Place, time, status, mode.
+/// GLL: place, time, status, mode.
 fn gll(talker: [u8; 2], text: &str) -> Result<Sentence, SentenceFault> {
     let fields = Fields::new("GLL", text, 4)?;
     let quality = status(fields.letter(5), fields.get(6));
@@ -167,7 +167,7 @@ fn place(fields: &Fields<'_>, at: usize, quality: Quality) -> Result<Option<(f64
     told(fields.place(at), quality)
 }
 
-/// Before its first fix a receiver has any place and any date.
+/// A field that is not checked without a fix: before its first fix a receiver may send any place and any date.
 fn told<T>(field: Result<Option<T>, SentenceFault>, quality: Quality) -> Result<Option<T>, SentenceFault> {
     if quality == Quality::None { Ok(field.ok().flatten()) } else { field }
 }
@@ -188,7 +188,7 @@ fn empty(source: Source, talker: [u8; 2], time: Option<Time>) -> Solution {
     }
 }
 
-/// Selection, dimensions, satellites, three dilutions, and since version 4.11 the system.
+/// GSA: selection, dimensions, satellites, three dilutions, and since version 4.11 the system.
 fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let fields = Fields::new("GSA", text, 2)?;
     let dimensions = match fields.whole(1, "dimensions")? {
@@ -196,7 +196,8 @@ fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, SentenceFault> {
         None => return Ok(None),
         Some(_) => return Err(fields.wrong("dimensions", fields.get(1))),
     };
-    // Some list more satellites than twelve. A dilution has a point, and the number of a system has none.
+    // Some receivers list more than twelve satellites. A dilution has a decimal point, and the number of a system has
+    // not.
     let (last, slots) = (fields.len() - 1, |others| fields.len().saturating_sub(others).max(GSA_SLOTS));
     let has_system = last == 17 || (last > 17 && !fields.get(last).is_empty() && !fields.get(last).contains('.'));
     let slots = if has_system { slots(6) } else { slots(5) };
@@ -205,7 +206,7 @@ fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let dilution = |index: usize, what| fields.amount(2 + slots + index, what);
     dilution(0, "PDOP")?;
     Ok(Some(Sentence::Active(Active {
-        // One digit, in hexadecimal where there are more systems than ten.
+        // One digit; it is hexadecimal if there are more than ten systems.
         system: (talker, fields.letter(5 + slots).and_then(|digit| digit.to_digit(16))),
         dimensions,
         satellites: satellites.into_iter().filter(|number| *number > 0).collect(),
@@ -214,7 +215,7 @@ fn gsa(talker: [u8; 2], text: &str) -> Result<Option<Sentence>, SentenceFault> {
     })))
 }
 
-/// Course T, course M, knots N, km/h K.
+/// VTG: course T, course M, knots N, km/h K.
 fn vtg(text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let fields = Fields::new("VTG", text, 1)?;
     if fields.letter(5) != Some('N') {
@@ -223,19 +224,19 @@ fn vtg(text: &str) -> Result<Option<Sentence>, SentenceFault> {
     Ok(fields.amount(4, "speed")?.map(|knots| Sentence::Speed(knots * KNOT_MPS)))
 }
 
-/// Time, day, month, year.
+/// ZDA: time, day, month, year.
 fn zda(text: &str) -> Result<Option<Sentence>, SentenceFault> {
     let fields = Fields::new("ZDA", text, 1)?;
     let [day, month, year] = [(1, "day"), (2, "month"), (3, "year")].map(|(at, what)| fields.whole(at, what));
     let (Some(day), Some(month), Some(year)) = (day?, month?, year?) else { return Ok(None) };
-    // A receiver that does not know it yet says zeros.
+    // A receiver that does not know the date yet sends zeros.
     let date = i32::try_from(year).ok().and_then(|year| NaiveDate::from_ymd_opt(year, month, day));
     Ok(date.map(Sentence::Date))
 }
 
 fn status(status: Option<char>, mode: &str) -> Quality {
     match status {
-        // Valid stays valid under a mode that no standard knows.
+        // A valid status stays valid under a mode that no standard knows.
         Some('A' | 'D') => match modes(mode) {
             Quality::None if !mode.contains(['N', 'U']) => Quality::Satellites,
             quality => quality,
@@ -244,7 +245,8 @@ fn status(status: Option<char>, mode: &str) -> Quality {
     }
 }
 
-/// One letter, or one for each system: autonomous, differential, precise, RTK and its float, estimated, manual, simulator.
+/// Reads one letter, or one for each system: autonomous, differential, precise, RTK and its float, estimated, manual,
+/// simulator.
 fn modes(letters: &str) -> Quality {
     let any = |of: &[char]| letters.contains(of);
     if any(&['A', 'D', 'P', 'R', 'F']) {

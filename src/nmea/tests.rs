@@ -1,4 +1,4 @@
-//! What real receivers say, kind by kind; checksums by hand and by the peers of their protocols.
+//! Sentences of real receivers, kind by kind. The checksums were made by hand and by the peers of their protocols.
 
 use chrono::NaiveDate;
 use nmea::{ParseResult, parse_str};
@@ -17,7 +17,7 @@ fn text(bodies: &[&str]) -> String {
     bodies.iter().map(|body| sentence(body)).collect()
 }
 
-/// What comes of bytes; the same however they are cut.
+/// The result for some bytes. It is the same for every way to cut them.
 fn heard(bytes: &[u8]) -> (Vec<Epoch>, Sentences) {
     let listen = |piece: usize| {
         let mut sentences = Sentences::default();
@@ -48,7 +48,7 @@ fn rmc(talker: &str, second: u32, status: char) -> String {
 
 const GSA_3D: &str = "GPGSA,A,3,02,05,07,11,,,,,,,,,1.8,1.0,1.5";
 
-/// The fix of each epoch; the last one is not over yet.
+/// The fix of each epoch; the last epoch is not over yet.
 fn fixes(bodies: &[String]) -> Vec<Fix> {
     let bodies: Vec<&str> = bodies.iter().map(String::as_str).collect();
     let (epochs, sentences) = of(&bodies);
@@ -72,13 +72,13 @@ fn an_epoch_is_all_that_is_said_of_a_time() {
     assert!((epoch.latitude_deg.unwrap() - (34.0 + 13.926 / 60.0)).abs() < 1e-12);
     assert!((epoch.longitude_deg.unwrap() - (108.0 + 54.924 / 60.0)).abs() < 1e-12);
     assert_eq!((epoch.altitude_m, epoch.height_m), (Some(442.0), Some(412.0)));
-    // Half a knot.
+    // The speed is half a knot.
     assert!((epoch.ground_speed_mps.unwrap() - 0.257_222).abs() < 1e-6);
     assert_eq!((epoch.satellites_used, epoch.hdop, epoch.vdop), (Some(8), Some(1.0), Some(1.5)));
     assert_eq!(epoch.date, NaiveDate::from_ymd_opt(2026, 11, 22));
 }
 
-/// 6, 7 and 8 are no fix by satellites; 9 is NovAtel's word for satellite corrections.
+/// 6, 7 and 8 are not a fix by satellites; NovAtel uses 9 for satellite corrections.
 #[test]
 fn the_quality_says_what_a_fix_is_made_of() {
     let expected = [
@@ -103,7 +103,7 @@ fn without_gsa_the_dimensions_are_unknown() {
     assert_eq!(fixes(&[gga("GP", 0, 4), gga("GP", 1, 4), gga("GP", 2, 0)]), [Fix::DimensionsUnknown; 2]);
 }
 
-/// A GSA counts as long as it usually does, and no longer.
+/// A GSA counts for the usual time between two GSA, and no longer.
 #[test]
 fn gsa_is_carried_to_the_next_one() {
     let said = |seconds: u32, has_gsa: fn(u32) -> bool| -> Vec<Fix> {
@@ -114,20 +114,20 @@ fn gsa_is_carried_to_the_next_one() {
         fixes(&each.collect::<Vec<_>>())
     };
     assert_eq!(said(22, |second| second % 5 == 0), [Fix::ThreeD; 21]);
-    // From the eleventh second on none came: two passed with the carried one, before it is missed.
+    // From the eleventh second on no GSA comes. The carried one serves until the next is missed.
     let stopped = said(20, |second| second % 5 == 0 && second <= 10);
     assert_eq!(stopped[..15], [Fix::ThreeD; 15]);
     assert_eq!(stopped[15..], [Fix::DimensionsUnknown; 4]);
-    // With each epoch it is missed at once.
+    // If each epoch has a GSA, a missing GSA is noticed at once.
     let missed = said(5, |second| second < 2);
     assert_eq!(missed, [Fix::ThreeD, Fix::ThreeD, Fix::DimensionsUnknown, Fix::DimensionsUnknown]);
-    // Before the first one nothing is known.
+    // Before the first GSA the dimensions are unknown.
     let late = said(6, |second| second == 3);
     assert_eq!(late[..3], [Fix::DimensionsUnknown; 3]);
     assert_eq!(late[3..], [Fix::ThreeD; 2]);
 }
 
-/// A broken GSA is an error of the line, and no lost fix.
+/// A broken GSA is an error of the line, not a lost fix.
 #[test]
 fn a_broken_gsa_is_bridged_once() {
     let mut log = String::new();
@@ -140,7 +140,7 @@ fn a_broken_gsa_is_bridged_once() {
     assert_eq!((sentences.counts().errors, sentences.counts().faults), (1, 0));
 }
 
-/// u-blox M8 without, and F9 with the number of the system; a system without a satellite; each has its own talker.
+/// u-blox M8 without and F9 with the number of the system; a system without a satellite; a talker for each system.
 #[test]
 fn several_gsa_are_one() {
     let many = [
@@ -160,13 +160,13 @@ fn several_gsa_are_one() {
             "GPGSA,A,3,01,02,03,04,05,06,07,08,09,10,,,1.5,0.9,1.27",
             "BDGSA,A,2,1,2,3,4,,,,,,,,,,,",
         ],
-        // Room for twenty-four satellites in one, without the system and with it.
+        // One sentence has room for twenty-four satellites, without the system and with it.
         vec!["GPGSA,A,3,1,2,3,4,5,6,7,8,9,10,11,12,13,14,,,,,,,,,,,1.5,0.9,1.27,1"],
         vec!["GPGSA,A,3,1,2,3,4,5,6,7,8,9,10,11,12,13,14,,,,,,,,,,,1.5,0.9,1.27"],
     ];
     for gsa in &many {
         let (first, second) = (gga("GN", 0, 1), gga("GN", 1, 1));
-        // Said twice without an epoch between, it is no other page.
+        // The same sentence twice without an epoch between is not another page.
         let bodies: Vec<&str> = [&first[..]]
             .into_iter()
             .chain(gsa.iter().copied())
@@ -199,9 +199,9 @@ fn gga_of_each_system_is_one_epoch() {
     let (epochs, sentences) =
         of(&[&glonass, &gps, GSA_3D, "GNGGA,120000.00,3413.0,N,10854.0,E,1,14,0.5,440.0,M,-30.0,M,,", &next]);
     assert_eq!((epochs.len(), sentences.counts().repeated), (1, 0));
-    // The combined one.
+    // The combined solution counts.
     assert_eq!((epochs[0].fix, epochs[0].satellites_used, epochs[0].hdop), (Fix::ThreeD, Some(14), Some(0.5)));
-    // Without it, the first that has a fix.
+    // Without a combined solution, the first solution with a fix counts.
     let (epochs, sentences) = of(&[&glonass, &gps, GSA_3D, &next]);
     assert_eq!((epochs.len(), epochs[0].fix, sentences.counts().repeated), (1, Fix::ThreeD, 0));
 }
@@ -211,13 +211,13 @@ fn the_same_moment_again_is_none_of_its_own() {
     let first = gga("GP", 0, 1);
     let (epochs, sentences) = of(&[&first, GSA_3D, &first, GSA_3D, &first, GSA_3D]);
     assert_eq!((epochs.len(), sentences.counts().repeated), (1, 1));
-    // Before the first fix a clock may stand.
+    // Before the first fix a receiver's clock may stand still.
     let none = gga("GP", 0, 0);
     let (epochs, sentences) = of(&[&none, &none, &none, &gga("GP", 1, 1)]);
     assert_eq!((epochs.len(), sentences.counts().repeated), (3, 0));
 }
 
-/// The time of day is empty until it is known; the first epoch that knows it is not said twice.
+/// The time of day is empty until the receiver knows it. The first epoch that knows it does not count as repeated.
 #[test]
 fn time_begins_at_some_epoch() {
     let unknown = ["GPRMC,,V,,,,,,,,,,N", "GPGGA,,,,,,0,00,99.99,,M,,M,,", "GPGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99"];
@@ -254,7 +254,7 @@ fn gns_is_a_fix_by_its_letters() {
     assert_eq!((epochs[0].height_m, epochs[0].satellites_used), (Some(412.0), Some(10)));
 }
 
-/// RMC, or GLL, of a receiver that says no GGA. The first epoch may have been under way.
+/// RMC, or GLL, of a receiver that sends no GGA. The first epoch may have been under way.
 #[test]
 fn a_receiver_may_say_rmc_or_gll_alone() {
     let each = |body: &dyn Fn(u32) -> String| fixes(&(0..4).map(body).collect::<Vec<_>>());
@@ -264,12 +264,12 @@ fn a_receiver_may_say_rmc_or_gll_alone() {
     assert_eq!(each(&gll("A")), [Fix::DimensionsUnknown; 2]);
     assert_eq!(each(&gll("A,E")), [Fix::Estimated; 2]);
     assert_eq!(each(&gll("V,N")), [Fix::None; 2]);
-    // Beside GGA they make no epoch.
+    // Beside GGA, RMC and GLL make no epoch.
     let (epochs, _) = of(&[&gga("GP", 0, 1), &rmc("GP", 1, 'A'), &gga("GP", 2, 1), &gll("A")(3), &gga("GP", 4, 1)]);
     assert_eq!(epochs.len(), 2);
 }
 
-/// Empty until it is known, before GGA or behind it, with other decimals, across midnight and the date line.
+/// Times pass midnight and a leap second, come at 10 Hz, differ in their decimals, or are empty until known.
 #[test]
 fn epochs_follow_the_time_of_day() {
     let at = |time: &str| format!("GPGGA,{time},3413.9,N,10854.9,E,1,08,1.0,442.0,M,-30.0,M,,");
@@ -303,7 +303,7 @@ fn places_at_the_ends_of_the_earth() {
     }
 }
 
-/// What is not said is not there, and nothing is an error.
+/// An empty field gives no value and is not an error.
 #[test]
 fn empty_fields_are_no_figures() {
     let (epochs, sentences) = of(&[
@@ -316,7 +316,7 @@ fn empty_fields_are_no_figures() {
     assert_eq!(epochs[0], Epoch { vdop: None, ..epochs[0].clone() });
     assert_eq!((epochs[0].altitude_m, epochs[0].height_m, epochs[0].hdop), (Some(442.0), None, None));
     assert_eq!((epochs[0].satellites_used, epochs[0].ground_speed_mps, epochs[0].date), (None, None, None));
-    // The second one contradicts itself.
+    // The second epoch contradicts itself.
     assert_eq!(sentences.counts().errors, 1);
 }
 
@@ -351,7 +351,7 @@ fn what_cannot_be_is_named() {
     assert_eq!(field("1.0", "nan", "12.0"), "GGA: altitude is `nan`");
     assert_eq!(field("1.0", "400.0", "-inf"), "GGA: geoid separation is `-inf`");
     assert_eq!(field("1.0", "1e39", "12.0"), "GGA: altitude is `1e39`");
-    // As much of a field as one can read.
+    // The fault quotes only the beginning of the field.
     assert_eq!(field("1.0", &"9".repeat(40), "12.0"), format!("GGA: altitude is `{}`", "9".repeat(24)));
     assert_eq!(fault(&["GPGGA,126000,,,,,0,,,,,,,,", GSA_3D]), "GGA: time is `126000`");
     assert_eq!(fault(&["GPGGA,12000,,,,,0,,,,,,,,", GSA_3D]), "GGA: time is `12000`");
@@ -364,7 +364,7 @@ fn what_cannot_be_is_named() {
     assert_eq!(fault(&[&fix, GSA_3D, &void, &next]), "RMC is void where GGA of the same time says a fix");
 }
 
-/// Without a fix a receiver may say any place and date.
+/// Without a fix a receiver may send any place and date.
 #[test]
 fn what_is_void_is_not_believed() {
     let (_, sentences) = of(&[
@@ -375,7 +375,7 @@ fn what_is_void_is_not_believed() {
     assert_eq!(sentences.counts(), Counts::default(), "{:?}", sentences.fault());
 }
 
-/// Of an impossible GGA the epoch is none, were RMC good: a receiver that says GGA is judged by it.
+/// An impossible GGA gives no epoch, even if RMC is good: a receiver that sends GGA is judged by its GGA.
 #[test]
 fn an_impossible_solution_is_no_fix() {
     let bad = |second: u32| format!("GPGGA,1200{second:02}.00,3473.92600,N,10854.92400,E,1,10,0.9,442.0,M,-30.0,M,,");
@@ -384,7 +384,7 @@ fn an_impossible_solution_is_no_fix() {
     assert_eq!((epochs.len(), sentences.counts().faults), (0, 5));
 }
 
-/// Where both read a sentence they read the same. Of one that the peer refuses or mistakes its version is told.
+/// Both read a sentence alike if both read it. The other list holds sentences that this version of the peer refuses.
 #[test]
 fn the_peer_reads_the_same() {
     let bodies = [

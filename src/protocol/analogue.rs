@@ -2,5 +2,5 @@
 
 /// Output of the analogue magnetometer (AD channels 1 to 3) in no field, in volts.
 pub const MAG_ZERO_V: f64 = 2.5;
-/// Volts that one gauss adds.
+/// Volts per gauss.
 pub const MAG_V_PER_GAUSS: f64 = 0.35;

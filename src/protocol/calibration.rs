@@ -1,8 +1,8 @@
-//! The calibration that a module keeps, the messages that bring it there and back, and the samples compensated by it.
+//! The calibration that a module keeps, the messages that write and read it, and the samples that it compensates.
 //!
 //! A write goes to the board's memory, a commit from there to the module's flash. Until the commit has ended, the
-//! calibration before stays in force, also if the power goes away in the middle. Coefficients are doubles, so that what
-//! was worked out, what is written and what is read back are the same bits: nothing is rounded on the way.
+//! previous calibration stays in force, even if the power fails meanwhile. Coefficients are doubles. So the computed,
+//! the written and the read coefficients are the same bits: nothing is rounded on the way.
 
 use crate::frame::checksum;
 use crate::wire::{List, Wire, wire_enum, wire_struct};
@@ -15,36 +15,36 @@ wire_struct! {
         id: u32,
         /// Ka of `f = Ka N + nabla`, m/s^2 per count.
         accel_matrix: [[f64; 3]; 3],
-        /// nabla of the same, m/s^2.
+        /// nabla of the same formula, m/s^2.
         accel_offset: [f64; 3],
         /// Kg of `w = Kg N - epsilon - Gamma f`, rad/s per count.
         gyro_matrix: [[f64; 3]; 3],
-        /// epsilon of the same, rad/s.
+        /// epsilon of the same formula, rad/s.
         gyro_offset: [f64; 3],
-        /// Gamma of the same, rad/s per m/s^2, with the compensated f of the same sample; zeros where it is not known. For
-        /// a g-sensitivity G in counts per m/s^2 it is `Kg G`.
+        /// Gamma of the same formula, rad/s per m/s^2, with the compensated f of the same sample; zeros if it is not
+        /// known. For a g-sensitivity G in counts per m/s^2 it is `Kg G`.
         gyro_per_force: [[f64; 3]; 3],
         /// dX of `x' = ((x - dX) - y' sin(alpha)) / cos(alpha)`, gauss at the nominal scale.
         mag_dx: f64,
         /// dY of `y' = Ky (y - dY)`, gauss at the nominal scale.
         mag_dy: f64,
-        /// Ky of the same, above 0.
+        /// Ky of the same formula, above 0.
         mag_ky: f64,
-        /// sin(alpha) of the first, within +-1.
+        /// sin(alpha) of the formula for x', within +-1.
         mag_sin_alpha: f64,
     }
 }
 
 impl Calibration {
-    /// CRC-32C over the calibration as it lies on the wire.
+    /// CRC-32C over the bytes of the calibration on the wire.
     #[must_use]
     pub fn checksum(&self) -> u32 {
-        // Its length is fixed and fits: a payload holds 512 bytes.
+        // The length is fixed and fits: a payload holds 512 bytes.
         self.to_payload().map_or(0, |bytes| checksum(&bytes))
     }
 
-    /// The first coefficient outside its range: every one is finite, the id is not 0, Ky above 0 and sin(alpha)
-    /// within +-1.
+    /// The first coefficient outside its range. Every coefficient must be finite, the id not 0, Ky above 0 and
+    /// sin(alpha) within +-1.
     #[must_use]
     pub fn bad_field(&self) -> Option<&'static str> {
         let finite = |rows: &[[f64; 3]]| rows.iter().flatten().all(|value| value.is_finite());
@@ -67,14 +67,14 @@ impl Calibration {
 wire_struct! {
     /// See [`crate::Request::CalibrationWrite`].
     CalibrationWrite {
-        /// What the next commit stores.
+        /// The calibration that the next commit stores.
         calibration: Calibration,
     }
 }
 wire_struct! {
     /// See [`crate::Request::CalibrationCommit`].
     CalibrationCommit {
-        /// [`Calibration::checksum`] of what was written: another one on the board is refused.
+        /// [`Calibration::checksum`] of the written calibration. If the board holds another one, it refuses the commit.
         checksum: u32,
     }
 }
@@ -88,13 +88,13 @@ wire_struct! {
     }
 }
 wire_enum! {
-    /// What a module holds.
+    /// The state of a module's calibration.
     CalibrationState: u8 {
-        /// Nothing: it was never calibrated.
+        /// The module was never calibrated.
         None = 0,
         /// A calibration with a good checksum.
         Valid = 1,
-        /// Something was stored, and none of it has a good checksum.
+        /// Something was stored, but it has no good checksum.
         Damaged = 2,
     }
 }
@@ -107,11 +107,11 @@ wire_struct! {
     CalibrationReadReply {
         /// A number of [`CalibrationState`].
         state: u8,
-        /// The commit that stored it; 0 for none.
+        /// The number of the commit that stored it; 0 if there is none.
         counter: u32,
         /// The checksum stored beside it.
         checksum: u32,
-        /// As it reads now: one unless the state is none. A damaged one is for people only.
+        /// The calibration as it reads now: one element unless the state is none. A damaged one is for people only.
         calibration: List<Calibration, 1>,
     }
 }

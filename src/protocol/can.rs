@@ -1,5 +1,5 @@
 //! Classic CAN: frames, the ids of the interface document, ISO-TP, streams as raw frames, slcan, and both ends of the
-//! link ([`endpoint`]). No I/O, no clock: frames and link time go in, frames come out.
+//! link ([`endpoint`]). The module has no I/O and no clock: frames and link time go in, frames come out.
 
 mod compensated;
 pub mod endpoint;
@@ -31,7 +31,7 @@ impl CanId {
     /// Largest extended id.
     pub const MAX_EXTENDED: u32 = 0x1fff_ffff;
 
-    /// Whether it has no more bits than its kind.
+    /// Whether the id has only as many bits as its kind allows.
     #[must_use]
     pub const fn is_valid(self) -> bool {
         match self {
@@ -41,7 +41,7 @@ impl CanId {
     }
 }
 
-/// A data frame: a valid id and 0 to 8 bytes. Remote frames have no place in this protocol.
+/// A data frame: a valid id and 0 to 8 bytes. This protocol has no remote frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct CanFrame {
     id: CanId,
@@ -51,7 +51,7 @@ pub struct CanFrame {
 }
 
 impl CanFrame {
-    /// A frame; `None` if the id has too many bits or there are more than eight bytes.
+    /// Makes a frame; `None` if the id has too many bits or there are more than eight bytes.
     #[must_use]
     #[inline]
     pub fn new(id: CanId, bytes: &[u8]) -> Option<Self> {
@@ -80,13 +80,13 @@ impl CanFrame {
         &self.data[..usize::from(self.length)]
     }
 
-    /// Bits on the bus with the three of the space behind it, without stuffing.
+    /// Bits on the bus, without stuffing, with the three bits of space after the frame.
     #[must_use]
     pub const fn bits(&self) -> u32 {
         bits(matches!(self.id, CanId::Extended(_)), self.length as u32)
     }
 
-    /// Bits on the bus with as many stuff bits as there can be: what a pace can be trusted to.
+    /// Bits on the bus with the largest possible number of stuff bits. This is the safe value for a pace.
     #[must_use]
     pub const fn worst_bits(&self) -> u32 {
         worst_bits(matches!(self.id, CanId::Extended(_)), self.length as u32)
@@ -99,14 +99,14 @@ pub const fn bits(extended: bool, length: u32) -> u32 {
     (if extended { 67 } else { 47 }) + 8 * length
 }
 
-/// [`bits`] and the most stuff bits: one for each four bits after the first, from the start to the end of the CRC.
+/// [`bits`] with the most stuff bits: one for each four bits after the first, from the start to the end of the CRC.
 #[must_use]
 pub const fn worst_bits(extended: bool, length: u32) -> u32 {
     let stuffed = (if extended { 54 } else { 34 }) + 8 * length;
     bits(extended, length) + (stuffed - 1) / 4
 }
 
-/// Time that so many bits need on the bus, rounded up to a microsecond.
+/// Time that this many bits need on the bus, rounded up to a microsecond.
 #[must_use]
 pub fn bus_time(bits: u64) -> core::time::Duration {
     core::time::Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(BIT_RATE)))

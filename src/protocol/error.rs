@@ -1,15 +1,15 @@
-//! Numbers that say why the board would not, or could not.
+//! Codes that say why the board refused or failed.
 
 use crate::wire::wire_enum;
 
 wire_enum! {
-    /// Why the board refused a request (NAK): it was never started.
+    /// Why the board refused a request (NAK). The request was never started.
     NakCode: u16 {
         /// No HELLO since the board's start, or its watchdog ended the session.
         NoSession = 1,
         /// The message id means nothing to this firmware.
         UnknownMessage = 2,
-        /// The payload is not laid out as the message demands.
+        /// The payload does not have the layout of the message.
         BadPayload = 3,
         /// A field is outside its range.
         BadParameter = 4,
@@ -19,7 +19,7 @@ wire_enum! {
         NotPowered = 6,
         /// The flash sector is not a scratch sector.
         Protected = 7,
-        /// The stream does not fit on the link; the text holds the arithmetic.
+        /// The stream does not fit on the link; the text shows the calculation.
         DoesNotFit = 8,
         /// The socket has no such device.
         NoDevice = 9,
@@ -48,7 +48,7 @@ impl NakCode {
 }
 
 wire_enum! {
-    /// How a request that was accepted came out: the status of a RESULT.
+    /// How an accepted request ended: the status of a RESULT.
     FaultCode: u16 {
         /// Done; the body follows.
         None = 0,

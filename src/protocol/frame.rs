@@ -32,7 +32,7 @@ wire_enum! {
         Request = 1,
         /// Board: understood and started.
         Accept = 2,
-        /// Board: still at it.
+        /// Board: still running.
         Progress = 3,
         /// Board: ended; status and body.
         Result = 4,
@@ -71,7 +71,7 @@ pub struct Header {
     pub kind: Kind,
     /// Marks.
     pub flags: Flags,
-    /// The host's number for the request, echoed; 0 in frames that belong to none.
+    /// The host's number for the request, echoed; 0 in frames without a request.
     pub request: u16,
     /// Which message.
     pub message: u16,
@@ -79,7 +79,7 @@ pub struct Header {
     pub sequence: u16,
 }
 
-/// Why bytes with a good length are not a frame.
+/// Why bytes are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
     /// Fewer bytes than a header and a checksum.
@@ -97,12 +97,12 @@ pub enum FrameError {
     /// The checksum does not match.
     #[error("checksum {received:08x} received, {computed:08x} computed")]
     Checksum {
-        /// As sent.
+        /// The checksum as received.
         received: u32,
-        /// Over the bytes that came.
+        /// The checksum of the bytes that came.
         computed: u32,
     },
-    /// The kind is unknown; the checksum is good, so the other end speaks another protocol.
+    /// The kind is unknown. The checksum is good, so the other end speaks another protocol.
     #[error("frame kind {kind} is unknown")]
     UnknownKind {
         /// The number.
@@ -128,7 +128,7 @@ impl Frame {
         let [r0, r1] = h.request.to_le_bytes();
         let [m0, m1] = h.message.to_le_bytes();
         let [s0, s1] = h.sequence.to_le_bytes();
-        // The buffer holds the longest frame, so that none of these can fail.
+        // The buffer holds the longest frame, so none of these calls can fail.
         let _ = bytes.extend_from_slice(&[h.version << 4 | h.kind as u8, h.flags.0, r0, r1, m0, m1, s0, s1]);
         let _ = bytes.extend_from_slice(&self.payload);
         let crc = checksum(&bytes);

@@ -1,8 +1,9 @@
-//! What travels between the host and the slave test board.
+//! The messages and bytes between the host and the slave test board.
 //!
-//! `docs/ICD.md` is the contract; this crate is its Rust form. Frames for RS-422 ([`serial`]), messages with
-//! their byte layouts ([`message`]), calibrations ([`calibration`]), sample streams ([`stream`]), the same over CAN ([`can`])
-//! and the board's end of the conversation ([`slave`]). No I/O, no clock, no allocator: bytes and link time go in, frames come out.
+//! `docs/ICD.md` is the contract; this crate is its Rust form. It holds frames for RS-422 ([`serial`]), messages with
+//! their byte layouts ([`message`]), calibrations ([`calibration`]), sample streams ([`stream`]), the same over CAN
+//! ([`can`]) and the board's end of the conversation ([`slave`]). It has no I/O, no clock and no allocator: bytes and
+//! link time go in, frames come out.
 #![no_std]
 
 pub mod analogue;

@@ -1,6 +1,6 @@
 //! The messages: ids, requests and results, field by field as in the interface document.
 //!
-//! The board measures and reports; it never judges. Values leave it as raw as it has them.
+//! The board measures and reports; it never judges. It sends values as raw as it has them.
 
 use crate::calibration::{
     CalibrationCommit, CalibrationCommitReply, CalibrationRead, CalibrationReadReply, CalibrationWrite,
@@ -20,7 +20,7 @@ wire_struct! {
         lowest: u8,
         /// Highest protocol version the host speaks.
         highest: u8,
-        /// A number of the host's choice; another one than before ends the session before.
+        /// A number of the host's choice. A new number ends the session of the previous one.
         nonce: u32,
     }
 }
@@ -30,7 +30,7 @@ wire_struct! {
     BoardHello {
         /// [`MAGIC`].
         magic: [u8; 4],
-        /// The version in force, 0 if there is none in common.
+        /// The version in force, 0 if host and board have none in common.
         chosen: u8,
         /// Lowest protocol version the board speaks.
         lowest: u8,
@@ -53,11 +53,12 @@ wire_struct! {
 pub mod capability {
     /// Switches the module's supply and measures it.
     pub const POWER: u32 = 1 << 0;
-    /// Has CAN.
+    /// The board has CAN.
     pub const CAN: u32 = 1 << 1;
     /// The module keeps a calibration, and the board compensates samples by it.
     pub const CALIBRATION: u32 = 1 << 2;
-    /// Its sensors have an oscillator of their own: readings come twice or are left out, so that the samples keep the grid.
+    /// Its sensors have an oscillator of their own. Readings come twice or are left out, so that the samples keep their
+    /// spacing.
     pub const REPEATED_READINGS: u32 = 1 << 3;
 }
 
@@ -65,16 +66,16 @@ pub mod capability {
 pub mod event {
     /// Board, every second: [`super::Heartbeat`].
     pub const HEARTBEAT: u16 = 0x0001;
-    /// Host, every 500 ms: no payload; a REQUEST or HELLO serves as well.
+    /// Host, every 500 ms: no payload. A REQUEST or HELLO counts as one too.
     pub const KEEP_ALIVE: u16 = 0x0002;
-    /// Board: the watchdog ended the session and made the board safe: no payload.
+    /// Board: the watchdog ended the session and made the board safe. No payload.
     pub const WATCHDOG: u16 = 0x0003;
 }
 
 wire_struct! {
     /// The board's sign of life.
     Heartbeat {
-        /// As in HELLO: another one means that the board restarted.
+        /// As in HELLO: another value means that the board restarted.
         boot_id: u32,
         /// Board time, in microseconds since its start.
         board_time_us: u64,
@@ -86,7 +87,7 @@ wire_struct! {
 wire_struct! {
     /// Payload of ACCEPT.
     Accept {
-        /// How long the board expects to take, in board time; 0 for at once.
+        /// How long the board expects to take, in board time; 0 if it ends at once.
         expected_ms: u32,
     }
 }
@@ -115,7 +116,7 @@ wire_struct! {
 /// bytes for people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ResultHead {
-    /// How it ended.
+    /// How the request ended.
     pub status: FaultCode,
     /// Board time from ACCEPT to the end, in microseconds.
     pub elapsed_us: u32,
@@ -171,17 +172,17 @@ macro_rules! calls {
 }
 
 calls! {
-    /// Streams stopped, requests aborted, IO lines released, module's power off.
+    /// Stops streams, aborts requests, releases IO lines and switches the module's power off.
     0x0001 MakeSafe => (),
     /// Ends one running request.
     0x0002 Abort => AbortReply,
     /// Switches the module's supply.
     0x0003 ModulePower => PowerReply,
-    /// Reads the board's memory of what it found wrong.
+    /// Reads the board's records of what it found wrong.
     0x0004 ErrorRecords => ErrorRecordsReply,
     /// Reads the board's own counters of the link.
     0x0005 LinkCounters => LinkCountersReply,
-    /// Asks the module who it is.
+    /// Asks the module for its identity.
     0x0010 Identity => IdentityReply,
     /// Writes words and reads them back.
     0x0011 CpuWords => CpuWordsReply,
@@ -219,9 +220,9 @@ calls! {
     0x0021 StreamStop => StreamStopReply,
     /// Reads the error counters of the module's CAN controller.
     0x0022 CanCounters => CanCountersReply,
-    /// Brings a calibration to the board's memory.
+    /// Brings a calibration into the board's memory.
     0x0023 CalibrationWrite => (),
-    /// Stores the calibration written last in the module.
+    /// Stores in the module the calibration that was written last.
     0x0024 CalibrationCommit => CalibrationCommitReply,
     /// Reads the calibration stored in the module.
     0x0025 CalibrationRead => CalibrationReadReply,
@@ -237,7 +238,7 @@ wire_struct! { /// See [`Request::Abort`].
 }
 wire_struct! { /// Answers [`Abort`].
     AbortReply {
-        /// 1 if it was running, 0 if it had ended or never was.
+        /// 1 if it was running; 0 if it had ended or never ran.
         was_running: u8,
     }
 }
@@ -266,15 +267,15 @@ wire_struct! {
     ErrorRecord {
         /// Counts from 0 since the session's start.
         index: u16,
-        /// The request during which it was found.
+        /// The request during which the board found it.
         request: u16,
         /// That request's message id.
         message: u16,
-        /// What: a number of [`ErrorKind`].
+        /// What was wrong: a number of [`ErrorKind`].
         kind: u16,
-        /// Board time when it was found, in microseconds.
+        /// Board time when the board found it, in microseconds.
         board_time_us: u64,
-        /// Where: an address, a line, a byte's index, as the kind says.
+        /// Where: an address, a line or a byte's index, depending on the kind.
         place: u32,
         /// What should have been there.
         expected: u32,
@@ -286,7 +287,7 @@ wire_struct! { /// Answers [`ErrorRecords`].
     ErrorRecordsReply {
         /// Records made since the session's start; the board keeps the last 64.
         total: u16,
-        /// From the index asked for (or the oldest kept) on.
+        /// Records from the index asked for (or the oldest kept) on.
         records: List<ErrorRecord, 16>,
     }
 }
@@ -305,14 +306,14 @@ wire_enum! {
         IoMismatch = 5,
         /// An SPI byte arrived altered; place is the byte's index.
         SpiMismatch = 6,
-        /// An SCI byte arrived altered or not at all; place is the byte's index, got is 0x100 for a lost one.
+        /// An SCI byte arrived altered or not at all; place is the byte's index, got is 0x100 for a lost byte.
         SciMismatch = 7,
         /// A timer's interrupt did not come; place is the timer, expected and got are counts.
         TimerInterrupts = 8,
         /// Supply outside 4.5 to 5.5 V when power was switched on; expected and got are in microvolts.
         Supply = 9,
-        /// A stored calibration does not match its checksum; place is its slot, expected is the checksum stored with it,
-        /// got the one of what reads.
+        /// A stored calibration does not match its checksum; place is its slot, expected is the checksum stored with
+        /// it, got is the checksum of the bytes as read.
         CalibrationDamaged = 10,
     }
 }
@@ -385,7 +386,7 @@ wire_struct! { /// See [`Request::CpuIntegers`].
 wire_struct! { /// Answers [`CpuIntegers`].
     CpuIntegersReply {
         /// For each pair a+b, a-b, a*b (the low 32 bits of each, two's complement), a/b towards zero, and the
-        /// remainder with the sign of a. The smallest number divided by -1 is itself, remainder 0.
+        /// remainder with the sign of a. The smallest number divided by -1 gives itself, with remainder 0.
         results: List<[i32; 5], 16>,
     }
 }
@@ -425,14 +426,14 @@ wire_struct! { /// Answers [`TimerMeasure`].
 wire_enum! {
     /// Memories of [`RamTest`].
     Ram: u8 {
-        /// The processor's own: 65,536 words of 16 bits.
+        /// The processor's own memory: 65,536 words of 16 bits.
         Internal = 0,
         /// The SDRAM: 1,048,576 words of 32 bits.
         Sdram = 1,
     }
 }
 wire_enum! {
-    /// Patterns of [`RamTest`]; each is written and read back in the order the interface document gives.
+    /// Patterns of [`RamTest`]. Each is written and read back in the order that the interface document gives.
     RamPattern: u8 {
         /// All zeros, then all ones.
         Solid = 0,
@@ -567,7 +568,7 @@ wire_struct! { /// See [`Request::IoTest`].
     IoTest {
         /// Line that drives, 0 to 3.
         driver: u8,
-        /// Line connected to it, 0 to 3, another one.
+        /// Another line, 0 to 3, that is connected to it.
         reader: u8,
         /// 0 or 1. The lines that are not driven are pulled to the other level.
         level: u8,
@@ -625,7 +626,7 @@ wire_struct! { /// Answers [`SciEcho`].
     }
 }
 wire_enum! {
-    /// What the GNSS receiver forgets.
+    /// What the GNSS receiver forgets at a restart.
     GnssStart: u8 {
         /// Nothing: ephemeris, time and position are kept.
         Hot = 1,
@@ -647,7 +648,7 @@ wire_struct! { /// See [`Request::StreamStart`].
         stream: u8,
         /// Samples a second for the IMU and compensated samples, 1 to 1000; 0 for the others.
         rate_hz: u16,
-        /// Samples (GNSS: bytes) after which it ends by itself; 0: at StreamStop.
+        /// Samples (GNSS: bytes) after which the stream ends by itself; 0: at StreamStop.
         count: u32,
         /// Samples in a frame, IMU 1 to 12, compensated 1 to 10; 0: the board's choice.
         samples_per_frame: u8,
@@ -659,7 +660,7 @@ wire_struct! { /// Answers [`StreamStart`].
         format: u8,
         /// Samples in a frame.
         samples_per_frame: u8,
-        /// Mean share of the link that it takes.
+        /// Mean share of the link that the stream takes.
         load_permille: u16,
     }
 }
@@ -673,7 +674,7 @@ wire_struct! { /// Answers [`StreamStop`].
     StreamStopReply {
         /// Samples (GNSS: bytes) produced since its start.
         produced: u32,
-        /// Of those, dropped on the board.
+        /// Samples dropped on the board; `produced` includes them.
         dropped: u32,
     }
 }
@@ -682,11 +683,11 @@ CanCounters {} }
 wire_enum! {
     /// What a CAN controller may still do.
     CanState: u8 {
-        /// All.
+        /// Everything.
         ErrorActive = 0,
-        /// All, but it no longer disturbs others' frames: a counter is above 127.
+        /// Everything, but it no longer disturbs frames of others: a counter is above 127.
         ErrorPassive = 1,
-        /// Nothing: its transmit counter passed 255.
+        /// Nothing: its transmit counter has passed 255.
         BusOff = 2,
     }
 }
@@ -700,7 +701,7 @@ wire_struct! { /// Answers [`CanCounters`].
         rx_errors: u16,
         /// Test frames that the module received since its power-on.
         received: u32,
-        /// Test frames that it sent back.
+        /// Test frames that the module sent back.
         echoed: u32,
     }
 }

@@ -6,7 +6,7 @@
 pub struct Xorshift32(u32);
 
 impl Xorshift32 {
-    /// Starts from a seed, which must not be 0; 0 is taken as 1.
+    /// Starts from a seed, which must not be 0; 0 counts as 1.
     #[must_use]
     pub fn new(seed: u32) -> Self {
         Self(if seed == 0 { 1 } else { seed })

@@ -1,10 +1,10 @@
 //! Frames on RS-422: `00 | COBS(frame) | 00`.
 //!
-//! A frame also begins with 00, since a write cut off by a timeout leaves half a frame on the wire.
+//! A frame begins with 00 too, since a write that a timeout cuts off leaves half a frame on the wire.
 
 use crate::frame::{CRC, Frame, FrameError, HEADER, Kind, MAX_FRAME};
 
-/// Longest stuffed frame without its delimiters: one more byte for each 254 begun.
+/// Longest stuffed frame without its delimiters: one more byte for each begun block of 254 bytes.
 pub const MAX_STUFFED: usize = MAX_FRAME + MAX_FRAME.div_ceil(254);
 /// Longest frame on the wire.
 pub const MAX_ON_WIRE: usize = MAX_STUFFED + 2;
@@ -19,12 +19,12 @@ pub const fn on_wire(payload: usize) -> usize {
     frame + frame.div_ceil(254) + 2
 }
 
-/// Stuffs a frame and puts its delimiters round it.
+/// Stuffs a frame and adds its delimiters.
 #[must_use]
 pub fn encode(frame: &Frame) -> WireBytes {
     let bytes = frame.to_bytes();
     let mut wire = WireBytes::new();
-    // The buffer holds the longest frame, so that none of these can fail.
+    // The buffer holds the longest frame, so none of these calls can fail.
     let _ = wire.resize(MAX_ON_WIRE, 0);
     let stuffed = cobs::encode(&bytes, &mut wire[1..=MAX_STUFFED]);
     wire.truncate(stuffed + 2);
@@ -39,19 +39,19 @@ pub struct LineCounters {
     pub frames: u32,
     /// Frames with a wrong checksum.
     pub bad_checksum: u32,
-    /// Anything else between two delimiters that is no frame: broken stuffing, wrong length, unknown kind.
+    /// Anything else between two delimiters that is not a frame: broken stuffing, wrong length, unknown kind.
     pub malformed: u32,
     /// Frames missing by their sequence numbers.
     pub missing: u32,
 }
 
-/// Finds frames in whatever arrives. Holds at most one frame; never stalls: after any rubbish the next
-/// delimiter starts afresh.
+/// Finds frames in arbitrary bytes. Holds at most one frame and never stalls: after any rubbish the next delimiter
+/// starts afresh.
 #[derive(Debug)]
 pub struct FrameDecoder {
-    /// A frame that came in pieces, as far as it came.
+    /// The received part of a frame that comes in pieces.
     pending: heapless::Vec<u8, MAX_STUFFED>,
-    /// Room to take the stuffing out; means nothing between two calls.
+    /// Room for the unstuffed bytes; without a meaning between two calls.
     unstuffed: [u8; MAX_STUFFED],
     overflowed: bool,
     expected_sequence: Option<u16>,
@@ -71,8 +71,8 @@ impl Default for FrameDecoder {
 }
 
 impl FrameDecoder {
-    /// Takes the bytes up to and including the first delimiter off the front of `bytes`. `None`: no frame ended
-    /// in them, and they are all consumed.
+    /// Takes bytes from the front of `bytes`, up to and including the first delimiter with a frame. `None` if no frame
+    /// ended in them; all bytes are consumed then.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Result<Frame, FrameError>> {
         loop {
             let Some(end) = memchr::memchr(0, bytes) else {
@@ -82,7 +82,7 @@ impl FrameDecoder {
             };
             let (chunk, rest) = (&bytes[..end], &bytes[end + 1..]);
             *bytes = rest;
-            // A frame that came in one piece is read where it lies.
+            // A frame that came in one piece is read without a copy.
             let outcome = if self.pending.is_empty() {
                 self.close(chunk)
             } else {
@@ -96,13 +96,13 @@ impl FrameDecoder {
         }
     }
 
-    /// What was seen so far.
+    /// The counts so far.
     #[must_use]
     pub fn counters(&self) -> LineCounters {
         self.counters
     }
 
-    /// Forgets the sequence of the other end, which starts afresh after a HELLO or a reboot.
+    /// Forgets the sequence of the other end, which starts afresh after a HELLO or a restart.
     pub fn restart_sequence(&mut self) {
         self.expected_sequence = None;
     }
@@ -114,7 +114,7 @@ impl FrameDecoder {
         }
     }
 
-    /// A delimiter came. Two in a row enclose nothing and mean nothing.
+    /// Handles a delimiter. Two in a row enclose nothing and have no meaning.
     #[inline]
     fn close(&mut self, stuffed: &[u8]) -> Option<Result<Frame, FrameError>> {
         if core::mem::take(&mut self.overflowed) || stuffed.len() > MAX_STUFFED {
@@ -131,7 +131,7 @@ impl FrameDecoder {
             Err(FrameError::Checksum { .. }) => self.counters.bad_checksum = self.counters.bad_checksum.wrapping_add(1),
             Err(FrameError::UnknownKind { .. }) => {
                 self.counters.malformed = self.counters.malformed.wrapping_add(1);
-                // Its checksum is good: it arrived, and is not missing as well.
+                // The checksum is good: the frame arrived, and does not count as missing.
                 let [_, _, _, _, _, _, low, high, ..] = self.unstuffed;
                 self.follow(u16::from_le_bytes([low, high]));
             }
@@ -141,7 +141,7 @@ impl FrameDecoder {
     }
 
     fn count(&mut self, frame: &Frame) {
-        // With a HELLO the other end may have started afresh; what is missing before one says nothing.
+        // The other end may have started afresh with a HELLO, so a gap before a HELLO does not count.
         if frame.header.kind == Kind::Hello {
             self.expected_sequence = None;
         }
@@ -161,11 +161,11 @@ impl FrameDecoder {
     }
 }
 
-/// Most runs of sample data are a few bytes long, and a copy of fixed length is two moves where one of any length is
-/// a call.
+/// Longest run that is copied with a fixed length. Most runs of sample data are a few bytes long. A copy of fixed
+/// length is two moves; a copy of variable length is a call.
 const SHORT_RUN: usize = 16;
 
-/// Takes the stuffing out, run by run. Returns the bytes that came out; never more than went in.
+/// Removes the stuffing, run by run. Returns the number of bytes that came out, which is never more than went in.
 fn unstuff(stuffed: &[u8], out: &mut [u8; MAX_STUFFED]) -> Result<usize, FrameError> {
     let (mut at, mut length) = (0, 0);
     while let Some(&code) = stuffed.get(at) {
@@ -175,7 +175,7 @@ fn unstuff(stuffed: &[u8], out: &mut [u8; MAX_STUFFED]) -> Result<usize, FrameEr
         if run <= SHORT_RUN
             && let (Some(from), Some(to)) = fixed
         {
-            // What it copies beyond the run is overwritten next.
+            // Bytes copied beyond the run are overwritten next.
             to.copy_from_slice(from);
         } else {
             let from = stuffed.get(at..at.saturating_add(run)).ok_or(FrameError::Stuffing)?;
@@ -183,7 +183,7 @@ fn unstuff(stuffed: &[u8], out: &mut [u8; MAX_STUFFED]) -> Result<usize, FrameEr
         }
         at += run;
         length += run;
-        // The zero behind the last run is not data, nor is there one behind a full run.
+        // The zero after the last run is not data, and a full run is not followed by a zero.
         if code != 0xff && at < stuffed.len() {
             *out.get_mut(length).ok_or(FrameError::Stuffing)? = 0;
             length += 1;
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!(got, expected, "{stuffed:02x?}");
     }
 
-    /// The first is the worked example of the interface document.
+    /// The first case is the worked example of the interface document.
     #[test]
     fn runs_and_codes() {
         check(&[2, 0x11, 1, 2, 0x2a], Ok(&[0x11, 0, 0, 0x2a]));
@@ -212,7 +212,7 @@ mod tests {
         check(&[2, 5, 1], Ok(&[5, 0]));
     }
 
-    /// It arrived and is no frame, so that it counts as malformed and not as missing too.
+    /// The frame arrived but its kind is unknown, so it counts as malformed and not as missing too.
     #[test]
     fn a_frame_of_unknown_kind_is_counted_once() {
         let mut decoder = FrameDecoder::default();

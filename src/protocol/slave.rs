@@ -1,6 +1,7 @@
 //! The board's end of the conversation: sessions, acceptance, replay of results, progress, heartbeat, watchdog.
 //!
-//! [`SlaveBoard`] is what differs from board to board; [`Slave`] is the same on all of them, the simulated one too.
+//! [`SlaveBoard`] is the part that differs from board to board. [`Slave`] is the same on all boards, the simulated one
+//! too.
 
 use core::time::Duration;
 
@@ -16,12 +17,12 @@ use crate::stream::{StreamFrame, StreamId, stream_header};
 use crate::timing;
 use crate::wire::{FieldWriter, Text, Wire, text};
 
-/// Requests that may run at once; one more is refused as busy.
+/// Requests that may run at once. The board refuses one more as busy.
 pub const MAX_RUNNING: usize = 4;
 /// Results kept for a host that missed them.
 pub const KEPT_RESULTS: usize = 8;
 
-/// Who the board is.
+/// The identity of a board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BoardIdentity {
     /// Random at each start.
@@ -34,7 +35,7 @@ pub struct BoardIdentity {
     pub firmware: Text<32>,
 }
 
-/// A refusal: the request was not started.
+/// A refusal. The request was not started.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RequestRefusal {
     /// Why.
@@ -44,7 +45,7 @@ pub struct RequestRefusal {
 }
 
 impl RequestRefusal {
-    /// A refusal with its text (cut to 160 bytes).
+    /// Makes a refusal with its text (cut to 160 bytes).
     #[must_use]
     pub fn new(code: NakCode, why: &str) -> Self {
         Self { code, text: text(why) }
@@ -58,11 +59,11 @@ pub struct RequestDone {
     pub request: u16,
     /// Board time it took.
     pub elapsed_us: u32,
-    /// The body of its RESULT, or why there is none.
+    /// The body of its RESULT, or why it has none.
     pub outcome: Result<Payload, RequestFault>,
 }
 
-/// A request that was started and came to nothing.
+/// Why a started request failed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RequestFault {
     /// Why; never [`FaultCode::None`].
@@ -71,7 +72,7 @@ pub struct RequestFault {
     pub text: Text<160>,
 }
 
-/// What comes out of a board between two looks at it.
+/// An event or samples from a board.
 #[derive(Debug, Clone, PartialEq)]
 pub enum BoardOutput {
     /// A request ended.
@@ -82,29 +83,29 @@ pub enum BoardOutput {
 
 /// A slave board with a module in its socket.
 pub trait SlaveBoard {
-    /// Who it is.
+    /// The board's identity.
     fn identity(&self) -> BoardIdentity;
 
-    /// Starts a request; tells how long it will take in board time (ms). What it does ends as [`BoardOutput::Done`].
+    /// Starts a request. Returns how long it will take in board time (ms). Its end is a [`BoardOutput::Done`].
     /// MAKE_SAFE and ABORT never come here.
     ///
     /// # Errors
     /// A [`RequestRefusal`] when it cannot be started.
     fn start(&mut self, request: u16, what: Request) -> Result<u32, RequestRefusal>;
 
-    /// The next thing that came out, if any.
+    /// The next output, if there is one.
     fn poll(&mut self) -> Option<BoardOutput>;
 
-    /// How far a running request is.
+    /// The progress of a running request.
     fn progress(&self, request: u16) -> Progress;
 
-    /// Forgets a running request and stops its work.
+    /// Drops a running request and stops its work.
     fn abort(&mut self, request: u16);
 
     /// Stops all work and all streams, releases the lines, switches the module off.
     fn make_safe(&mut self);
 
-    /// Forgets what belongs to a session: the error records.
+    /// Drops data that belongs to a session: the error records.
     fn new_session(&mut self);
 
     /// Board time in microseconds since its start.
@@ -129,7 +130,7 @@ struct Kept {
     payload: Payload,
 }
 
-/// The conversation. Times are link time: wall time since any fixed moment.
+/// The board's end of the conversation. Times are link time: wall time since any fixed moment.
 #[derive(Debug, Default)]
 pub struct Slave {
     session: Option<u32>,
@@ -160,39 +161,40 @@ impl Slave {
         !self.running.is_empty()
     }
 
-    /// The host came back on another link: this end forgets its session, and the other one makes the board safe.
+    /// The host came back on another link. This end drops its session, and the other end makes the board safe.
     pub fn leave(&mut self) {
         self.running.clear();
         self.kept.clear();
         self.session = None;
     }
 
-    /// Takes a frame from the host and sends what answers it at once.
+    /// Takes a frame from the host and sends the immediate answer.
     pub fn receive(&mut self, frame: &Frame, now: Duration, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         let in_force = frame.header.version == PROTOCOL_VERSION;
         match frame.header.kind {
             Kind::Hello => self.hello(frame, now, board, send),
             Kind::Request => {
-                // A refused one is a sign of life too; one of another version only gets its NAK.
+                // A refused request is a sign of life too. A request of another version only gets a NAK.
                 if in_force {
                     self.heard = now;
                 }
                 self.request(frame, now, board, send);
             }
             Kind::Event if in_force && frame.header.message == event::KEEP_ALIVE => self.heard = now,
-            // Only a board sends these: an echo on the line, or another board. Its own heartbeat coming back must
-            // not pass for a living host.
+            // Only a board sends these: an echo on the line, or another board. An echo of this board's heartbeat must
+            // not count as a living host.
             Kind::Event | Kind::Accept | Kind::Progress | Kind::Result | Kind::Stream | Kind::Nak => {}
         }
     }
 
-    /// The watchdog does not count `span` of the time up to `now`. A simulator calls this when it stood still together with
-    /// its host.
+    /// Excludes `span` of the time up to `now` from the watchdog's count. A simulator calls this after it stood still
+    /// together with its host.
     pub fn excuse(&mut self, span: Duration, now: Duration) {
         self.heard = (self.heard + span).min(now).max(self.heard);
     }
 
-    /// Sends what is due: results, samples, progress, heartbeat; ends the session of a host that fell silent.
+    /// Sends everything that is due: results, samples, progress, heartbeat. Ends the session of a host that fell
+    /// silent.
     pub fn tick(&mut self, now: Duration, board: &mut impl SlaveBoard, send: &mut impl FnMut(Frame)) {
         while self.session.is_some()
             && let Some(output) = board.poll()
@@ -281,7 +283,7 @@ impl Slave {
                 let expected_ms = running.expected_ms;
                 return self.reply(Kind::Accept, request, message, &Accept { expected_ms }, send);
             }
-            // MAKE_SAFE ends the other one, so that its id is free again.
+            // MAKE_SAFE ends the other request, so its id becomes free.
             Some(_) if message != MakeSafe::ID => {
                 let refusal = RequestRefusal::new(NakCode::BadParameter, "another request runs under this id");
                 return self.nak(request, message, &refusal, send);
@@ -318,7 +320,7 @@ impl Slave {
                 Err(refusal) => self.nak(request, message, &refusal, send),
                 Ok(expected_ms) => {
                     let progress_due = now + timing::PROGRESS_EVERY * 4 / 5;
-                    // There is room: `is_full` was asked above.
+                    // There is room: `is_full` is checked above.
                     let _ = self.running.push(Running { request, message, expected_ms, progress_due });
                     self.reply(Kind::Accept, request, message, &Accept { expected_ms }, send);
                 }
@@ -352,7 +354,7 @@ impl Slave {
             Ok(body) => writer.bytes(body),
             Err(fault) => fault.text.put(&mut writer),
         });
-        // Bodies are bounded by their layouts to less than a payload; `docs/ICD.md` and a test hold them to it.
+        // The layouts bound the bodies to less than a payload; `docs/ICD.md` and a test check this.
         if written.is_err() {
             return;
         }
@@ -379,7 +381,7 @@ impl Slave {
         }
     }
 
-    /// Everything of the session is forgotten, also the results; nobody is there to hear about aborted requests.
+    /// Drops all data of the session, the results too. Aborted requests get no answer, since there is no host.
     fn end_session(&mut self, board: &mut impl SlaveBoard) {
         for running in &self.running {
             board.abort(running.request);

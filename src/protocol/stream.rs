@@ -1,5 +1,5 @@
-//! Sample streams: unacknowledged frames that number themselves, so that losses on the board, on the line and in
-//! the host stay apart.
+//! Sample streams. Their frames are unacknowledged and numbered, so that losses on the board, on the line and in the
+//! host stay apart.
 
 use crate::frame::{Header, MAX_PAYLOAD};
 use crate::serial::on_wire;
@@ -50,7 +50,7 @@ pub const MAX_COMPENSATED_SAMPLES: usize = MAX_SAMPLE_BYTES / COMPENSATED_SAMPLE
 pub const MAX_LOAD_PERMILLE: u32 = 900;
 
 wire_struct! {
-    /// What stands before the samples in the payload of a STREAM frame.
+    /// The head before the samples in the payload of a STREAM frame.
     StreamHead {
         /// A number of [`StreamId`].
         stream: u8,
@@ -58,23 +58,23 @@ wire_struct! {
         format: u8,
         /// Samples (bytes) in this frame.
         count: u16,
-        /// Number of the first one since the stream's start; dropped ones count.
+        /// Number of the first sample since the stream's start; dropped samples count.
         first: u32,
-        /// Board time of the first one, in microseconds.
+        /// Board time of the first sample, in microseconds.
         board_time_us: u64,
         /// Samples dropped on the board since the stream's start.
         dropped: u32,
     }
 }
 
-/// Nominal scale: counts for one deg/s. 8,000,000 counts are the published range of 400 deg/s; codes saturate at
+/// Nominal scale: counts for one deg/s. 8,000,000 counts are the published range of 400 deg/s; values saturate at
 /// +-[`SATURATION`].
 pub const GYRO_LSB_PER_DPS: f64 = 20_000.0;
 /// Nominal scale: counts for one g (9.80665 m/s^2).
 pub const ACCEL_LSB_PER_G: f64 = 160_000.0;
 /// Nominal scale: counts for one gauss.
 pub const MAG_LSB_PER_GAUSS: f64 = 1_250_000.0;
-/// Largest code of a sensor: 24 bits, two's complement; the smallest is one below its negative.
+/// Largest value of a sensor: 24 bits, two's complement. The smallest value is one below its negative.
 pub const SATURATION: i32 = 8_388_607;
 
 wire_struct! {
@@ -110,7 +110,7 @@ pub struct StreamFrame {
     pub samples: heapless::Vec<u8, MAX_SAMPLE_BYTES>,
 }
 
-/// What is missing from a stream, by place.
+/// Counts of a stream's samples by place of loss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Losses {
     /// Samples that came.
@@ -149,7 +149,7 @@ pub fn imu_load_permille(rate_hz: u32, samples_per_frame: u32, rate_baud: u32) -
     load_permille(IMU_SAMPLE, rate_hz, samples_per_frame, rate_baud)
 }
 
-/// Share of an RS-422 link, in thousandths, that a stream of so large samples takes.
+/// Share of an RS-422 link, in thousandths, that a stream of samples of this size takes.
 #[must_use]
 pub fn load_permille(sample_bytes: usize, rate_hz: u32, samples_per_frame: u32, rate_baud: u32) -> u32 {
     let samples_per_frame = samples_per_frame.max(1);
@@ -158,7 +158,7 @@ pub fn load_permille(sample_bytes: usize, rate_hz: u32, samples_per_frame: u32, 
     u32::try_from(bits_per_second * 1000 / u64::from(rate_baud.max(1))).unwrap_or(u32::MAX)
 }
 
-/// The stream's identity in the header of its frames: no request, the stream id as message id.
+/// The header of a stream's frames: no request, the stream id as message id.
 #[must_use]
 pub fn stream_header(stream: StreamId) -> Header {
     Header {

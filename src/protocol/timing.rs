@@ -1,5 +1,5 @@
-//! Times of the link, in wall time on both ends. Process times (an erase, a fix) are the board's own and have no
-//! bound here: a request lives as long as its PROGRESS comes.
+//! Times of the link, in wall time on both ends. Process times (an erase, a fix) belong to the board and have no bound
+//! here: a request lives as long as its PROGRESS comes.
 
 use core::time::Duration;
 
@@ -12,12 +12,12 @@ pub const RESENDS: u32 = 3;
 pub const PROGRESS_EVERY: Duration = Duration::from_millis(500);
 /// The host asks again after this long without a sign of life from an accepted request: three missed PROGRESS.
 pub const PROGRESS_LOST_AFTER: Duration = Duration::from_millis(1500);
-/// The board's heartbeat.
+/// Time between two heartbeats of the board.
 pub const HEARTBEAT_EVERY: Duration = Duration::from_millis(1000);
-/// The host's keep-alive.
+/// Time between two keep-alives of the host.
 pub const KEEP_ALIVE_EVERY: Duration = Duration::from_millis(500);
-/// The board makes itself safe after this long without a KEEP_ALIVE, REQUEST or HELLO. Three keep-alives may be
-/// lost; with the time to act the board is safe within 2 s of the last one.
+/// The board makes itself safe after this long without a KEEP_ALIVE, REQUEST or HELLO. Three keep-alives may be lost.
+/// Including the time to act, the board is safe within 2 s of the last one.
 pub const WATCHDOG: Duration = Duration::from_millis(1750);
 
 /// Bits on an 8N1 line for one byte.

@@ -1,4 +1,4 @@
-//! Little-endian fields, one after the other, without padding: how every payload is laid out.
+//! The layout of every payload: little-endian fields, one after the other, without padding.
 //!
 //! Integers and IEEE 754 doubles are little-endian; a text is a length byte and that many bytes of UTF-8; a byte
 //! block is a `u16` length and the bytes; a list is a `u16` count and the elements.
@@ -41,7 +41,7 @@ pub enum WireError {
     Unknown {
         /// The field.
         field: &'static str,
-        /// What it held.
+        /// The number it held.
         value: u32,
     },
 }
@@ -81,7 +81,7 @@ pub struct FieldReader<'a> {
 }
 
 impl<'a> FieldReader<'a> {
-    /// A reader at the first byte.
+    /// Makes a reader at the first byte.
     #[must_use]
     pub fn new(payload: &'a [u8]) -> Self {
         Self { all: payload.len(), rest: payload }
@@ -97,7 +97,7 @@ impl<'a> FieldReader<'a> {
         Ok(head)
     }
 
-    /// All that is left.
+    /// All bytes that are left.
     pub fn take_rest(&mut self) -> &'a [u8] {
         core::mem::take(&mut self.rest)
     }
@@ -138,7 +138,7 @@ pub trait Wire: Sized {
         Ok(writer.finish())
     }
 
-    /// The value that fills the whole payload.
+    /// Reads the value that fills the whole payload.
     ///
     /// # Errors
     /// [`WireError`] when the bytes are not exactly such a value.
@@ -191,7 +191,7 @@ impl<T: Wire + Copy + Default, const N: usize> Wire for [T; N] {
 /// A text of at most `N` bytes, `N` <= 255.
 pub type Text<const N: usize> = String<N>;
 
-/// The longest beginning of `text` that fits; a diagnostic that is cut short beats one that is lost.
+/// The longest beginning of `text` that fits. A short diagnostic is better than a lost one.
 #[must_use]
 pub fn text<const N: usize>(text: &str) -> Text<N> {
     let mut fitting = Text::new();
@@ -231,14 +231,14 @@ impl<T: Wire, const N: usize> Wire for Vec<T, N> {
         }
         let mut list = Self::new();
         for _ in 0..length {
-            // The length was checked, so there is room.
+            // The length is checked above, so there is room.
             let _ = list.push(T::get(reader)?);
         }
         Ok(list)
     }
 }
 
-/// Declares a struct whose fields lie on the wire in the order written.
+/// Declares a struct. Its fields are on the wire in the written order.
 macro_rules! wire_struct {
     ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty),* $(,)? }) => {
         $(#[$meta])*

@@ -1,4 +1,4 @@
-//! The traits of what drives a turntable and a fixture.
+//! The traits for driving a turntable and a fixture.
 
 use std::error::Error;
 use std::fmt::Debug;
@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use crate::Orientation;
 
-/// Why a device did not do what it was told, in its own words.
+/// Why a device did not do what it was told, in the device's own words.
 pub type DriverError = Box<dyn Error + Send + Sync>;
 
 /// A driver of a turntable.
 ///
-/// Every call but the three that wait returns when the motion has begun. Those three block their thread.
+/// A call returns as soon as the motion has begun. The three calls named `wait...` block their thread until their wait
+/// is over.
 pub trait TurntableDriver: Debug + Send + Sync {
     /// Begins to lay the module down.
     ///
@@ -19,21 +20,21 @@ pub trait TurntableDriver: Debug + Send + Sync {
     /// The table moves, cannot take up this orientation, or does not answer.
     fn orient(&self, orientation: Orientation) -> Result<(), DriverError>;
 
-    /// Begins to turn the module by an angle in a time, ramps included, right-handed about the module's axis that lies
-    /// along the table's.
+    /// Begins to turn the module by an angle in a given time, ramps included. The turn is right-handed about the axis
+    /// of the module that lies along the table's axis.
     ///
     /// # Errors
     /// The table moves, cannot turn so fast, or does not answer.
     fn rotate(&self, angle_deg: f64, span_s: f64) -> Result<(), DriverError>;
 
-    /// Begins to spin without end, right-handed about the module's axis that lies along the table's. From another spin
-    /// it goes over to this one.
+    /// Begins to spin without end, right-handed about the axis of the module that lies along the table's axis. If the
+    /// table already spins, it changes to the new rate.
     ///
     /// # Errors
     /// The table cannot turn so fast, or does not answer.
     fn spin(&self, rate_dps: f64) -> Result<(), DriverError>;
 
-    /// Begins to bring whatever moves to rest; no error where nothing moves.
+    /// Begins to stop every motion. It is not an error if nothing moves.
     ///
     /// # Errors
     /// The table does not answer.
@@ -45,22 +46,22 @@ pub trait TurntableDriver: Debug + Send + Sync {
     /// The table spins without end, or does not answer.
     fn wait_still(&self) -> Result<(), DriverError>;
 
-    /// Waits until a spin that began has reached this rate.
+    /// Waits until a spin that has begun reaches this rate.
     ///
     /// # Errors
     /// The table does not answer.
     fn wait_at_rate(&self, rate_dps: f64) -> Result<(), DriverError>;
 
-    /// Waits for so long by the bench's clock.
+    /// Waits for this long by the bench's clock.
     ///
     /// # Errors
     /// The bench has ended.
     fn wait(&self, span: Duration) -> Result<(), DriverError>;
 }
 
-/// A driver of a fixture: it flips switches and turns the level module.
+/// A driver of a fixture. The fixture flips switches and turns the level module.
 pub trait FixtureDriver: Debug + Send + Sync {
-    /// What the record calls it, as "the indexing fixture".
+    /// The fixture's name in the record, as "the indexing fixture".
     fn name(&self) -> &str;
 
     /// Sets one DIP switch (1 to 5) on and the others off, or all off.
@@ -76,7 +77,7 @@ pub trait FixtureDriver: Debug + Send + Sync {
     fn turn_to(&self, heading_deg: f64) -> Result<(), DriverError>;
 }
 
-/// A table with a fixture on it.
+/// A turntable with a fixture on it.
 pub trait Rig: TurntableDriver + FixtureDriver {}
 
 impl<T: TurntableDriver + FixtureDriver> Rig for T {}

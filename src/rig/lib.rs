@@ -1,7 +1,8 @@
-//! What a module lies on, seen from both sides: the bench drives a [`TurntableDriver`] and a [`FixtureDriver`], and whatever is
-//! driven implements them, the simulated bench among them.
+//! What a module lies on, seen from both sides. The bench drives a [`TurntableDriver`] and a [`FixtureDriver`]. The
+//! driven devices implement them; the simulated bench is one of these.
 //!
-//! It knows no plan, no limit, no record and no board, so that neither side learns of the other more than stands here.
+//! The crate knows no plan, no limit, no record and no board. So each side learns only what stands here of the other
+//! side.
 
 mod driver;
 mod orientation;

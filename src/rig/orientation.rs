@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Names of the module's axes as they are engraved on it. Keys and columns have small letters: `gnc_metrology::AXES`.
 pub const MODULE_AXES: [&str; 3] = ["X", "Y", "Z"];
 
-/// Where the table's axis points, and with it the axis of the module that lies along it.
+/// Where the table's axis points, together with the axis of the module that lies along it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Along {
@@ -23,16 +23,16 @@ pub enum Along {
 /// How the module is laid down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Orientation {
-    /// One of its axes up or down.
+    /// One axis of the module lies along the table's axis.
     Axis {
         /// 0 for X, 1 for Y, 2 for Z.
         axis: u8,
-        /// Whether its positive end points there, or its negative one.
+        /// Whether the positive end of the axis points there. Otherwise the negative end does.
         positive: bool,
-        /// Where it points. The table's axis points there too.
+        /// The direction in which this end of the axis points. The table's axis points there too.
         along: Along,
-        /// Heading of the next axis (Y for X, Z for Y, X for Z), degrees clockwise from north; for an axis that does not
-        /// point up, from the upper side, seen against it.
+        /// Heading of the next axis (Y for X, Z for Y, X for Z). If `along` is up: degrees clockwise from north.
+        /// Otherwise: degrees clockwise from the upper side, seen from where the table's axis points.
         heading_deg: f64,
     },
     /// Any attitude: this direction of the module points up.
@@ -45,7 +45,7 @@ pub enum Orientation {
 }
 
 impl fmt::Display for Orientation {
-    /// What somebody is to do.
+    /// The instruction for the operator.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = |axis: usize| MODULE_AXES[axis % 3];
         match *self {

@@ -1,5 +1,5 @@
-//! While the port or interface is away: nobody's patience runs, and the board's session is kept for as long as its
-//! watchdog may have kept it too.
+//! The port or interface is away: no wait runs out meanwhile, and the station keeps the board's session for as long as
+//! the board's watchdog may have kept it.
 
 use std::time::Duration;
 
@@ -9,12 +9,12 @@ use super::Session;
 use crate::error::BoardError;
 use crate::status::LinkAbsence;
 
-/// An absence that the session may outlive: the board's watchdog ends it 1.75 s after the last keep-alive, which may be
-/// half a second old when the port goes. What is asked meanwhile waits.
+/// The longest absence that the session may survive. The board's watchdog ends the session 1.75 s after the last
+/// keep-alive, which may be half a second old when the port goes away. Requests made meanwhile wait.
 const SESSION_KEPT: Duration = Duration::from_millis(1500);
-/// What became of the board meanwhile shows so soon after the return: its next heartbeat or its first refusal tells.
+/// Time after the return in which the board shows what became of it: by its next heartbeat or its first refusal.
 const SHOWN_WITHIN: Duration = Duration::from_millis(2500);
-/// While nothing at all is due.
+/// The wait while nothing at all is due.
 const NOTHING_DUE: Duration = Duration::from_secs(3600);
 
 impl Session {
@@ -22,7 +22,7 @@ impl Session {
         self.away_since = Some(Instant::now());
     }
 
-    /// What was said last may not have reached anybody: all of it is said again, with as much patience as at first.
+    /// The last messages may be lost, so the station sends all of them again, with as many tries as at first.
     pub(super) fn came_back(&mut self, lasted: Duration) {
         let now = Instant::now();
         self.away_since = None;
@@ -35,7 +35,7 @@ impl Session {
             (greeting.due, greeting.since) = (now, (greeting.since + lasted).min(now));
         }
         (self.heard, self.beat, self.keep_alive_due) = (now, now, now);
-        // Nobody has read of the ones before: one more tells him nothing new.
+        // If the queue is full, the reader has not read the earlier absences, and one more tells nothing new.
         let _ = self.absences.try_send(LinkAbsence { name: self.link.name(), lasted });
     }
 
@@ -51,7 +51,7 @@ impl Session {
         }
     }
 
-    /// Why nothing can be asked.
+    /// Why no request can be made.
     pub(super) fn no_session(&self) -> BoardError {
         match self.away_since {
             Some(_) => BoardError::Away { name: self.link.name() },
@@ -59,13 +59,13 @@ impl Session {
         }
     }
 
-    /// The board's watchdog ended the session; after an absence it had to.
+    /// The error when the board's watchdog ended the session. After an absence this is expected.
     pub(super) fn watchdog_ended(&self) -> BoardError {
         self.interrupted_by("its watchdog ended the session").unwrap_or(BoardError::SessionEnded)
     }
 
-    /// A board that restarts while nobody hears it may have lost its power with the plug: that says nothing of the
-    /// item that was asked for last.
+    /// A board that restarts while the port is away may have lost its power with the plug. That says nothing of the
+    /// item that made the last request.
     pub(super) fn restarted_while_away(&self) -> Option<BoardError> {
         self.interrupted_by("the board restarted")
     }

@@ -1,4 +1,4 @@
-//! What the board says.
+//! How the session handles what the board says.
 
 use gnc_protocol::message::{Accept, BoardHello, Heartbeat, MAGIC, Nak, Progress, ResultHead, event};
 use gnc_protocol::stream::{StreamFrame, StreamId};
@@ -16,7 +16,7 @@ impl Session {
     pub(super) fn receive(&mut self, frame: &Frame) {
         let now = Instant::now();
         let Header { kind, request, message, .. } = frame.header;
-        // Our own words come back: an echo on the line. They are no sign of a living board.
+        // The station's own frames come back: an echo on the line. They do not show that the board is alive.
         if kind == Kind::Request || kind == Kind::Event && message == event::KEEP_ALIVE {
             self.report.echoed = self.report.echoed.saturating_add(1);
             return;
@@ -46,7 +46,7 @@ impl Session {
             if hello.boot_id != before {
                 self.restarted(before, hello.boot_id);
             } else if self.in_doubt {
-                // Same board, same start, yet no session: its watchdog ended it.
+                // The board is the same and has not restarted, yet it knows no session: its watchdog ended it.
                 self.session = None;
                 self.fail_all(&self.watchdog_ended());
             }
@@ -59,7 +59,7 @@ impl Session {
             return;
         }
         if self.last_boot_id.replace(hello.boot_id) != Some(hello.boot_id) {
-            // Its clock began anew.
+            // The board's clock started again.
             self.newest = Newest::default();
         }
         self.session = Some((hello.nonce, hello.boot_id));
@@ -75,7 +75,7 @@ impl Session {
     fn accepted(&mut self, request: u16, payload: &[u8], now: Instant) {
         let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
-        // It runs: what was lost before no longer counts.
+        // The request runs, so earlier losses no longer count.
         pending.asked = 1;
         pending.ended_since = 0;
         if let Ok(accept) = Accept::from_payload(payload) {
@@ -87,7 +87,7 @@ impl Session {
     fn progressed(&mut self, request: u16, payload: &[u8], now: Instant) {
         let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
-        // A sign of life: what was lost before it no longer counts.
+        // The board is alive, so earlier losses no longer count.
         pending.asked = 1;
         pending.ended_since = 0;
         if let Ok(Progress { done_permille, elapsed_ms }) = Progress::from_payload(payload) {
@@ -97,7 +97,7 @@ impl Session {
     }
 
     fn finished(&mut self, request: u16, message: u16, payload: &[u8]) {
-        // A result that nobody waits for was repeated once too often: not an error.
+        // A result for which no request waits was repeated once too often. This is not an error.
         let Some(pending) = self.take(request, message) else { return };
         pending.advance.send_replace(Advance::default());
         let what = pending.what;
@@ -126,11 +126,11 @@ impl Session {
         let Ok(nak) = Nak::from_payload(payload) else { return };
         let code = NakCode::from_number(nak.code);
         if let (Some(NakCode::NoSession), Some((nonce, _))) = (code, self.session) {
-            // About a request of an earlier session it says nothing of this one.
+            // A refusal of a request of an earlier session says nothing of this session.
             if !self.pending.iter().any(|pending| pending.request == request) {
                 return;
             }
-            // The answer tells whether it restarted.
+            // The board's HELLO tells whether it restarted.
             self.in_doubt = true;
             return self.say_hello(nonce);
         }

@@ -1,5 +1,5 @@
-//! What a bench knows of its own imperfections: how the module's seat is mounted on the table, how well the table's axis
-//! is aligned, and what magnetic field the bench adds to the earth's.
+//! The imperfections that a bench knows: how the module's seat is mounted on the table, how well the table's axis is
+//! aligned, and what magnetic field the bench adds to the earth's.
 //!
 //! ```toml
 //! [fixture]                                        # optional, as each of its keys
@@ -12,46 +12,48 @@
 //! board_clock_u = "5 ppm"                          # rate of the slave board's crystal against true time
 //! ```
 //!
-//! Every `_u` is a standard uncertainty. Where the file is silent the defaults of [`BenchImperfections::default`] count.
+//! Every `_u` is a standard uncertainty. The defaults of [`BenchImperfections::default`] hold for missing keys.
 
 use gnc_config::TomlTable;
 use serde::{Deserialize, Serialize};
 
 use crate::quantity::{Unit, bounded, bounded_at};
 
-/// Largest angle that is an imperfection and no other attitude.
+/// Largest angle of an imperfection. A larger angle is another attitude.
 const MOST_DEG: f64 = 5.0;
-/// Largest field of a fixture: beyond it the fixture is a magnet.
+/// Largest field of a fixture. Beyond it the fixture is a magnet.
 const MOST_GAUSS: f64 = 0.1;
-/// Largest uncertainty of a crystal: beyond it the board has none.
+/// Largest uncertainty of a crystal. Beyond it the board has no crystal.
 const MOST_PPM: f64 = 1000.0;
 
 /// Imperfections of the bench. Angles in rad, fields in gauss, rates in ppm; every `_u` is a standard uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BenchImperfections {
-    /// Rotation vector that takes components in the table's axes to components in the axes of the module's seat;
+    /// Rotation vector that transforms components in the table's axes into components in the axes of the module's seat.
     /// `None` if it was not measured; it then counts as zero.
     pub mounting_rad: Option<[f64; 3]>,
     /// How well the mounting is known, about each axis.
     pub mounting_u_rad: f64,
-    /// Alignment of the table's axis with the direction that it was told.
+    /// Alignment of the table's axis with the commanded direction.
     pub axis_u_rad: f64,
-    /// The axis's tilt in step with the turn, each of two components.
+    /// Tilt of the axis in step with the turn, each of two components.
     pub runout_u_rad: f64,
     /// Field of the fixture itself, which turns with the module, on each axis.
     pub field_u_gauss: f64,
-    /// Departure of the ambient field from its mean: one for all of an item, and another one in each attitude of it.
+    /// Departure of the ambient field from its mean: one value for a whole item, and another one for each of its
+    /// attitudes.
     pub ambient_u_gauss: f64,
-    /// Rate of the slave board's clock against true time, ppm; `None` where the bench file does not state it: then the
-    /// plan's `clock_u` counts.
+    /// Rate of the slave board's clock against true time, ppm; `None` if the bench file does not state it; the plan's
+    /// `clock_u` counts then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub board_clock_u_ppm: Option<f64>,
 }
 
 impl Default for BenchImperfections {
-    /// A socket screwed on by hand, a position table levelled with a spirit level and pointed by a compass theodolite, a
-    /// fixture of aluminium and brass, a laboratory without lifts or trams next to it.
+    /// The defaults stand for a socket that is screwed on by hand, a position table that is levelled with a spirit
+    /// level and pointed by a compass theodolite, a fixture of aluminium and brass, and a laboratory without lifts or
+    /// trams next to it.
     fn default() -> Self {
         Self {
             mounting_rad: None,

@@ -118,7 +118,7 @@ fn the_fixture_is_read_or_has_stated_defaults() {
     assert_eq!((known.board_clock_u_ppm, BenchImperfections::default().board_clock_u_ppm), (Some(5.0), None));
 }
 
-/// Records keep what the bench file states; those from before a key lack it.
+/// Records keep what the bench file states. Records from before a key lack it.
 #[test]
 fn a_fixture_comes_back_from_a_record() {
     let known = BenchImperfections { board_clock_u_ppm: Some(5.0), ..BenchImperfections::default() };

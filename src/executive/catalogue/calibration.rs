@@ -1,4 +1,4 @@
-//! Calibration of accelerometers and gyroscopes, and its way into the module.
+//! Calibration of accelerometers and gyroscopes, and its storage in the module.
 
 use super::shared::{
     ANGLE, ANGLE_U, BAND, CALIBRATED, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, HEADING, HEADING_U,
@@ -145,13 +145,13 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
     timeout_s: 3600.0,
 };
 
-/// Coefficients that read back otherwise than written, bit for bit.
+/// Coefficients that do not read back as they were written, bit for bit.
 pub const COEFFICIENTS_ALTERED: MeasurementSpec =
     count("coefficients_altered", "What was read back is not what was written: suspect the module's flash.");
-/// "good", or what is wrong with what is stored.
+/// "good", or what is wrong with the stored coefficients.
 pub const CHECKSUM: MeasurementSpec =
     text("checksum", "The checksum beside the stored coefficients is not theirs: suspect the module's flash.");
-/// Time of storing them.
+/// Time to store the coefficients.
 pub const STORE_TIME: MeasurementSpec = number(
     "write_time",
     Unit::Millisecond,
@@ -159,7 +159,7 @@ pub const STORE_TIME: MeasurementSpec = number(
     "Storing takes long: suspect the module's flash, or its supply.",
 );
 
-/// The coefficients go to the module.
+/// The coefficients are stored in the module.
 pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
     title: "Calibration stored in the module",
     params: &[],
@@ -179,7 +179,7 @@ const CHECK_ACCEL: &str = "The stored calibration does not give gravity: was the
 const CHECK_GYRO: &str =
     "The stored calibration does not give the angle turned: check the table, then calibrate again.";
 
-/// One position and one rotation with what the module itself compensates.
+/// One position and one rotation with samples that the module itself compensates.
 pub(super) static CHECK: ItemSpec = ItemSpec {
     title: "Check of the stored calibration",
     params: &[

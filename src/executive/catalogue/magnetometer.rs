@@ -15,7 +15,7 @@ const ROLL: &str =
 const LATE: &str =
     "Channels are sampled one after the other, or the table's angle is late: compare with the part's data.";
 
-/// Spun about Z with Z to the north, in both senses and at two speeds.
+/// The module spins about Z with Z to the north, in both senses and at two speeds.
 pub(super) static ELLIPSE: ItemSpec = ItemSpec {
     title: "Magnetometer, plane of rotation",
     params: &[
@@ -63,7 +63,7 @@ pub(super) static ELLIPSE: ItemSpec = ItemSpec {
 pub(super) static ELLIPSOID: ItemSpec = ItemSpec {
     title: "Magnetometer, sphere",
     params: &[
-        // Nine parameters are more than six attitudes tell.
+        // The fit has nine parameters, so six attitudes are too few.
         ParamSpec {
             name: "positions",
             about: "attitudes: each axis up and down at two headings, or at four",

@@ -12,7 +12,7 @@ const RAM_PARAMS: &[ParamSpec] = &[ParamSpec {
     kind: ParamKind::Choices { of: PATTERNS, default: PATTERNS },
 }];
 
-/// Words that read otherwise than they were written, pattern "solid".
+/// Words that do not read back as they were written, pattern "solid".
 pub const MISMATCHES_SOLID: MeasurementSpec = mismatches(
     "solid",
     "mismatches_solid",
@@ -42,10 +42,10 @@ pub const MISMATCHES_MARCH_C: MeasurementSpec = mismatches(
     "mismatches_march_c",
     "Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
 );
-/// Words that the pattern with the fewest covered.
+/// The number of words that each pattern covered, for the pattern with the fewest.
 pub const WORDS_TESTED: MeasurementSpec =
     count("words_tested", "The test did not cover the whole memory: compare the board's memory map with the plan.");
-/// Board time of all patterns.
+/// Board time of all patterns together.
 pub const TEST_TIME: MeasurementSpec = number(
     "test_time",
     Unit::Second,
@@ -91,7 +91,7 @@ const FLASH_PARAMS: &[ParamSpec] = &[ParamSpec {
     kind: ParamKind::Integer { min: 0, max: 65_535, default: 0 },
 }];
 
-/// Manufacturer, kind and capacity as the flash says them.
+/// Manufacturer, kind and capacity as the flash reports them.
 pub const JEDEC_ID: MeasurementSpec = text(
     "jedec_id",
     "All 00 or FF: the flash does not answer, check its lines and supply; any other: another type is mounted.",
@@ -103,13 +103,13 @@ pub const ERASE_TIME: MeasurementSpec = number(
     Dimension::Time,
     "A slow erase is the first sign of a worn or damaged flash; check its supply too.",
 );
-/// Words that are not FF after it.
+/// Words that are not FF after the erase.
 pub const BLANK_ERRORS: MeasurementSpec =
     count("blank_errors", "Words are not FF after the erase: a bad sector, or write protection is on.");
 /// Time of writing.
 pub const WRITE_TIME: MeasurementSpec =
     number("write_time", Unit::Millisecond, Dimension::Time, "Slow programming: suspect a worn flash or a slow clock.");
-/// Words that read otherwise than they were written.
+/// Words that do not read back as they were written.
 pub const VERIFY_ERRORS: MeasurementSpec =
     count("verify_errors", "Words differ after programming: a bad sector, or a bad line to the flash.");
 
@@ -135,7 +135,7 @@ pub(super) static INTERNAL_FLASH: ItemSpec = ItemSpec {
     timeout_s: 30.0,
 };
 
-/// Words that were read otherwise than written, for one pattern.
+/// Words that do not read back as they were written, for one pattern.
 const fn mismatches(pattern: &'static str, name: &'static str, look_at: &'static str) -> MeasurementSpec {
     if_text(count(name, look_at), "patterns", pattern)
 }

@@ -52,7 +52,7 @@ fn section(page: &mut String, item: ItemId) -> std::fmt::Result {
     Ok(())
 }
 
-/// Its value where the plan is silent, and what it may be.
+/// The default of a parameter, and its allowed values.
 fn values(param: &ParamSpec) -> (String, String) {
     let list = |values: &[i64]| values.iter().map(i64::to_string).collect::<Vec<_>>().join(", ");
     match param.kind {

@@ -1,4 +1,4 @@
-//! What calibration leaves: biases, their stability and repeatability, resolution.
+//! The errors that remain after calibration: biases, their stability and repeatability, resolution.
 
 use super::shared::{
     CALIBRATED, COMPENSATED, COVERAGE, DWELL, FAILED_READS, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE,
@@ -52,7 +52,8 @@ const fn if_axis(spec: MeasurementSpec, axis: &'static str) -> MeasurementSpec {
     if_text(spec, "axes", axis)
 }
 
-/// Turned upside down about the third axis, which cancels the error of level and the coupling to the axis that is up.
+/// The module turns upside down about the third axis. This cancels the error of level and the coupling to the axis that
+/// is up.
 pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
     title: "Accelerometer bias",
     params: &[
@@ -154,15 +155,15 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
 const STEP: &str = "The mean does not follow a small step in both senses: check that the fixture made the step, then suspect this sensor or its converter.";
 const RANGE: &str = "From the settings of the part and its codes, not shown by motion.";
 
-/// Means of ten seconds of a module that just keeps 10 deg/h of bias stability: 14 cycles know half of a step of
-/// 18 deg/h from the whole one.
+/// Default for means of ten seconds and a module that just keeps 10 deg/h of bias stability: 14 cycles tell half a step
+/// of 18 deg/h from the whole step.
 const CYCLES_GYRO: ParamSpec = ParamSpec {
     name: "gyro_cycles",
     about: "steps of each gyroscope in each sense, each between two levels without one",
     kind: ParamKind::Integer { min: 2, max: 1000, default: 14 },
 };
 
-/// The same for a step of 1 mg and means that scatter by a quarter of it.
+/// Default for a step of 1 mg and means that scatter by a quarter of it.
 const CYCLES_ACCEL: ParamSpec = ParamSpec {
     name: "accel_cycles",
     about: "steps of each accelerometer in each sense, each between two levels without one",

@@ -3,17 +3,17 @@
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, text};
 use crate::quantity::Unit;
 
-/// Levels that read otherwise than they should.
+/// Levels that do not read as they should.
 pub const WRONG_READS: MeasurementSpec =
     count("wrong_reads", "A line reads another level than its partner drives: the faulty pairs name it.");
-/// Pairs driver>reader at fault, or "none".
+/// Faulty pairs driver>reader, or "none".
 pub const FAULTY_PAIRS: MeasurementSpec =
     text("faulty_pairs", "Pairs are driver>reader: one line in all of them is open, or its driver is bad.");
 /// Pairs of lines that move together, or "none".
 pub const SHORTED_LINES: MeasurementSpec =
     text("shorted_lines", "These lines move together: look for solder between them.");
 
-/// The four IO lines, looped on the board.
+/// The four IO lines, looped back on the board.
 pub(super) static IO: ItemSpec = ItemSpec {
     title: "IO lines",
     params: &[],
@@ -27,7 +27,7 @@ pub(super) static IO: ItemSpec = ItemSpec {
 /// Bits altered on the way out of the module.
 pub const OUT_BIT_ERRORS: MeasurementSpec =
     count("out_bit_errors", "Bits change on their way out: check SDO, CLK and CS, then try a slower clock.");
-/// Bits altered on the way in.
+/// Bits altered on the way into the module.
 pub const IN_BIT_ERRORS: MeasurementSpec =
     count("in_bit_errors", "Bits change on their way in: check SDI, CLK and CS, then try a slower clock.");
 /// Bits sent both ways.
@@ -53,7 +53,7 @@ const NOISE: &str = "The line disturbs bytes: check cable, termination and groun
 /// Blocks that did not come back.
 pub const BLOCKS_LOST: MeasurementSpec =
     count("blocks_lost", "Whole blocks vanish: check the cable, then the receiver of the module.");
-/// Bytes that came back altered, or not.
+/// Bytes that came back altered or did not come back.
 pub const BYTES_WRONG: MeasurementSpec =
     count("bytes_wrong", "Bytes come back altered: suspect the module's SCI or its transceiver.");
 /// Framing errors that the module counts.
@@ -92,10 +92,10 @@ pub const FRAMES_ALTERED: MeasurementSpec =
 /// Test frames that came back before an earlier one, or twice.
 pub const FRAMES_OUT_OF_ORDER: MeasurementSpec =
     count("frames_out_of_order", "Frames overtake each other: suspect the module's mailboxes or firmware.");
-/// The controller's counter of errors on sending.
+/// The controller's error counter for sending.
 pub const TX_ERROR_COUNTER: MeasurementSpec =
     count("tx_error_counter", "The module's controller counts errors on sending: check cable and termination.");
-/// Its counter of errors on receiving.
+/// The controller's error counter for receiving.
 pub const RX_ERROR_COUNTER: MeasurementSpec = count(
     "rx_error_counter",
     "The module's controller counts errors on receiving: check cable, termination, bit rate.",

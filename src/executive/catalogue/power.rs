@@ -1,4 +1,4 @@
-//! The module's supply, switched again and again.
+//! The module's supply, switched off and on several times.
 
 use super::shared::quantity;
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number};
@@ -9,12 +9,12 @@ const CURRENT: &str = "Compare the cycles in the details: a module that draws ot
 const OFF: &str =
     "Something feeds the module with its supply off: check the board's switch, and lines that lead to other devices.";
 
-/// Cycles that came to their end.
+/// Completed cycles.
 pub const CYCLES_DONE: MeasurementSpec = count("cycles_done", "The test ended early: see the log of this item.");
-/// Cycles in which the module did not say who it is before `identity_timeout`.
+/// Cycles in which the module did not report its identity before `identity_timeout`.
 pub const STARTS_MISSED: MeasurementSpec =
     count("starts_missed", "The module does not start each time: suspect its supplies, its reset and its boot flash.");
-/// Board time from the request for power to the first identity, of the slowest cycle.
+/// Board time from the request for power to the first identity, in the slowest cycle.
 pub const TIME_TO_IDENTITY: MeasurementSpec = number(
     "time_to_identity",
     Unit::Second,

@@ -3,12 +3,12 @@
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, if_integer, number, text};
 use crate::quantity::{Dimension, Unit};
 
-/// Serial number that the module says.
+/// Serial number that the module reports.
 pub const SERIAL_NUMBER: MeasurementSpec = text(
     "serial_number",
     "Compare the label of the module with the scanned number: another module may be in the socket.",
 );
-/// Part number that the module says.
+/// Part number that the module reports.
 pub const PART: MeasurementSpec =
     text("part", "Another type of module is in the socket, or its identity was never written.");
 /// Version of its hardware.
@@ -19,14 +19,14 @@ pub const FIRMWARE: MeasurementSpec = text("firmware", "Load the firmware that t
 /// Version of the protocol between slave board and module.
 pub const PROTOCOL: MeasurementSpec =
     count("protocol", "Firmware of the slave test board and station do not speak the same version.");
-/// Voltage at the socket with the module at work.
+/// Voltage at the socket while the module works.
 pub const SUPPLY_VOLTAGE: MeasurementSpec = number(
     "supply_voltage",
     Unit::Volt,
     Dimension::Voltage,
     "Check the 5 V supply at the test socket and its contacts.",
 );
-/// Current into the module at work.
+/// Current into the module while it works.
 pub const SUPPLY_CURRENT: MeasurementSpec = number(
     "supply_current",
     Unit::Ampere,
@@ -34,28 +34,29 @@ pub const SUPPLY_CURRENT: MeasurementSpec = number(
     "Too much: look for a short or a wrongly placed part; too little: a part is missing or does not start.",
 );
 
-/// Who is in the socket.
+/// The identity of the module in the socket.
 pub(super) static IDENTITY: ItemSpec = ItemSpec {
     title: "Identity and supply",
     params: &[],
     measurements: &[SERIAL_NUMBER, PART, HARDWARE, FIRMWARE, PROTOCOL, SUPPLY_VOLTAGE, SUPPLY_CURRENT],
     devices: &[Device::Slave],
-    // Its second look at the supply settles like a switch: no stream may start in it, and no other item add its current.
+    // The second look at the supply settles like a switch. No stream may start in it, and no other item may add its
+    // current.
     resources: &[Resource::Power],
     needs: &[],
     timeout_s: 5.0,
 };
 
-/// Errors of one core of the DSP.
+/// Measurements of errors in one core of the DSP.
 #[derive(Debug)]
 pub struct CoreSpec {
-    /// Registers that read otherwise than they were written.
+    /// Registers that do not read back as they were written.
     pub register_errors: MeasurementSpec,
-    /// Words of its memory that do.
+    /// Memory words that do not read back as they were written.
     pub memory_errors: MeasurementSpec,
     /// Integer results that differ from the host's.
     pub integer_errors: MeasurementSpec,
-    /// Floating-point results that do.
+    /// Floating-point results that differ from the host's.
     pub float_errors: MeasurementSpec,
 }
 
@@ -128,23 +129,23 @@ const WORST: &str = "Single intervals are off: look for interrupts that are bloc
 const JITTER: &str = "The intervals scatter: look for interrupts that are blocked, or noise on the clock.";
 const MISSING: &str = "Interrupts were lost (positive) or came without cause (negative): suspect the interrupt line.";
 
-/// The intervals of one length of a timer.
+/// Measurements of a timer's intervals of one length.
 #[derive(Debug)]
 pub struct IntervalSpec {
     /// Mean interval.
     pub mean: MeasurementSpec,
-    /// Largest deviation of a single interval from the nominal one, as a part of it.
+    /// Largest deviation of a single interval from the nominal one, as a fraction of it.
     pub worst: MeasurementSpec,
     /// Standard deviation of the intervals.
     pub jitter: MeasurementSpec,
 }
 
-/// One timer.
+/// Measurements of one timer.
 #[derive(Debug)]
 pub struct TimerSpec {
     /// Intervals of 500 us, 1 ms, 2 ms and 5 ms.
     pub intervals: [IntervalSpec; 4],
-    /// Interrupts that were lost, or came without cause, over all lengths.
+    /// Interrupts that were lost or came without a cause, over all lengths.
     pub interrupts_missing: MeasurementSpec,
 }
 

@@ -1,4 +1,4 @@
-//! Whole calibrations after power cycles: how far their scale factors and couplings agree.
+//! Whole calibrations after power cycles: how well their scale factors and couplings agree.
 
 use super::shared::{
     ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, FAILED_READS, GEOMETRY, GRAVITY_U, POSE_U, POSITIONS, RAMP, RATE,
@@ -25,7 +25,7 @@ const CALIBRATIONS: ParamSpec = ParamSpec {
     kind: ParamKind::Integer { min: 2, max: 50, default: 6 },
 };
 
-/// Positions and rotations, again after each power-on.
+/// Positions and rotations, repeated after each power-on.
 pub(super) static SCALE_FACTOR_REPEATABILITY: ItemSpec = ItemSpec {
     title: "Scale factor repeatability",
     params: &[
@@ -68,7 +68,7 @@ pub(super) static SCALE_FACTOR_REPEATABILITY: ItemSpec = ItemSpec {
     timeout_s: 80_000.0,
 };
 
-/// Calibration q judged with the coefficients of the first.
+/// The later calibrations judged with the coefficients of the first one.
 pub(super) static CROSS_COUPLING: ItemSpec = ItemSpec {
     title: "Cross coupling after compensation",
     params: &[

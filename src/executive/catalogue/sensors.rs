@@ -16,7 +16,7 @@ pub const GYRO: [MeasurementSpec; 3] = [
     number("gyro_y", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_RATE),
     number("gyro_z", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_RATE),
 ];
-/// Standard deviation of each.
+/// Standard deviation of each gyroscope.
 pub const GYRO_NOISE: [MeasurementSpec; 3] = [
     number("gyro_x_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_SCATTER),
     number("gyro_y_noise", Unit::DegreePerSecond, Dimension::AngularRate, GYRO_SCATTER),
@@ -28,7 +28,7 @@ pub const ACCEL: [MeasurementSpec; 3] = [
     number("accel_y", Unit::Gravity, Dimension::Acceleration, ACCEL_FORCE),
     number("accel_z", Unit::Gravity, Dimension::Acceleration, ACCEL_FORCE),
 ];
-/// Standard deviation of each.
+/// Standard deviation of each accelerometer.
 pub const ACCEL_NOISE: [MeasurementSpec; 3] = [
     number("accel_x_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_SCATTER),
     number("accel_y_noise", Unit::Milligravity, Dimension::Acceleration, ACCEL_SCATTER),
@@ -101,10 +101,10 @@ pub(super) static IMU: ItemSpec = ItemSpec {
 const BOARD_CLOCK: &str = "The oscillator of the slave board is off: have it looked at.";
 const PLACE: &str = "Check that the antenna sees the sky, and that its place in the bench file is right.";
 
-/// What a receiver says under a good checksum that cannot be.
+/// The hint for impossible values under a good checksum.
 const RECEIVER: &str = "The line is good, but what the receiver says cannot be: suspect the receiver or its firmware.";
 
-/// 3D, 2D, "dimensions unknown", "lost", or why there is none.
+/// 3D, 2D, "dimensions unknown", "lost", or why there is no fix.
 pub const FIX_TYPE: MeasurementSpec = text(
     "fix_type",
     "No fix: check antenna, cable and sky; 2D: too few satellites; dimensions unknown: the receiver says no GSA.",
@@ -115,9 +115,9 @@ pub const LATITUDE: MeasurementSpec = number("latitude", Unit::Degree, Dimension
 pub const LONGITUDE: MeasurementSpec = number("longitude", Unit::Degree, Dimension::Angle, PLACE);
 /// Mean height above the ellipsoid.
 pub const HEIGHT: MeasurementSpec = number("height", Unit::Metre, Dimension::Length, PLACE);
-/// Distance of the mean place from the surveyed one, in the horizontal.
+/// Horizontal distance of the mean place from the surveyed one.
 pub const HORIZONTAL_ERROR: MeasurementSpec = number("horizontal_error", Unit::Metre, Dimension::Length, PLACE);
-/// The same of the height.
+/// Difference of the mean height from the surveyed one.
 pub const HEIGHT_ERROR: MeasurementSpec = number("height_error", Unit::Metre, Dimension::Length, PLACE);
 /// Mean speed over ground.
 pub const GROUND_SPEED: MeasurementSpec = number(
@@ -128,7 +128,7 @@ pub const GROUND_SPEED: MeasurementSpec = number(
 );
 /// Fewest satellites used in an epoch.
 pub const SATELLITES_USED: MeasurementSpec = count("satellites_used", "Few satellites: check antenna, cable and sky.");
-/// From the first sentence after the restart to the first fix.
+/// Time from the first sentence after the restart to the first fix.
 pub const TIME_TO_FIX: MeasurementSpec = number(
     "time_to_fix",
     Unit::Second,
@@ -150,7 +150,7 @@ pub const PPS_PERIOD_ERROR: MeasurementSpec = number(
     Dimension::Time,
     "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
 );
-/// How far the board's clock is off, by the pulses.
+/// Error of the board's clock, measured by the pulses.
 pub const BOARD_CLOCK_ERROR: MeasurementSpec = ppm("board_clock_error", BOARD_CLOCK);
 /// Sentences that arrived broken.
 pub const SENTENCE_ERRORS: MeasurementSpec = count(
@@ -160,14 +160,14 @@ pub const SENTENCE_ERRORS: MeasurementSpec = count(
 /// Sentences without a checksum.
 pub const SENTENCES_UNCHECKED: MeasurementSpec =
     count("sentences_unchecked", "The receiver says no checksums: switch them on, so that the line is checked.");
-/// Values that cannot be, under a good checksum.
+/// Impossible values under a good checksum.
 pub const RECEIVER_FAULTS: MeasurementSpec = count("receiver_faults", RECEIVER);
-/// The first of them, or "none".
+/// The first of these faults, or "none".
 pub const RECEIVER_FAULT: MeasurementSpec = text("receiver_fault", RECEIVER);
 /// Frames of another protocol.
 pub const FOREIGN_FRAMES: MeasurementSpec =
     count("foreign_frames", "The receiver says another protocol beside NMEA: check how its port is set.");
-/// Epochs of a moment that was told before.
+/// Epochs with a time that was sent before.
 pub const EPOCHS_REPEATED: MeasurementSpec =
     count("epochs_repeated", "The receiver says the same moment again: its clock stands, or it plays something back.");
 /// Spans of 1024 weeks by which the date is too early.
@@ -228,12 +228,12 @@ const AD_OFF: &str = "The channel reads something with its switch off: look for 
 const MAG_SWEEP: &str =
     "The reading does not follow the heading as the field does: look for iron nearby, then suspect the magnetometer.";
 
-/// A channel behind a DIP switch.
+/// Measurements of a channel behind a DIP switch.
 #[derive(Debug)]
 pub struct SwitchedSpec {
-    /// Its mean with its own switch on and all others off.
+    /// Mean with the channel's own switch on and all others off.
     pub on: MeasurementSpec,
-    /// Its mean with all switches off.
+    /// Mean with all switches off.
     pub off: MeasurementSpec,
 }
 
@@ -260,12 +260,12 @@ pub const SWITCHED: [SwitchedSpec; 5] = [
         off: number("ad8_off", Unit::Volt, Dimension::Voltage, AD_OFF),
     },
 ];
-/// How far the field along X and Y sweeps over a turn.
+/// Span of the field along X and Y over a turn.
 pub const MAG_SPAN: [MeasurementSpec; 2] = [
     number("mag_x_span", Unit::Gauss, Dimension::MagneticField, MAG_SWEEP),
     number("mag_y_span", Unit::Gauss, Dimension::MagneticField, MAG_SWEEP),
 ];
-/// Largest change of a channel when the switch of another one is flipped.
+/// Largest change of a channel when the switch of another channel is flipped.
 pub const CROSSTALK: MeasurementSpec = number(
     "crosstalk",
     Unit::Millivolt,

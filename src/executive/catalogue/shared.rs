@@ -1,16 +1,17 @@
-//! What the items of calibration and performance share: parameters of captures and of uncertainty, units of figures.
+//! Parts that the items of calibration and performance share: parameters of captures and of uncertainty, units of
+//! figures.
 
 use super::{ItemId, MeasurementSpec, ParamKind, ParamSpec, When, number};
 use crate::quantity::{Dimension, Unit};
 
-/// What an item works with whose figures are those of calibrated sensors.
+/// The needs of an item whose figures are those of calibrated sensors.
 pub(super) const CALIBRATED: &[(ItemId, Option<When>)] =
     &[(ItemId::SixPosition, None), (ItemId::GyroStill, None), (ItemId::Rotation, None)];
 
 const GYRO: Option<When> = Some(When::HasText { param: "sensors", element: "gyro" });
 
-/// The same for an item that judges both triads or one: the gyroscopes' g-sensitivity is taken out with the force that
-/// the accelerometers measure.
+/// The same needs for an item that judges both triads or one. The gyroscopes' g-sensitivity is removed with the force
+/// that the accelerometers measure.
 pub(super) const COMPENSATED: &[(ItemId, Option<When>)] =
     &[(ItemId::SixPosition, None), (ItemId::GyroStill, GYRO), (ItemId::Rotation, GYRO)];
 
@@ -54,14 +55,14 @@ pub(super) const POSE_U: ParamSpec =
 pub(super) const GRAVITY_U: ParamSpec =
     quantity("gravity_u", "standard uncertainty of local gravity", Unit::PartsPerMillion, (0.0, 3000.0), 30.0);
 
-/// Whether headings are those that the record says.
+/// Whether the headings are as the record states them.
 pub(super) const HEADING: ParamSpec = ParamSpec {
     name: "heading",
     about: "whether the headings of the fixture are true ones: if not, the horizontal earth rate stays in the figure",
     kind: ParamKind::Choice { of: &["known", "unknown"], default: "known" },
 };
 
-/// How well they are.
+/// How well the headings are known.
 pub(super) const HEADING_U: ParamSpec =
     quantity("heading_u", "standard uncertainty of a known heading", Unit::Degree, (0.0, 90.0), 0.5);
 
@@ -83,7 +84,7 @@ pub(super) const SPAN: ParamSpec = quantity("span", "time of each turn", Unit::S
 pub(super) const RAMP: ParamSpec =
     quantity("ramp", "time of each of the two ramps within a turn", Unit::Second, (0.05, 60.0), 0.5);
 
-/// Rotation: stillness after it; half a second at least comes before it.
+/// Rotation: stillness after a turn; at least half a second of stillness comes before it.
 pub(super) const REST: ParamSpec = quantity("rest", "stillness after each turn", Unit::Second, (1.0, 600.0), 10.0);
 
 /// Rotation: samples a second.
@@ -101,7 +102,8 @@ pub(super) const GEOMETRY: ParamSpec = ParamSpec {
 pub(super) const ANGLE_U: ParamSpec =
     quantity("angle_u", "standard uncertainty of the angle of a turn", Unit::Degree, (0.0, 10.0), 0.003);
 
-/// Rotation: how well the sample clock is known. 29 ppm are a crystal of +-50 ppm, every value as likely.
+/// Rotation: how well the sample clock is known. 29 ppm is the standard uncertainty of a crystal of +-50 ppm, with all
+/// values equally likely.
 pub(super) const CLOCK_U: ParamSpec = quantity(
     "clock_u",
     "standard uncertainty of the sample clock, unless an item before has measured it by 1PPS",
@@ -110,13 +112,13 @@ pub(super) const CLOCK_U: ParamSpec = quantity(
     29.0,
 );
 
-/// The samples' rate against true time.
+/// Error of the samples' rate against true time.
 pub const SAMPLE_RATE: MeasurementSpec = ppm(
     "sample_rate_error",
     "The oscillator of the slave board is off, or that of this computer: compare both with a counter.",
 );
 
-/// Rotation: what is believed of a scale factor.
+/// Rotation: the scale factors that are accepted as possible.
 pub(super) const BAND: ParamSpec =
     quantity("band", "half width of the band around the nominal scale factor", Unit::Percent, (0.1, 50.0), 5.0);
 
@@ -144,22 +146,22 @@ pub(super) const fn degc(name: &'static str, look_at: &'static str) -> Measureme
     number(name, Unit::DegreeCelsius, Dimension::Temperature, look_at)
 }
 
-/// Reads that a chip did not answer, of all samples that the item used.
+/// Reads without an answer of a chip, as a fraction of all samples that the item used.
 pub const FAILED_READS: MeasurementSpec = percent(
     "failed_reads",
     "A failed read gives 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
 );
 
-/// Samples that repeat the one before on all channels, of all samples that the item used.
+/// Samples that repeat the one before on all channels, as a fraction of all samples that the item used.
 pub const STALE_SAMPLES: MeasurementSpec = percent(
     "stale_samples",
     "The sensor is read more often than it updates, or it stops at times: compare its output rate with that of the stream.",
 );
 
-/// Samples far from their neighbours on both sides, of all samples that the item used.
+/// Samples far from their neighbours on both sides, as a fraction of all samples that the item used.
 pub const SPIKES: MeasurementSpec =
     percent("spikes", "Single samples jump: look for loose contacts and disturbances, then suspect the sensor.");
 
-/// Why a temperature or its drift may be out of its limit.
+/// The hint for a temperature or its drift outside its limit.
 pub(super) const WARM: &str =
     "The calibration holds for one constant temperature: let the module settle, and keep draughts away.";

@@ -51,7 +51,7 @@ fn the_table_is_consistent() {
     }
 }
 
-/// Items work with what others find before them in the table, so that its order is one in which they can run.
+/// Items use results of items before them in the table, so they can run in the order of the table.
 #[test]
 fn needs_stand_before() {
     let position = |item: ItemId| ItemId::ALL.iter().position(|other| *other == item);
@@ -99,7 +99,7 @@ fn counts_of_measurements_are_those_of_the_specification() {
         (ItemId::Identity, 7),
         (ItemId::Cpu, 2 * 4),
         (ItemId::Timers, 3 * (4 * 3 + 1)),
-        // Five patterns, and two more.
+        // Five patterns, and two other measurements.
         (ItemId::InternalRam, 5 + 2),
         (ItemId::Sdram, 5 + 2),
         (ItemId::SpiFlash, 5),
@@ -110,7 +110,7 @@ fn counts_of_measurements_are_those_of_the_specification() {
         (ItemId::Io, 3),
         (ItemId::Spi, 3),
         (ItemId::Sci, 6),
-        // Its seven, and what the host's adapter saw.
+        // Seven measurements of the item, and one of the host's adapter.
         (ItemId::Can, 7 + 1),
         // Biases, scales, couplings, angles.
         (ItemId::SixPosition, 3 + 3 + 6 + 3 + 3 + OF_SAMPLES),
@@ -127,7 +127,7 @@ fn counts_of_measurements_are_those_of_the_specification() {
         (ItemId::Psd, 12 + OF_SAMPLES),
         (ItemId::MagnetometerEllipse, 13 + OF_SAMPLES),
         (ItemId::MagnetometerEllipsoid, 14 + OF_SAMPLES),
-        // With the board's clock.
+        // The error of the board's clock is one of them.
         (ItemId::GnssAccuracy, 9),
         (ItemId::CalibrationDownload, 4),
         (ItemId::CalibrationCheck, 8 + OF_SAMPLES),
@@ -137,5 +137,5 @@ fn counts_of_measurements_are_those_of_the_specification() {
     }
 }
 
-/// What every item measures that captures samples: how far their rate is off true time, and three kinds of bad ones.
+/// Measurements of every item that captures samples: the error of their rate, and three kinds of bad samples.
 const OF_SAMPLES: usize = 4;

@@ -6,7 +6,7 @@ use crate::measurement::Value;
 use crate::plan::MAX_ITEMS;
 use crate::test_run::{EVERYTHING, FUNCTIONAL, TestRun, header, job, plan};
 
-/// Runs a job with given outcomes, the next one for each attempt, and writes down what happened.
+/// Runs a job with given outcomes, one for each attempt, and writes down what happened.
 fn play(job: &Job, outcomes: &[(&str, &[Outcome])], stop: Option<(usize, StopHow)>) -> String {
     let mut header = header();
     header.selection = job.selection().map(<[String]>::to_vec);
@@ -129,7 +129,7 @@ fn errored_items_are_tried_again_and_failed_ones_only_if_the_plan_says_so() {
     internal-flash passed
     run passed
     "#);
-    // The fourth attempt of cpu is never made, and a failed one is not repeated.
+    // The fourth attempt of cpu does not happen, and a failed attempt is not repeated.
     insta::assert_snapshot!(play(&job, &[("cpu", &[Errored, Errored, Errored])], None), @r#"
     identity attempt 1
     identity passed
@@ -276,7 +276,7 @@ fn a_bench_that_lacks_devices() {
         |      ^^^^^
         = try: connect a CAN adapter, or call the item optional with optional = true
     "#);
-    // What is not selected needs nothing.
+    // An item that is not selected needs no device.
     let only = ["cpu".to_owned()];
     assert!(Job::new(plan(&strict), bench, Some(&only)).is_ok());
     let nothing = BenchAbilities { rs422: false, can: false, operator: false };
@@ -314,11 +314,11 @@ fn what_shares_nothing_runs_at_once() {
         begun
     };
     let outcome = Outcome::Passed;
-    // Nothing runs beside identity, during which the supply settles.
+    // The supply settles during identity, so no other item runs beside it.
     assert_eq!(begin(&mut run), ["identity"]);
     run.emit(EventKind::AttemptEnded { item: "identity".to_owned(), attempt: 1, outcome, error: None });
     run.emit(EventKind::ItemEnded { item: "identity".to_owned(), outcome, cause: None });
-    // cpu takes the processor, which timers and sdram need too; ad would turn what imu needs still.
+    // cpu takes the processor, which timers and sdram need too. ad would turn the module, which imu needs still.
     assert_eq!(begin(&mut run), ["cpu", "imu", "can"]);
     run.emit(EventKind::AttemptEnded { item: "imu".to_owned(), attempt: 1, outcome, error: None });
     assert_eq!(job.next_overlapping(&run.state), Next::End { item: 4, outcome });
@@ -340,7 +340,7 @@ fn any_outcome() -> impl Strategy<Value = Outcome> {
 }
 
 proptest! {
-    /// Whatever happens, the run ends, overlapping or not, and ends good only if every required item is good.
+    /// In every case the run ends, overlapping or not. It ends good only if every required item is good.
     #[test]
     fn every_run_ends(
         seed in proptest::collection::vec(any_outcome(), 40),
@@ -408,7 +408,7 @@ fn an_attempt_that_others_spoilt_does_not_count() {
     let mut run = TestRun::new(&job, header());
     let outcome = Outcome::Errored;
     for attempt in 1..=4 {
-        // One try is all that the plan grants; those that another item spoilt come on top, up to three.
+        // The plan grants one try. Tries that another item spoilt come on top, up to three.
         assert_eq!(run.settle(&job), Next::Run { item: 0, attempt });
         run.emit(EventKind::ItemStarted { item: "io".to_owned(), attempt });
         let error = crate::event::AttemptError { text: String::new(), hint: String::new(), again: attempt < 4 };
@@ -438,7 +438,7 @@ fn the_critical_path_is_the_longest_chain_or_the_fullest_resource() {
     assert_eq!(job.critical_path(&|_| None), None);
 }
 
-/// Kept as a list for each of its items, such a chain took 1.6 GB.
+/// With a list for each of its items, such a chain took 1.6 GB.
 #[test]
 fn the_longest_chain_that_a_plan_may_hold_is_found() {
     let mut text = "name = \"p\"\nversion = \"1\"\n".to_owned();

@@ -1,4 +1,4 @@
-//! What a later version of the station may have written, told from damage.
+//! Content that a later version of the station may have written, as opposed to damage.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::event::{EVENTS_SCHEMA, EventKind};
 
-/// What serde says of a name that an enum does not have, up to the name itself.
+/// The beginning of serde's message about an unknown name of an enum.
 const UNKNOWN_NAME: &str = "unknown variant `";
 
 /// Something in a journal that this version of the station does not know. The texts are from outside.
@@ -38,17 +38,17 @@ impl fmt::Display for Unknown {
     }
 }
 
-/// A schema that counts on from the one of this version; `None` if it is this one or none of the station's.
+/// A schema with a higher number than this version's; `None` if it is this version's schema or not one of the
+/// station's.
 pub(super) fn schema(schema: &str) -> Option<Unknown> {
     let (ours, version) = EVENTS_SCHEMA.rsplit_once('/')?;
     let later: u32 = schema.strip_prefix(ours)?.strip_prefix('/')?.parse().ok()?;
     (later > version.parse().ok()?).then(|| Unknown::Schema(schema.to_owned()))
 }
 
-/// What this version does not know in a line that it cannot read; `None` if the line is damaged.
+/// The content that this version does not know in a line that it cannot read; `None` if the line is damaged.
 ///
-/// The line must be whole and have what every event has: its number, which is the one that is due, both times and a
-/// kind.
+/// The line must be whole and have the parts of every event: the number that is due, both times and a kind.
 pub(super) fn unknown(line: &[u8], error: &serde_json::Error, due_seq: u64) -> Option<Unknown> {
     let event: Value = serde_json::from_slice(line).ok()?;
     let is_event = event["seq"] == due_seq && event["at"].is_string() && event["elapsed_us"].is_u64();

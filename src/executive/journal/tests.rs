@@ -29,7 +29,7 @@ fn the_stored_run_is_the_live_run() {
     }
 }
 
-/// The form of the lines is read by other programs: a change here is a change of the schema.
+/// Other programs read the form of the lines: a change here is a change of the schema.
 #[test]
 fn lines_have_their_form() {
     let (bytes, _, _) = stored();
@@ -45,14 +45,14 @@ fn lines_have_their_form() {
     "#);
 }
 
-/// Power may fail at any byte: the journal then reads as the run up to its last whole event.
+/// Power may fail at any byte. The journal then reads as the run up to its last whole event.
 #[test]
 fn a_journal_may_be_cut_anywhere() {
     let (bytes, _, events) = stored();
     for cut in 0..bytes.len() {
         let journal = fold(&bytes[..cut]).unwrap();
         let mut expected = RunState::new();
-        // Whole lines, and a last one of which only the line feed is missing.
+        // Whole lines, and a last line that may lack only its line feed.
         let ends: Vec<usize> = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').map(|(at, _)| at).collect();
         for event in &events[..ends.iter().filter(|end| **end <= cut).count()] {
             expected.apply(event).unwrap();
@@ -60,7 +60,7 @@ fn a_journal_may_be_cut_anywhere() {
         assert_eq!(journal.state, expected, "cut at {cut}");
         assert_eq!(journal.good_bytes + journal.cut_bytes, cut);
         assert!(journal.state.outcome().is_none() || cut + 1 == bytes.len());
-        // A file system that had no time for the data leaves zero bytes; every 16th place tells enough of that.
+        // A file system that had no time for the data leaves zero bytes. Every 16th place suffices for this test.
         if cut % 16 == 0 {
             let mut zeros = bytes[..cut].to_vec();
             zeros.extend([0; 100]);
@@ -110,14 +110,14 @@ fn damaged_journals_are_refused() {
     "#);
 }
 
-/// What a later version adds is told apart from damage, wherever it stands; the line is named in the order of the file.
+/// Content of a later version is told from damage at every place. The error names the line by its number in the file.
 #[test]
 fn a_newer_journal_is_not_damage() {
     let (bytes, _, _) = stored();
     let text = String::from_utf8(bytes).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     let last = lines.len() - 1;
-    // One name in one line is another one.
+    // Each case replaces one name in one line.
     let told = |at: usize, from: &str, to: &str| {
         assert!(lines[at].contains(from), "{from} is not in {}", lines[at]);
         let changed = lines[at].replacen(from, to, 1);
@@ -133,7 +133,7 @@ fn a_newer_journal_is_not_damage() {
     assert_eq!(told(4, "\"measured\"", "\"weighed\""), newer(5, "event `weighed`"));
     assert_eq!(told(last, "\"run_ended\"", "\"run_sealed\""), newer(last + 1, "event `run_sealed`"));
     assert_eq!(told(0, "gnc-events/1", "gnc-events/2"), newer(1, "schema `gnc-events/2`"));
-    // Whatever else is new in it.
+    // A new schema counts whatever else is new in the line.
     assert_eq!(
         told(0, "gnc-events/1\",\"serial_number\"", "gnc-events/12\",\"number\""),
         newer(1, "schema `gnc-events/12`")
@@ -147,7 +147,7 @@ fn a_newer_journal_is_not_damage() {
         newer(last + 1, "value `nearly_errored` in event `run_ended`")
     );
     assert_eq!(told(4, "\"unit\":null", "\"unit\":\"parsec\""), newer(5, "value `parsec` in event `measured`"));
-    // From outside, so it may hold anything.
+    // The text is from outside, so it may hold anything.
     assert_eq!(told(4, "\"measured\"", "\"\\u001b[2J\""), newer(5, "event `\\u{1b}[2J`"));
 }
 
@@ -176,7 +176,7 @@ fn damage_is_not_a_newer_version() {
     }
 }
 
-/// A line that was cut off is cut off, whatever it was going to say; a whole one is read even if its end is missing.
+/// A line that was cut off is ignored, known or not. A whole line is read even if its end is missing.
 #[test]
 fn an_unknown_event_may_be_cut_off() {
     let (bytes, _, events) = stored();
@@ -191,7 +191,7 @@ fn an_unknown_event_may_be_cut_off() {
     assert!(matches!(whole, Err(JournalError::Newer { line: 2, .. })), "{whole:?}");
 }
 
-/// The list of known kinds is that of the parser, which names it when it meets another one.
+/// The list of known kinds is that of the parser, which names its list when it finds an unknown kind.
 #[test]
 fn the_list_of_kinds_is_whole() {
     let at = "2026-11-22T14:30:15+08:00";
@@ -214,7 +214,7 @@ fn any_value() -> impl Strategy<Value = Value> {
 }
 
 proptest! {
-    /// Whatever is measured and whatever texts come from outside, the journal gives back the run that was.
+    /// For any measured values and any texts from outside, the journal gives back the same run.
     #[test]
     fn fold_of_the_file_is_the_live_fold(
         values in proptest::collection::vec((0usize..7, any_value()), 0..12),
@@ -232,7 +232,7 @@ proptest! {
         prop_assert_eq!(text.lines().count(), run.events.len());
         let journal = fold(text.as_bytes()).unwrap();
         prop_assert_eq!(&journal.state, &run.state);
-        // And what is shown of it holds no control character.
+        // The log of it holds no control character.
         let log = log_txt(&RunRecord::from_state(&journal.state).unwrap());
         prop_assert!(!log.chars().any(|c| c.is_control() && c != '\n'));
     }

@@ -42,7 +42,7 @@ fn the_grammar() {
     assert_eq!(text("== $serial_number"), Limit::Text(Expected::SerialNumber));
 }
 
-/// Every refusal, as the writer of a plan reads it.
+/// Every refusal, as the writer of a plan sees it.
 #[test]
 fn refusals() {
     let mut out = String::new();
@@ -224,7 +224,7 @@ proptest! {
         }
     }
 
-    /// Against an oracle in whole milliseconds, where nothing rounds.
+    /// The judgement is compared with one in whole milliseconds, where nothing is rounded.
     #[test]
     fn judgement_agrees_with_whole_numbers(
         low in -1000i64..1000,

@@ -41,7 +41,7 @@ fn what_is_not_a_number_is_errored_and_keeps_its_name() {
         assert!(measurement.is_available());
         assert_eq!(measurement.value_text(), raw);
     }
-    // A finite number that is too large for the limit's unit is no number there either.
+    // A finite number that is too large for the limit's unit becomes infinite there.
     let measurement =
         Measurement::judge("t", &Value::number(1e308, Unit::Hour), Unit::Second, Some(&limit), Decision::Simple, "");
     assert_eq!((measurement.outcome, measurement.raw.as_deref()), (Some(Outcome::Errored), Some("inf")));
@@ -55,7 +55,7 @@ fn without_a_limit_it_is_information() {
     let measurement =
         Measurement::judge("t", &Value::number(f64::NAN, Unit::Second), Unit::Second, None, Decision::Simple, "");
     assert_eq!((measurement.outcome, measurement.value.clone()), (None, Reading::Null));
-    // A procedure that yields another dimension is shown as it is.
+    // A value of another dimension is shown in the procedure's unit.
     let measurement =
         Measurement::judge("t", &Value::number(1.0, Unit::Volt), Unit::Second, None, Decision::Simple, "");
     assert_eq!(measurement.value_text(), "1 V");
@@ -108,7 +108,7 @@ fn numbers_come_back_exactly() {
     }
 }
 
-/// Interval and rule are recorded with the value, in the unit of its limit, so that the judgement can be repeated.
+/// Interval and rule are recorded with the value, in the unit of its limit. So the judgement can be repeated.
 #[test]
 fn a_coverage_interval_is_recorded_and_counts() {
     let limit = limit("<= 10 deg/h", Dimension::AngularRate);
@@ -121,19 +121,19 @@ fn a_coverage_interval_is_recorded_and_counts() {
     );
     assert_eq!((measurement.value_text(), measurement.uncertainty_text()), ("9 deg/h".into(), "4.5 .. 22.5".into()));
     assert_eq!(judge(Decision::GuardBand).outcome, Some(Outcome::Failed));
-    // Half of it is 0.8 deg/h: k is not in the numbers, so it is recorded.
+    // Half the width is 0.8 deg/h. The numbers do not show k, so it is recorded.
     let value = Value::estimate(9.0, Unit::DegreePerHour, Uncertainty::symmetric(9.0, 0.4, 2.0, 0.95));
     let measurement = Measurement::judge("b", &value, Unit::DegreePerHour, Some(&limit), Decision::GuardBand, "");
     assert_eq!((measurement.outcome, measurement.uncertainty_text()), (Some(Outcome::Passed), "+- 0.8".into()));
     let back: Measurement = serde_json::from_str(&serde_json::to_string(&measurement).unwrap()).unwrap();
     assert_eq!(back, measurement);
-    // Nothing known of the interval: nobody can tell.
+    // Without a known interval there is no judgement.
     let value = Value::estimate(9.0, Unit::DegreePerHour, Uncertainty::interval(f64::NAN, 10.0, 0.95));
     let measurement = Measurement::judge("b", &value, Unit::DegreePerHour, Some(&limit), Decision::Simple, "");
     assert_eq!((measurement.outcome, measurement.uncertainty), (Some(Outcome::Errored), None));
 }
 
-/// Records from before there were intervals.
+/// Records from before coverage intervals are read.
 #[test]
 fn old_records_are_read() {
     let old = r#"{"name":"t","value":1.0,"unit":"s","low":null,"high":2.0,"expected":null,"outcome":"passed"}"#;

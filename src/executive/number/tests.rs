@@ -56,7 +56,7 @@ fn bounds_print_as_written() {
 proptest! {
     #[test]
     fn printing_keeps_the_side(bound in -1e6..1e6f64, steps in -3i32..=3) {
-        // Neighbours of the bound in the last place.
+        // The value is a neighbour of the bound in the last place.
         let mut value = bound;
         for _ in 0..steps.abs() {
             value = if steps > 0 { value.next_up() } else { value.next_down() };

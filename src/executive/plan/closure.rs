@@ -1,4 +1,4 @@
-//! A plan file and all that it includes.
+//! A plan file and all its includes.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -10,15 +10,15 @@ use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
 use crate::catalogue::ParamKind;
 
-/// Bytes of a path, as most systems have it.
+/// Bytes of a path: the limit of most systems.
 const PATH_BYTES: usize = 4096;
 
-/// What is needed to read a closure of files.
+/// The state of reading a plan with its includes.
 struct Reader<'l> {
     load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
     sources: Vec<SourceText>,
     items: Vec<RawItem>,
-    /// Some item or include could not be read, so that names may be unknown that are not wrong.
+    /// Whether an item or include could not be read; an unknown name may then be right.
     unreadable: bool,
     mistakes: Mistakes,
 }
@@ -55,9 +55,9 @@ pub(super) fn read(
 }
 
 impl Reader<'_> {
-    /// Reads one file; `chain` holds the files that include it, itself last.
+    /// Reads one file; `chain` holds the files that include it, with this file last.
     ///
-    /// A syntax error in any file ends everything; mistakes of meaning are collected.
+    /// A syntax error in any file ends the reading; mistakes of meaning are collected.
     fn file(&mut self, index: usize, chain: &mut Vec<usize>) -> Result<Head, Mistakes> {
         let source = self.sources[index].clone();
         let tree = parse(&source)?;
@@ -124,7 +124,7 @@ impl Reader<'_> {
         let index = self.sources.len();
         self.sources.push(SourceText::new(&name, bytes, MAX_PLAN_BYTES)?);
         chain.push(index);
-        // Name, version and on_fail of an included plan are its own: it may be run by itself too.
+        // Name, version and on_fail of an included plan are not used here: they serve when that plan runs by itself.
         self.file(index, chain)?;
         chain.pop();
         Ok(())
@@ -155,9 +155,9 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     Head { name: name.unwrap_or_default(), version: version.unwrap_or_default(), description, on_fail }
 }
 
-/// Orders the items by phase, gives each its requirements by position, and refuses names that stand twice.
+/// Orders the items by phase, gives each its requirements by position, and refuses doubled names.
 fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistakes: &mut Mistakes) -> Vec<PlanItem> {
-    // A stable sort: within a phase the order of the files stays.
+    // The sort is stable: within a phase the order of the files stays.
     raw.sort_by_key(|raw| raw.item.phase);
     let mut positions: HashMap<&str, usize> = HashMap::with_capacity(raw.len());
     for (position, RawItem { item, name_span, .. }) in raw.iter().enumerate() {
@@ -185,7 +185,7 @@ fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistake
     raw.into_iter().zip(requires).map(|(raw, requires)| PlanItem { requires, ..raw.item }).collect()
 }
 
-/// What is needed to find the items that others name.
+/// The data to find items by their names.
 struct Linker<'a> {
     raw: &'a [RawItem],
     positions: &'a HashMap<&'a str, usize>,
@@ -240,7 +240,7 @@ impl Linker<'_> {
         None
     }
 
-    /// The item whose captures are used makes captures of the right kind.
+    /// Checks that the item whose captures are used makes captures of the right kind.
     fn check_source(&self, position: usize, at: usize, span: &Span, mistakes: &mut Mistakes) {
         let (item, other) = (&self.raw[position].item, &self.raw[at].item);
         let kinds = item.id.spec().params.iter().find_map(|param| match param.kind {
@@ -256,7 +256,7 @@ impl Linker<'_> {
         }
     }
 
-    /// The calibration that the item works with is made before it.
+    /// Checks that the calibration that the item needs is made before it.
     fn check_needs(&self, position: usize, mistakes: &mut Mistakes) {
         let item = &self.raw[position].item;
         for (need, when) in item.id.spec().needs {
@@ -278,7 +278,7 @@ impl Linker<'_> {
 
 /// The name of an included file, relative to the folder of the file that includes it, without `.` and `..` inside.
 ///
-/// `None` for an absolute path: a folder of plans must stay whole when it is moved.
+/// `None` for an absolute path: a folder of plans must work after it is moved.
 fn joined(by: &str, include: &str) -> Option<String> {
     let unfit = include.is_empty() || include.len() > PATH_BYTES || include.contains('\\');
     if unfit || include.starts_with('/') || include.chars().any(char::is_control) {
@@ -296,7 +296,7 @@ fn joined(by: &str, include: &str) -> Option<String> {
             part => parts.push(part),
         }
     }
-    // A folder that is not given leaves an empty first part; that of an absolute one must stay.
+    // Without a folder the first part is empty and goes; with an absolute folder it must stay.
     if folder.is_empty() && !by.starts_with('/') && parts.first() == Some(&"") {
         parts.remove(0);
     }

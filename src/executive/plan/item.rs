@@ -8,19 +8,19 @@ use crate::catalogue::{ItemId, ParamKind};
 use crate::quantity::{Dimension, quantity_at};
 use crate::uncertainty::Decision;
 
-/// Characters of a name, which becomes a folder.
+/// Characters of a name. A name becomes a folder.
 pub(super) const NAME_CHARACTERS: usize = 64;
 
-/// Tries of an item: one that fails ten times will fail again.
+/// Most tries of an item: an item that fails ten times will fail again.
 const MAX_ATTEMPTS: i64 = 10;
 
-/// Rounds within an attempt: longer runs are loops, each with a record of its own.
+/// Most rounds within an attempt. Longer runs are loops; each round of a loop has its own record.
 const MAX_REPEATS: i64 = 1000;
 
 /// Shortest and longest time for an attempt.
 const TIMEOUT_S: (f64, f64) = (0.001, 86_400.0);
 
-/// Characters of a prompt: what fits on a screen.
+/// Most characters of a prompt: it must fit on a screen.
 const PROMPT_CHARACTERS: usize = 500;
 
 /// An item whose requirements are still names.
@@ -28,11 +28,11 @@ pub(super) struct RawItem {
     pub(super) item: PlanItem,
     pub(super) name_span: Span,
     pub(super) requires: Vec<(String, Span)>,
-    /// The item whose captures it uses.
+    /// The item whose captures this item uses.
     pub(super) source: Option<(String, Span)>,
 }
 
-/// Reads an item; `None` if it cannot be told which one it is, in which case its other keys cannot be judged.
+/// Reads an item; `None` if its kind is unknown, since its other keys cannot be checked then.
 pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> Option<RawItem> {
     let (id, id_span) = table.required_text("id", "write id = \"imu\", or another item of the table")?;
     let Some(id) = ItemId::from_id(id) else {
@@ -140,7 +140,7 @@ fn prompt(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Option<String> {
     Some(prompt.to_owned())
 }
 
-/// Refuses a name that is no folder's.
+/// Refuses a name that cannot be the name of a folder.
 pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
     let fit = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || matches!(byte, b'-' | b'_' | b'.');
     let first = name.bytes().next().is_some_and(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit());

@@ -8,7 +8,7 @@ use crate::catalogue::{ItemId, MeasurementSpec};
 use crate::limit::{Limit, LimitError, MeasurementKind};
 use crate::quantity::Unit;
 
-/// How exactly a key names a measurement; the more exact one counts.
+/// How exactly a key names a measurement; the more exact key counts.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Exactness {
     Pattern,
@@ -21,8 +21,8 @@ struct Written<'t> {
     marginal: Option<(&'t str, Span)>,
 }
 
-/// Reads the limits of an item, in the order of the catalogue; `None` if some were refused, so that nobody is told
-/// on top that there are none.
+/// Reads the limits of an item, in the order of the catalogue. `None` if some were refused; there is no second message
+/// about missing limits then.
 pub(super) fn read(
     walk: &Walk<'_>,
     table: Option<&TomlTable<'_, '_>>,
@@ -45,7 +45,7 @@ pub(super) fn read(
     (!refused || !limits.is_empty()).then_some(limits)
 }
 
-/// Reads one entry and gives its limit to every measurement that it names; `None` if it is refused.
+/// Reads one entry and gives its limit to every measurement that the entry names; `None` if it is refused.
 fn one(
     walk: &Walk<'_>,
     entry: &TomlEntry<'_, '_>,
@@ -84,7 +84,7 @@ fn one(
 
 fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &MeasurementSpec) -> Option<Limit> {
     let refuse = |span: &Span, error: &LimitError| {
-        // A pattern may reach measurements that its writer did not think of.
+        // A pattern may match measurements that its writer did not think of.
         let what = if key == measurement.name {
             error.to_string()
         } else {
@@ -100,7 +100,7 @@ fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &Measur
     }
 }
 
-/// The hint of an error; for a missing unit the unit in which the measurement is usually shown.
+/// The hint of an error. For a missing unit it names the unit in which the measurement is usually shown.
 fn hint(error: &LimitError, measurement: &MeasurementSpec) -> String {
     match (error, measurement.kind) {
         (LimitError::MissingUnit { number, .. }, MeasurementKind::Number(_)) if measurement.unit != Unit::Count => {
@@ -137,9 +137,9 @@ fn unknown(entry: &TomlEntry<'_, '_>, id: ItemId) {
     entry.key_mistake(what, hint);
 }
 
-/// Whether a pattern, in which `*` stands for any letters, matches a name.
+/// Whether a pattern matches a name; `*` in the pattern stands for any letters.
 ///
-/// The work is at most the product of both lengths: only the last `*` is ever tried again.
+/// The work is at most the product of both lengths: the search goes back only to the last `*`.
 fn matches(pattern: &str, name: &str) -> bool {
     let (pattern, name) = (pattern.as_bytes(), name.as_bytes());
     let (mut p, mut n) = (0, 0);

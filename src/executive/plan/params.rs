@@ -1,4 +1,4 @@
-//! Parameters of an item: those of the plan, checked against the catalogue, with its defaults for the others.
+//! Parameters of an item: the plan's values, checked against the catalogue, and defaults for the others.
 
 use std::collections::BTreeMap;
 
@@ -25,11 +25,11 @@ pub enum ParamValue {
     Choice(&'static str),
     /// Different texts of the catalogue's set, at least one.
     Choices(Vec<&'static str>),
-    /// Name of the item whose captures are used; `None`: its own.
+    /// Name of the item whose captures are used; `None` for the item's own.
     Source(Option<String>),
 }
 
-/// A procedure asks for a parameter that its item does not have in this form: a mistake in the procedure.
+/// A procedure asks for a parameter that its item does not have in this form. This is a mistake in the procedure.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the item has no parameter {name} that is {wanted}")]
 pub struct ParamError {
@@ -100,7 +100,7 @@ impl Params {
         }
     }
 
-    /// Name of the item whose captures are used; `None` where the item captures by itself.
+    /// Name of the item whose captures are used; `None` if the item captures by itself.
     ///
     /// # Errors
     /// The catalogue has no such parameter for the item.
@@ -123,7 +123,7 @@ impl Params {
     }
 }
 
-/// Reads the parameters of an item; a mistaken one counts with its default, so that the walk can go on.
+/// Reads the parameters of an item. A wrong one gets its default, so that the walk can go on.
 pub(super) fn read(table: Option<&TomlTable<'_, '_>>, id: ItemId) -> Params {
     let spec = id.spec();
     let mut params: BTreeMap<&'static str, ParamValue> =
@@ -187,7 +187,7 @@ fn value(entry: &TomlEntry<'_, '_>, name: &'static str, kind: &ParamKind) -> Opt
             }
             (!chosen.is_empty()).then_some(ParamValue::Choices(chosen))
         }
-        // Whether there is such an item before it is seen when all items are read.
+        // A later step checks whether such an item stands before this one, when all items are read.
         ParamKind::Source { of } => {
             let text = entry.value().as_str();
             if text.is_none() {
@@ -219,7 +219,7 @@ fn integers(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<Vec<i64>> {
     Some(numbers)
 }
 
-/// A value as it may stand in a message.
+/// A value in the form for a message.
 fn written(entry: &TomlEntry<'_, '_>) -> String {
     match entry.value() {
         Value::String(text) => quoted(text),

@@ -1,8 +1,8 @@
-//! The JSON Schema of plans, for editors: generated from the catalogue, so that it cannot disagree with the parser's
+//! The JSON Schema of plans, for editors: generated from the catalogue, so that it always agrees with the parser's
 //! items, parameters and measurements.
 //!
-//! An editor completes keys and marks unknown ones with it; units, order of bounds and requirements are checked by
-//! [`Plan::read`](super::Plan::read) alone.
+//! With it an editor completes keys and marks unknown ones. Only [`Plan::read`](super::Plan::read) checks units, order
+//! of bounds and requirements.
 
 use serde_json::{Map, Value, json};
 

@@ -40,7 +40,7 @@ fn a_realistic_plan_is_read() {
     assert_eq!(cpu.params.integer("operand_sets"), Ok(32));
     let timers = &plan.items()[2];
     assert_eq!(timers.params.integers("timers"), Ok([0, 2].as_slice()));
-    // Timer 1 is switched off, so the pattern leaves it out; the exact name counts more than the pattern.
+    // Timer 1 is switched off, so the pattern leaves it out. The exact name counts more than the pattern.
     assert_eq!(timers.limit("timer1_500us_mean"), None);
     assert_eq!(timers.limit("timer0_500us_mean"), Some(&range(499.0, 501.0, Unit::Microsecond, None)));
     assert_eq!(timers.limit("timer2_500us_mean"), Some(&range(0.49, 0.51, Unit::Millisecond, None)));
@@ -126,18 +126,18 @@ bits_tested = ">= 8"
     assert_eq!(judged(gnss, &[fix.clone(), height(40.5)]), Outcome::Marginal);
     assert_eq!(judged(gnss, &[fix.clone(), height(39.0)]), Outcome::Failed);
     assert_eq!(judged(gnss, &[fix.clone(), height(f64::NAN)]), Outcome::Errored);
-    // What never came, or is not available, cannot be told.
+    // A measurement that never came, or is not available, cannot be judged.
     assert_eq!(judged(gnss, std::slice::from_ref(&fix)), Outcome::Errored);
     assert_eq!(judged(gnss, &[]), Outcome::Errored);
     let unavailable = ("height", Value::NotAvailable("no fix".to_owned()));
     assert_eq!(judged(gnss, &[fix, unavailable.clone()]), Outcome::Errored);
-    // But without a fix there is no height, and that there is no fix is a violation.
+    // But without a fix there is no height, and the missing fix is a violation.
     let no_fix = ("fix_type", Value::text("none"));
     assert_eq!(judged(gnss, std::slice::from_ref(&no_fix)), Outcome::Failed);
     assert_eq!(judged(gnss, &[no_fix.clone(), unavailable]), Outcome::Failed);
-    // NaN is a number that the station could not make sense of: it says nothing about the module.
+    // NaN says nothing about the module: the station could not interpret the value.
     assert_eq!(judged(gnss, &[no_fix, height(f64::NAN)]), Outcome::Errored);
-    // Information alone is never a pass, except where nothing is tested.
+    // Information alone is never a pass, except if nothing is tested.
     assert_eq!(judged(gnss, &[("latitude", Value::number(1.0, Unit::Degree))]), Outcome::Errored);
     assert_eq!(judged(io, &[]), Outcome::Passed);
     let bits = ("bits_tested", Value::count(8));
@@ -163,7 +163,7 @@ proptest! {
         }
     }
 
-    /// The realistic plan with one piece of it replaced: the text that a slip of the hand makes.
+    /// The realistic plan with one piece replaced, as by a slip of the hand.
     #[test]
     fn any_slip_is_a_plan_or_mistakes(
         at in 0..FUNCTIONAL.len(),
@@ -187,7 +187,7 @@ proptest! {
     }
 }
 
-/// An item that uses another one's captures is skipped unless that one is good, and needs it before itself.
+/// An item that uses another item's captures is skipped unless that one is good, and that one must stand before it.
 #[test]
 fn captures_of_another_item() {
     let head = "name = \"p\"\nversion = \"1\"\n";
@@ -222,7 +222,7 @@ fn captures_of_another_item() {
     "#);
 }
 
-/// Who works with a calibration has one before it; the accelerometers alone need no gyroscope's.
+/// An item that needs a calibration has one before it. The accelerometers alone do not need that of the gyroscopes.
 #[test]
 fn calibrations_that_are_needed() {
     let head = "name = \"p\"\nversion = \"1\"\n";

@@ -1,14 +1,14 @@
 //! Units as data sheets, loggers and people write them: `°/√h`, `µg/√Hz`, `m·s⁻²`, `dps`, `deg/√hr`.
 //!
-//! A unit is read as a product of powers of a few words, so that `m/s²`, `m·s^-2` and `m/s/s` are one unit. The letters'
-//! case counts where it tells units apart (`mg` and `mG`, `MHz` and `mHz`); a word that is not known is never guessed.
+//! A unit is read as a product of powers of a few words, so `m/s²`, `m·s^-2` and `m/s/s` are the same unit. The case of
+//! letters counts if it separates units (`mg` and `mG`, `MHz` and `mHz`). An unknown word is never guessed.
 
 use super::Unit;
 
-/// Longer texts are no unit: the longest of ours has 16 characters.
+/// Longer texts are not units: our longest has 16 characters.
 const LONGEST: usize = 64;
 
-/// Brackets within brackets; no unit needs more than two.
+/// Depth of brackets within brackets; units need at most two.
 const DEEPEST: usize = 4;
 
 /// The words that units are made of. `s^-1` stands for Hz, so that `deg/√s` and `deg/s/√Hz` are one.
@@ -17,7 +17,7 @@ const WORDS: [&str; 34] = [
     "mdeg", "rad", "ug", "mg", "g", "gauss", "mgauss", "T", "mT", "uT", "nT", "C", "bit", "kbit", "bytes",
 ];
 
-/// Other spellings whose case counts.
+/// Other spellings with letters whose case counts.
 const ALIASES: [(&str, &str); 33] = [
     ("Hz", "s^-1"),
     ("degC", "deg C"),
@@ -56,7 +56,7 @@ const ALIASES: [(&str, &str); 33] = [
     ("高斯", "gauss"),
 ];
 
-/// Other spellings in any case: words without a prefix, so that the case tells nothing.
+/// Other spellings in any case: these words have no prefix, so their case does not matter.
 const WORDS_IN_ANY_CASE: [(&str, &str); 43] = [
     ("deg", "deg"),
     ("degs", "deg"),
@@ -103,13 +103,13 @@ const WORDS_IN_ANY_CASE: [(&str, &str); 43] = [
     ("рад", "rad"),
 ];
 
-/// The unit that a text spells; `None` where it spells none of the table.
+/// The unit that a text spells; `None` if it spells no unit of the table.
 pub(super) fn read(text: &str) -> Option<Unit> {
     let powers = Powers::of(text)?;
     Unit::ALL.into_iter().find(|unit| Powers::of(unit.symbol()).as_ref() == Some(&powers))
 }
 
-/// The text in the letters of the table, as far as single characters go: `°/√h` becomes `deg /sqrt h`.
+/// The text in the letters of the table, as far as single characters can be replaced: `°/√h` becomes `deg /sqrt h`.
 pub(super) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len() + 8);
     let mut raised = false;
@@ -145,7 +145,7 @@ pub(super) fn plain(text: &str) -> String {
             '∕' | '⁄' | '／' | '÷' => plain.push('/'),
             '−' | '‐' | '‑' | '–' => plain.push('-'),
             '％' => plain.push('%'),
-            // The bar over what a root is taken of.
+            // This is the bar over the argument of a root.
             '\u{300}'..='\u{36f}' => {}
             c if c.is_whitespace() => plain.push(' '),
             c => plain.push(c),
@@ -154,14 +154,14 @@ pub(super) fn plain(text: &str) -> String {
     plain.trim_end().replace("**", "^")
 }
 
-/// Powers of words, in halves, without those that cancel, in the order of [`WORDS`].
+/// Powers of words, in halves, in the order of [`WORDS`]. Words that cancel have the power 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Powers([i32; WORDS.len()]);
 
 impl Powers {
     const NONE: Powers = Powers([0; WORDS.len()]);
 
-    /// `None` where a word is unknown, a sign stands wrong, or all cancels.
+    /// `None` if a word is unknown, a sign is misplaced, or everything cancels.
     fn of(text: &str) -> Option<Self> {
         if text.len() > LONGEST {
             return None;
@@ -185,7 +185,7 @@ impl Powers {
         Self::of(known(&ALIASES, word).or_else(|| known(&WORDS_IN_ANY_CASE, &lower))?)
     }
 
-    /// This times the other to the power of `halves / 2`; `None` where that is no whole number of halves.
+    /// This times the other to the power of `halves / 2`; `None` if a power is not a whole number of halves.
     fn times(mut self, other: &Self, halves: i32) -> Option<Self> {
         for (own, power) in self.0.iter_mut().zip(other.0) {
             let product = power.checked_mul(halves)?;
@@ -245,7 +245,7 @@ impl Reader<'_> {
         let (word, rest) = self.rest.split_at(length);
         self.rest = rest;
         match Powers::of_word(word) {
-            // `rtHz` and `rthr` are written in one.
+            // `rtHz` and `rthr` are written as one word.
             None => Powers::NONE.times(&Powers::of_word(word.strip_prefix("rt")?)?, 1),
             powers => powers,
         }
@@ -318,7 +318,7 @@ impl Reader<'_> {
 mod tests {
     use super::*;
 
-    /// One unit in all the ways that data sheets of gyroscopes, accelerometers and magnetometers write it.
+    /// Each unit in all spellings in data sheets of gyroscopes, accelerometers and magnetometers.
     #[test]
     fn every_spelling_of_a_unit_is_that_unit() {
         for (unit, spellings) in [

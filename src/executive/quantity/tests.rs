@@ -72,7 +72,7 @@ fn units_have_their_size() {
     }
 }
 
-/// A hint names a unit of the dimension that is wanted, however near another one is.
+/// A hint names a unit of the wanted dimension, even if a unit of another dimension is more similar.
 #[test]
 fn hints_look_among_the_units_of_the_dimension() {
     let hint = |text: &str, wanted| Quantity::parse(text).unwrap_err().hint(wanted);
@@ -95,7 +95,7 @@ fn hints_look_among_the_units_of_the_dimension() {
     }
 }
 
-/// Conversions between decimal units are exact: a value on its limit stays there.
+/// Conversions between decimal units are exact: a value equal to its limit stays equal.
 #[test]
 fn conversions_do_not_move_a_value() {
     for (text, unit, expected) in [
@@ -125,7 +125,7 @@ fn every_unit_is_listed_and_read_back() {
             let there = unit.convert(1.0, other).unwrap();
             let back = other.convert(there, unit).unwrap();
             assert!((back - 1.0).abs() < 1e-14, "{unit:?} {other:?}");
-            // Against the sizes in SI, by another way.
+            // The same ratio is computed from the sizes in SI.
             let expected = Quantity::new(1.0, unit).si() / Quantity::new(1.0, other).si();
             assert!((there / expected - 1.0).abs() < 1e-14, "{unit:?} {other:?}");
         }

@@ -136,17 +136,17 @@ impl Unit {
     }
 
     /// Reads a unit as data sheets and loggers write it: `°/√h`, `µg/√Hz`, `m/s²`, `dps`, `[mg]`, `mGs`. Signs and
-    /// letters that look alike are one, an unknown word is none; an empty text is a count.
+    /// letters that look alike count as the same. A text with an unknown word is not a unit. An empty text is a count.
     pub fn parse(text: &str) -> Option<Unit> {
         Unit::from_symbol(text.trim()).or_else(|| spelling::read(text))
     }
 
-    /// The unit with exactly this symbol, as records have it.
+    /// The unit with exactly this symbol, as in records.
     pub(crate) fn from_symbol(symbol: &str) -> Option<Unit> {
         Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
     }
 
-    /// Converts a number from this unit to another; `None` if the other measures another dimension.
+    /// Converts a number from this unit to another; `None` if the other unit measures another dimension.
     pub fn convert(self, number: f64, to: Unit) -> Option<f64> {
         if self == to {
             return Some(number);
@@ -158,8 +158,8 @@ impl Unit {
         let up = u128::from(from.numerator) * u128::from(to.denominator);
         let down = u128::from(from.denominator) * u128::from(to.numerator);
         let common = gcd(up, down);
-        // Below 2^53 after reduction for every pair of the table, so both are exact, and at most one step rounds
-        // where one of them is 1.
+        // After reduction both are below 2^53 for every pair of the table, so both are exact. If one of them is 1, at
+        // most one step rounds.
         let (up, down) = ((up / common) as f64, (down / common) as f64);
         let number = match (from.pi, to.pi) {
             (true, false) => number * PI,
@@ -211,7 +211,7 @@ impl Unit {
             Unit::MillidegreePerSecond => ("mdeg/s", Dimension::AngularRate, 1, 180_000, true),
             Unit::DegreePerHour => ("deg/h", Dimension::AngularRate, 1, 180 * 3600, true),
             Unit::RadianPerSecond => ("rad/s", Dimension::AngularRate, 1, 1, false),
-            // Standard gravity, exactly 9.80665 m/s^2 (3rd CGPM, 1901); the local one belongs to the bench file.
+            // Standard gravity, exactly 9.80665 m/s^2 (3rd CGPM, 1901). Local gravity stands in the bench file.
             Unit::Gravity => ("g", Dimension::Acceleration, 980_665, 100_000, false),
             Unit::Milligravity => ("mg", Dimension::Acceleration, 980_665, 100_000_000, false),
             Unit::Microgravity => ("ug", Dimension::Acceleration, 980_665, 100_000_000_000, false),
@@ -228,7 +228,7 @@ impl Unit {
             Unit::Byte => ("bytes", Dimension::Data, 1, 1, false),
             Unit::DegreePerSecondPerGravity => ("deg/s/g", Dimension::GSensitivity, 100_000, 180 * 980_665, true),
             Unit::DegreePerHourPerGravity => ("deg/h/g", Dimension::GSensitivity, 100_000, 648_000 * 980_665, true),
-            // The square root of an hour is that of 3600 s: 60.
+            // The square root of an hour is the square root of 3600 s: 60.
             Unit::DegreePerRootHour => ("deg/sqrt(h)", Dimension::AngleRandomWalk, 1, 180 * 60, true),
             Unit::DegreePerSecondPerRootHertz => ("deg/s/sqrt(Hz)", Dimension::AngleRandomWalk, 1, 180, true),
             Unit::MillidegreePerSecondPerRootHertz => ("mdeg/s/sqrt(Hz)", Dimension::AngleRandomWalk, 1, 180_000, true),

@@ -1,4 +1,4 @@
-//! Quantities in files: texts such as "0.49 A" under a key, each refusal with its place and a hint.
+//! Quantities in files: texts such as "0.49 A" under a key. Each refusal has its place and a hint.
 
 use gnc_config::{Span, TomlEntry, TomlTable};
 use gnc_text::quoted;
@@ -46,7 +46,7 @@ pub(crate) fn quantity_at(
     Some((quantity(&entry, dimension)?, entry.span()))
 }
 
-/// A number with a unit of the dimension of `unit`, in which it lies within bounds.
+/// A number with a unit of the dimension of `unit`; converted to `unit` it lies within the bounds.
 pub(crate) fn bounded(entry: &TomlEntry<'_, '_>, unit: Unit, (min, max): (f64, f64)) -> Option<Quantity> {
     let written = quantity(entry, unit.dimension())?;
     if written.in_unit(unit).is_some_and(|number| (min..=max).contains(&number)) {
@@ -57,7 +57,7 @@ pub(crate) fn bounded(entry: &TomlEntry<'_, '_>, unit: Unit, (min, max): (f64, f
     None
 }
 
-/// The number under a key of a table, in a unit in which it lies within bounds.
+/// The number under a key of a table, converted to `unit`, in which it lies within the bounds.
 pub(crate) fn bounded_at(table: &TomlTable<'_, '_>, key: &'static str, unit: Unit, bounds: (f64, f64)) -> Option<f64> {
     bounded(&table.entry(key)?, unit, bounds)?.in_unit(unit)
 }

@@ -70,7 +70,7 @@ fn records_keep_their_schema() {
     validate(&serde_json::to_value(record()).unwrap());
 }
 
-/// An item that the schema does not know would make a good record refused by whoever checks it.
+/// A checker would refuse a good record with an item that the schema does not know.
 #[test]
 fn the_schema_knows_every_item() {
     let schema: Value = serde_json::from_str(SCHEMA).unwrap();
@@ -95,7 +95,7 @@ fn the_schema_refuses_what_is_wrong() {
     assert!(change("/started", Value::Null));
 }
 
-/// Every field is described, so that somebody who has only the schema can read a record.
+/// Every field has a description, so that the schema suffices to read a record.
 #[test]
 fn every_field_has_a_description() {
     fn walk(schema: &Value, path: &str) {
@@ -127,7 +127,7 @@ fn validate(record: &Value) {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// The part of JSON Schema that our schema uses; an unknown keyword is a problem, so that none goes unchecked.
+/// The part of JSON Schema that our schema uses. An unknown keyword is a problem, so that every keyword is checked.
 fn problems(root: &Value, schema: &Value, value: &Value, path: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (keyword, rule) in schema.as_object().unwrap() {

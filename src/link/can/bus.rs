@@ -1,4 +1,4 @@
-//! The kinds of bus behind one face.
+//! The kinds of bus with one interface.
 
 use std::io;
 use std::time::Duration;
@@ -22,21 +22,21 @@ pub(super) enum Bus {
 /// What happened on a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum BusEvent {
-    /// The frame that was to go is on its way.
+    /// The outgoing frame is on its way.
     Sent,
     /// A frame came.
     Received(CanFrame),
     /// The controller saw an error; its counters moved.
     Errors,
-    /// The port or interface went away; it is looked for.
+    /// The port or interface went away; the bus looks for it.
     Away,
-    /// It is back, after so long.
+    /// The port or interface is back, after this time.
     Back(Duration),
 }
 
 impl Bus {
-    /// Sends the frame, or waits for one to come, whichever can be done first. Nothing is lost when it is dropped half
-    /// way: a frame is either sent and said to be, or not sent.
+    /// Sends the frame or receives one, whichever is possible first. A caller that drops this wait half way loses
+    /// nothing: a frame is either sent and reported as sent, or not sent.
     pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<BusEvent> {
         match self {
             Self::Slcan(bus) => bus.turn(outgoing, read).await,
@@ -45,7 +45,7 @@ impl Bus {
         }
     }
 
-    /// The port or interface, as people call it.
+    /// The name of the port or interface for people.
     pub(super) fn name(&self) -> String {
         match self {
             Self::Slcan(bus) => bus.name(),
@@ -59,12 +59,12 @@ impl Bus {
         match self {
             Self::Slcan(_) => None,
             Self::Socket(bus) => Some(bus.errors()),
-            // Memory has no errors to see.
+            // A bus in memory has no errors.
             Self::Memory(_) => Some(BusErrors::default()),
         }
     }
 
-    /// Where the kernel counts losses; `None` for what is none of its interfaces.
+    /// The counters of the kernel for losses; `None` for a bus that is not an interface of the kernel.
     pub(super) fn statistics(&self) -> Option<Statistics> {
         match self {
             Self::Socket(bus) => Some(bus.statistics()),

@@ -1,4 +1,4 @@
-//! What the kernel tells of its interfaces by files.
+//! What the kernel tells of its interfaces in files.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ const UP: u32 = 1;
 /// Counters of frames that came over the bus and that the controller, its driver or the kernel lost.
 const LOST: [&str; 4] = ["rx_over_errors", "rx_missed_errors", "rx_fifo_errors", "rx_dropped"];
 
-/// Tells apart what `open` calls "no such device" all alike.
+/// Finds out why an interface cannot be used. `open` reports "no such device" for all of these reasons.
 pub(super) fn look_at(interface: &str) -> Result<(), CanOpenError> {
     let interface = interface.to_owned();
     let probe = nix::sys::socket::socket(AddressFamily::Can, SockType::Raw, SockFlag::empty(), None);
@@ -32,7 +32,7 @@ pub(super) fn look_at(interface: &str) -> Result<(), CanOpenError> {
 }
 
 fn read(interface: &str, what: &str) -> Option<String> {
-    // A name with a slash is none, and must not lead out of the folder.
+    // A name with a slash is not an interface, and must not lead out of the folder.
     let path: PathBuf = Path::new("/sys/class/net").join(interface.replace('/', "_")).join(what);
     std::fs::read_to_string(path).ok().map(|text| text.trim().to_owned())
 }
@@ -46,7 +46,7 @@ pub(super) fn index(interface: &str) -> Option<u32> {
 #[derive(Debug, Clone)]
 pub(super) struct Statistics {
     interface: String,
-    /// When the interface was opened.
+    /// Frames lost before the interface was opened.
     before: u64,
 }
 
@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn names_are_told_apart() {
-        // The loopback is everywhere and no CAN; where the kernel has no CAN, that is said first.
+        // The loopback interface is everywhere and is not CAN. If the kernel has no CAN, `look_at` reports that first.
         let no_kernel = matches!(look_at("lo"), Err(CanOpenError::NoKernel { .. }));
         assert!(no_kernel || matches!(look_at("lo"), Err(CanOpenError::NotCan { .. })), "{:?}", look_at("lo"));
         let missing = look_at("../../etc");

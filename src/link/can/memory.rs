@@ -7,10 +7,10 @@ use tokio::sync::mpsc;
 
 use super::bus::BusEvent;
 
-/// Frames on their way in each direction: what an adapter buffers.
+/// Frames under way in each direction: as many as an adapter buffers.
 const FRAMES: usize = 1024;
 
-/// One end.
+/// The station's end.
 #[derive(Debug)]
 pub(super) struct MemoryBus {
     outgoing: mpsc::Sender<CanFrame>,
@@ -22,7 +22,7 @@ pub(super) struct MemoryBus {
 pub struct MemoryEnd {
     /// What the host sends.
     pub from_host: mpsc::Receiver<CanFrame>,
-    /// What it hears.
+    /// What the host hears.
     pub to_host: mpsc::Sender<CanFrame>,
 }
 

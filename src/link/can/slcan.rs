@@ -1,7 +1,7 @@
 //! An slcan adapter on a serial port.
 //!
-//! It is told to open and never asked whether it did: adapters differ in what they acknowledge. It tells neither of
-//! error frames nor of bus-off.
+//! The station tells the adapter to open and does not check the answer, since adapters differ in what they acknowledge.
+//! The adapter reports neither error frames nor bus-off.
 
 use std::io;
 use std::time::Duration;
@@ -13,8 +13,8 @@ use tokio_util::bytes::Buf as _;
 use super::bus::BusEvent;
 use crate::serial::{OpenError, Port, PortEvent, PortLocation};
 
-/// Rate of the port. USB adapters ignore it; on a real line it must carry more than the bus: 27 characters for each
-/// frame of 111 bits.
+/// Rate of the port. USB adapters ignore it; on a real line the rate must be higher than that of the bus: 27 characters
+/// for each frame of 111 bits.
 pub const RATE_BAUD: u32 = 2_000_000;
 /// Bytes of lines that may wait for the port: 150 frames.
 const OUTGOING: usize = 4096;
@@ -51,7 +51,7 @@ impl SlcanBus {
             match self.port.turn(read).await? {
                 PortEvent::Read | PortEvent::Written => {}
                 PortEvent::Away => {
-                    // Half a line of before is no beginning of what comes after.
+                    // Half a line from before the absence must not begin a line from after it.
                     (self.decoder, self.port.incoming) = Default::default();
                     return Ok(BusEvent::Away);
                 }
@@ -64,7 +64,7 @@ impl SlcanBus {
         }
     }
 
-    /// The next frame in what has come. Answers of the adapter are passed over.
+    /// The next frame in the received bytes. Answers of the adapter are skipped.
     fn decoded(&mut self) -> Option<CanFrame> {
         loop {
             let incoming = &mut self.port.incoming;
@@ -79,11 +79,11 @@ impl SlcanBus {
     }
 
     pub(super) async fn close(mut self) {
-        // What still waits belongs to nobody; half a line is ended by the first byte.
+        // Waiting bytes are no longer needed. The first byte ends a line that is half sent.
         self.port.outgoing.clear();
         self.port.outgoing.extend_from_slice(b"\r");
         self.port.outgoing.extend_from_slice(slcan::CLOSE);
-        // A port that takes nothing is closed all the same.
+        // If the port takes nothing, close anyway.
         while self.port.is_there() && !self.port.outgoing.is_empty() {
             match tokio::time::timeout(CLOSE_WITHIN, self.port.turn(false)).await {
                 Ok(Ok(_)) => {}

@@ -1,4 +1,4 @@
-//! An interface of the kernel. One that goes away, unplugged or switched off, is given a while to come back.
+//! An interface of the kernel. If it goes away, unplugged or switched off, the link waits some time for its return.
 
 use std::io;
 use std::time::Duration;
@@ -17,21 +17,21 @@ use super::interface::{Statistics, index, look_at};
 use super::{BusErrors, CanOpenError};
 use crate::absence::Absence;
 
-/// A transmit queue that stays full so long belongs to a bus on which nobody acknowledges.
+/// How long a transmit queue may stay full. Longer means that no node on the bus acknowledges.
 const FULL_FOR: Duration = Duration::from_millis(1000);
-/// Between two tries: eight frames' time on the bus.
+/// Time between two tries: eight frames' time on the bus.
 const RETRY: Duration = Duration::from_millis(2);
-/// When nothing was heard for so long, half of the time between two heartbeats, it is looked whether the interface that
-/// was opened is still there: the kernel says so once, and then reads wait for ever.
+/// After this time without a frame, half of the time between two heartbeats, the bus looks whether the opened interface
+/// is still there. The kernel reports its loss only once, and then reads wait for ever.
 const LOOK: Duration = Duration::from_millis(500);
-/// The kernel's default overruns after a few hundred frames; the kernel doubles it and caps it at `net.core.rmem_max`,
-/// unless root asks.
+/// Size of the receive buffer. The kernel's default overruns after a few hundred frames. The kernel doubles this value
+/// and caps it at `net.core.rmem_max`, unless root asks.
 const RECEIVE_BUFFER: usize = 1 << 20;
-/// Bits of the id of an error frame (`linux/can/error.h`). A lost arbitration is how the bus works, and no error.
+/// Bits of the id of an error frame (`linux/can/error.h`). A lost arbitration is normal on the bus, not an error.
 const LOST_ARBITRATION: u32 = 0x02;
 const CONTROLLER: u32 = 0x04;
 const BUS_OFF: u32 = 0x40;
-/// Bits of the second byte of an error frame of the controller: it lost a frame, come or to go.
+/// Bits of the second byte of an error frame of the controller: it lost a received frame or a frame to send.
 const OVERFLOW: u8 = 0x03;
 
 /// The interface.
@@ -48,10 +48,10 @@ pub(super) struct SocketBus {
 enum Socket {
     Open {
         socket: AsyncFd<CanSocket>,
-        /// The kernel's number of the interface: one that was plugged in again has another one.
+        /// The kernel's number of the interface. An interface that was plugged in again has another number.
         index: u32,
         look_at: Instant,
-        /// The absence from which it returned, until something comes from it.
+        /// The absence from which the interface returned, until something comes from it.
         mute: Option<Absence>,
     },
     Away(Absence),
@@ -118,7 +118,8 @@ impl SocketBus {
         }
     }
 
-    /// What became of a frame that was to go. `None`: it is still to go; a full queue is tried again for a while.
+    /// The event after an attempt to send a frame. `None` if the frame must be sent again: the bus tries a full queue
+    /// again for some time.
     fn sent(&mut self, sent: io::Result<()>) -> io::Result<Option<BusEvent>> {
         match sent {
             Ok(()) => {
@@ -181,7 +182,7 @@ impl SocketBus {
         if gone { self.went_away() } else { None }
     }
 
-    /// The interface was switched off or unplugged; any other error ends the link.
+    /// Handles an error of the socket. The interface was switched off or unplugged; any other error ends the link.
     fn failed(&mut self, error: io::Error) -> io::Result<Option<BusEvent>> {
         let errno = error.raw_os_error().map(Errno::from_raw);
         match errno {
@@ -190,7 +191,8 @@ impl SocketBus {
         }
     }
 
-    /// `None`: it had come back without a word, so that this is no news.
+    /// The event when the interface went away. `None` if nothing came from it since its last return: that absence goes
+    /// on.
     fn went_away(&mut self) -> Option<BusEvent> {
         let Socket::Open { mute, .. } = &mut self.socket else { return None };
         let absence = Absence::begin(mute.take());
@@ -198,7 +200,7 @@ impl SocketBus {
         absence.is_new().then_some(BusEvent::Away)
     }
 
-    /// Opens the interface by its name once more; gives up when it was away for too long.
+    /// Opens the interface by its name again; gives up if it was away for too long.
     fn come_back(&mut self) -> io::Result<Option<BusEvent>> {
         let Socket::Away(absence) = &mut self.socket else { return Ok(None) };
         match open(&self.interface, Some(*absence)) {
@@ -222,9 +224,9 @@ fn open(interface: &str, mute: Option<Absence>) -> Result<Socket, CanOpenError> 
     let index = index(interface).ok_or_else(|| CanOpenError::Missing { interface: interface.to_owned() })?;
     let socket = CanSocket::open(interface).map_err(system)?;
     socket.set_nonblocking(true).map_err(system)?;
-    // Without it error frames never come.
+    // Without this filter no error frames come.
     socket.set_error_filter(CAN_ERR_MASK & !LOST_ARBITRATION).map_err(system)?;
-    // A smaller buffer is no reason not to start: losses are seen by the numbers in the frames.
+    // A smaller buffer does not prevent the start: the numbers in the frames show losses.
     let _ = setsockopt(&socket, sockopt::RcvBufForce, &RECEIVE_BUFFER)
         .or_else(|_| setsockopt(&socket, sockopt::RcvBuf, &RECEIVE_BUFFER));
     #[expect(deprecated, reason = "its successor is unsafe; this socket owns its descriptor and keeps it open")]
@@ -232,7 +234,7 @@ fn open(interface: &str, mute: Option<Absence>) -> Result<Socket, CanOpenError> 
     Ok(Socket::Open { socket, index, look_at: Instant::now() + LOOK, mute })
 }
 
-/// What an error frame says. A frame that the controller lost is no error of the bus.
+/// Counts what an error frame says. A frame that the controller lost is not an error of the bus.
 fn note(errors: &mut BusErrors, id: u32, data: &[u8]) {
     let overflowed = id & CONTROLLER != 0 && data.get(1).is_some_and(|state| state & OVERFLOW != 0);
     if overflowed {

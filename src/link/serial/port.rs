@@ -1,7 +1,8 @@
-//! A serial port that may go away in mid-run: its bytes in and out, and word of its absences.
+//! A serial port that may go away during a run: its bytes in and out, and reports of its absences.
 //!
-//! A port that vanishes reads as "no more bytes" for ever, which is "device gone" and not "no data". It is opened again
-//! by its name, since udev gives an adapter that was plugged in again another device behind the same link.
+//! A port that vanishes reads as "no more bytes" for ever. This means "device gone" and not "no data". The station
+//! opens the port again by its name, since udev gives an adapter that was plugged in again another device behind the
+//! same link.
 
 use std::fmt;
 use std::io;
@@ -15,23 +16,23 @@ use super::{OpenError, open_stream};
 use crate::absence::Absence;
 use crate::memory::MemoryPort;
 
-/// Bytes read at once: what an adapter passes on in a frame of USB, several times over.
+/// Bytes read at once: several times what an adapter passes on in a frame of USB.
 const READ_AT_ONCE: usize = 4096;
 
-/// Numbers of pseudo-terminals. One that is free again is given to the next program that asks, so that the same name
-/// would be somebody else's terminal. A link to one has an owner who moves it.
+/// Folder of pseudo-terminals. The system gives a free number to the next program that asks, so the same name may then
+/// be another program's terminal. A link to a pseudo-terminal has an owner that moves it.
 const PSEUDO_TERMINALS: &str = "/dev/pts";
 
 /// Where a port is.
 #[derive(Debug)]
 pub(crate) enum PortLocation {
-    /// A device of this computer, and the rate that it is set to.
+    /// A device of this computer, and its rate.
     Device(PathBuf, u32),
     /// In this program.
     Memory(MemoryPort),
 }
 
-/// Bytes in and out.
+/// A stream of bytes in and out.
 trait Stream: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug {}
 
 impl<T: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug> Stream for T {}
@@ -41,9 +42,9 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug> Stream for T {}
 pub(crate) struct Port {
     place: PortLocation,
     state: State,
-    /// What has come and nobody took yet.
+    /// Received bytes that were not taken yet.
     pub(crate) incoming: BytesMut,
-    /// What is to go; whoever fills it bounds it.
+    /// Bytes to send; the code that fills the buffer bounds it.
     pub(crate) outgoing: BytesMut,
 }
 
@@ -52,7 +53,7 @@ enum State {
     Open {
         reader: ReadHalf<Box<dyn Stream>>,
         writer: WriteHalf<Box<dyn Stream>>,
-        /// The absence from which it returned, until something comes from it.
+        /// The absence from which the port returned, until something comes from it.
         mute: Option<Absence>,
     },
     Away(Absence),
@@ -65,9 +66,9 @@ pub(crate) enum PortEvent {
     Read,
     /// Bytes went, so that there is room for more.
     Written,
-    /// It went away. What was to go is forgotten: half of a frame may be on the line.
+    /// The port went away. Bytes to send are dropped: half of a frame may be on the line.
     Away,
-    /// It is there again, after so long.
+    /// The port is there again, after this time.
     Back(Duration),
 }
 
@@ -90,18 +91,18 @@ impl Port {
         }
     }
 
-    /// What people call it.
+    /// The name of the port for people.
     pub(crate) fn name(&self) -> String {
         format!("port {}", self.place)
     }
 
-    /// Whether it is there, as far as anybody knows.
+    /// Whether the port is there, as far as this program knows.
     pub(crate) fn is_there(&self) -> bool {
         matches!(self.state, State::Open { .. })
     }
 
-    /// Moves bytes until something has happened. Nothing is lost when it is dropped half way. Without `read` it only
-    /// writes.
+    /// Moves bytes until something has happened. A caller that drops this wait half way loses nothing. Without `read`
+    /// it only writes.
     ///
     /// # Errors
     /// The port did not come back.
@@ -130,7 +131,7 @@ impl Port {
                     self.heard();
                     return Ok(PortEvent::Read);
                 }
-                // Whatever the driver says of a port that is gone, it is gone.
+                // The port is gone, whatever error the driver reports.
                 Moved::Written(_) | Moved::Read(_) => {
                     if self.went_away()? {
                         return Ok(PortEvent::Away);
@@ -146,7 +147,7 @@ impl Port {
         }
     }
 
-    /// `true`: this is news.
+    /// Returns `true` if the absence is still unreported.
     fn went_away(&mut self) -> io::Result<bool> {
         let State::Open { mute, .. } = &mut self.state else { return Ok(false) };
         if matches!(&self.place, PortLocation::Device(path, _) if path.starts_with(PSEUDO_TERMINALS)) {
@@ -155,13 +156,13 @@ impl Port {
         }
         let absence = Absence::begin(mute.take());
         let is_new = absence.is_new();
-        // The descriptor is closed with this, or the kernel would give the adapter another name when it is back.
+        // This closes the descriptor. Otherwise the kernel would give the adapter another name when it is back.
         self.state = State::Away(absence);
         self.outgoing.clear();
         Ok(is_new)
     }
 
-    /// Opens the port once more.
+    /// Tries to open the port again.
     fn look(&mut self) -> io::Result<Option<PortEvent>> {
         let State::Away(absence) = &mut self.state else { return Ok(None) };
         match self.place.open(Some(*absence)) {

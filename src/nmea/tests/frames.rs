@@ -1,9 +1,9 @@
-//! Bytes between sentences, ends of lines, checksums. Frames stand here with checksums from elsewhere: the
-//! documents, and Python (`binascii.crc_hqx`, `zlib.crc32`, a bitwise CRC-24Q).
+//! Bytes between sentences, ends of lines, checksums. The checksums of these frames come from elsewhere: the documents,
+//! and Python (`binascii.crc_hqx`, `zlib.crc32`, a bitwise CRC-24Q).
 
 use super::*;
 
-/// A sentence, something, and two sentences more: what is heard of them.
+/// The result for a sentence, `something`, and two more sentences.
 fn between(something: &[u8]) -> (usize, Counts, String) {
     let mut bytes = text(&[&gga("GP", 0, 1)]).into_bytes();
     bytes.extend_from_slice(something);
@@ -23,7 +23,7 @@ fn frames_of_other_protocols_are_passed_over() {
         let (epochs, counts, foreign) = between(&frames(bytes));
         assert_eq!((epochs, counts.errors, counts.foreign), (2, 0, 1), "{protocol}: {counts:?}");
         assert_eq!(foreign, format!("1 {protocol}"));
-        // One with a wrong byte is what the line spoilt, and the sentence behind it is not lost.
+        // A frame with a wrong byte counts as spoilt by the line, and the sentence after it is not lost.
         let mut spoilt = frames(bytes);
         let middle = spoilt.len() / 2;
         spoilt[middle] ^= 0x04;
@@ -34,7 +34,7 @@ fn frames_of_other_protocols_are_passed_over() {
     }
 }
 
-/// A payload may be anything, were it a whole sentence; a frame that was cut off takes none with it.
+/// A payload may contain anything, even a whole sentence. A frame that was cut off takes no sentence with it.
 #[test]
 fn frames_are_passed_over_by_their_length() {
     let inside = text(&[&gga("GP", 40, 1)]);
@@ -130,7 +130,7 @@ fn lines_end_as_receivers_end_them() {
     assert_eq!((epochs.len(), sentences.counts().errors), (2, 0));
 }
 
-/// A receiver that says none is read, and it is told; one that says them lost this one.
+/// A receiver that sends no checksums is accepted, and this is counted. If it sends them, the line lost this one.
 #[test]
 fn a_missing_checksum_is_told() {
     let bare = |second| format!("${}\r\n", gga("GP", second, 1));
@@ -171,7 +171,8 @@ fn other_talkers_are_passed_over() {
     }
 }
 
-/// One sentence is cut off by the next, one by a frame; noise counts as what it is, and not by its bytes.
+/// The next sentence or a frame cuts a sentence off. Noise counts once for each stretch up to a bound, not byte by
+/// byte.
 #[test]
 fn what_the_line_spoilt_is_counted_once() {
     let whole = text(&[&gga("GP", 1, 1)]);
@@ -190,7 +191,7 @@ fn what_the_line_spoilt_is_counted_once() {
     }
 }
 
-/// Listening begins anywhere.
+/// Listening may begin anywhere.
 #[test]
 fn what_was_under_way_is_no_error() {
     let log = text(&[&gga("GP", 0, 1), GSA_3D, &gga("GP", 1, 1), GSA_3D, &gga("GP", 2, 1)]);
@@ -201,8 +202,8 @@ fn what_was_under_way_is_no_error() {
     }
 }
 
-/// The played logs with bytes altered, taken out and put in: the same however they are cut, and nothing in them that is not
-/// of the earth. Seeded; a failure names log and round.
+/// The simulated receivers' logs with bytes altered, taken out and put in. The result is the same for every way to cut
+/// them, and contains no impossible value. The test is seeded; a failure names log and round.
 #[test]
 fn spoilt_logs_say_nothing_impossible() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../hw-mocks/receivers");

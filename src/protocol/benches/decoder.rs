@@ -1,7 +1,8 @@
 //! How fast one core takes frames off a serial line, checksum included.
 //!
-//! `cargo bench -p gnc-protocol`. The bound is no limit of a link (921,600 baud are 0.09 MB/s): it says that sixteen
-//! sockets and a replay of a day's capture cost next to nothing. Printed, never asserted: machines differ.
+//! `cargo bench -p gnc-protocol`. The bound is far above a link (921,600 baud are 0.09 MB/s). It shows that sixteen
+//! sockets and a replay of a day's capture cost next to nothing. The result is printed and not asserted, since machines
+//! differ.
 #![allow(clippy::print_stdout, reason = "its output is what it is for")]
 
 use std::hint::black_box;
@@ -14,10 +15,10 @@ use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
 const BOUND_MB_PER_S: f64 = 200.0;
 /// Bytes that a read from a port hands over at once.
 const CHUNK: usize = 4096;
-/// Rounds of which the fastest counts: the others had company on the core.
+/// Number of rounds. The fastest one counts, since other programs may have used the core in the others.
 const ROUNDS: usize = 15;
 
-/// About a megabyte of the wire.
+/// About a megabyte of bytes as on the wire.
 fn wire(kind: Kind, payload: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut sequence = 0_u16;
@@ -31,7 +32,7 @@ fn wire(kind: Kind, payload: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Bytes and frames a second.
+/// Bytes and frames a second of the fastest round.
 fn fastest(bytes: &[u8]) -> (f64, f64) {
     let mut best = Duration::MAX;
     let mut frames = 0;
@@ -66,7 +67,7 @@ fn main() {
     for (name, kind, payload) in cases {
         report(name, &wire(kind, &payload));
     }
-    // What is not a frame must not be slower: a board with a broken line sends nothing else.
+    // Rubbish must not be slower: a board with a broken line sends nothing else.
     let rubbish: Vec<u8> = (0..1_000_000_u32).map(|at| (at.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
     report("rubbish", &rubbish);
 }

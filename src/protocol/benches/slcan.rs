@@ -1,7 +1,8 @@
 //! How fast one core reads slcan lines.
 //!
-//! `cargo bench -p gnc-protocol --bench slcan`. A full bus of 500 kbit/s carries some 4,500 frames a second: the bound
-//! says that many buses and a replay of a day's log cost next to nothing. Printed, never asserted: machines differ.
+//! `cargo bench -p gnc-protocol --bench slcan`. A full bus of 500 kbit/s carries some 4,500 frames a second. The bound
+//! shows that many buses and a replay of a day's log cost next to nothing. The result is printed and not asserted,
+//! since machines differ.
 #![allow(clippy::print_stdout, reason = "its output is what it is for")]
 
 use std::hint::black_box;
@@ -10,13 +11,13 @@ use std::time::{Duration, Instant};
 use gnc_protocol::can::slcan::{SlcanDecoder, encode};
 use gnc_protocol::can::{CanFrame, CanId};
 
-/// What one core should manage.
+/// Frames a second that one core should manage.
 const BOUND_FRAMES_PER_S: f64 = 1_000_000.0;
 /// Frames in a round.
 const FRAMES: u32 = 100_000;
 /// Bytes that a read from a port hands over at once.
 const CHUNK: usize = 4096;
-/// Rounds of which the fastest counts: the others had company on the core.
+/// Number of rounds. The fastest one counts, since other programs may have used the core in the others.
 const ROUNDS: usize = 15;
 
 fn lines(frame: impl Fn(u32, [u8; 8]) -> Option<CanFrame>) -> Vec<u8> {

@@ -1,11 +1,11 @@
-//! Compensated samples as raw frames. A sample of 46 bytes goes in eight frames, each with the sample's number and its
-//! own place in it; a mark and a clock go ahead as with the IMU's samples.
+//! Compensated samples as raw frames. A sample of 46 bytes goes in eight frames. Each frame has the sample's number and
+//! the frame's place in the sample. A mark and a clock go ahead, as with the IMU's samples.
 
 use super::stream::{MARK_EVERY, after_us, frame_of};
 use super::{CanFrame, CanId, MAX_DATA, bits, id, worst_bits};
 use crate::stream::{COMPENSATED_SAMPLE, Format, StreamFrame, StreamHead, StreamId};
 
-/// Bytes of a sample in a frame, behind two bytes of number and place.
+/// Bytes of a sample in a frame, after two bytes of number and place.
 const PIECE: usize = MAX_DATA - 2;
 /// Frames of a sample.
 const PIECES: usize = COMPENSATED_SAMPLE.div_ceil(PIECE);
@@ -14,7 +14,7 @@ const PLACE_BITS: u32 = 3;
 const NUMBER_MASK: u32 = (1 << (16 - PLACE_BITS)) - 1;
 const _: () = assert!(PIECES == 1 << PLACE_BITS);
 
-/// Bits that a stream of `rate_hz` puts on the bus in a second: without stuffing, and with as much as there can be.
+/// Bits that a stream of `rate_hz` puts on the bus in a second: without stuffing, and with the most stuff bits.
 #[must_use]
 pub const fn compensated_bits(rate_hz: u32) -> (u32, u32) {
     let last = (2 + COMPENSATED_SAMPLE - PIECE * (PIECES - 1)) as u32;
@@ -52,7 +52,7 @@ impl CompensatedPacker {
             for (place, piece) in (0..).zip(sample.chunks(PIECE)) {
                 let mut data = super::Data::new();
                 let head = ((number & NUMBER_MASK) << PLACE_BITS | place) as u16;
-                // Two and at most six.
+                // Two bytes and at most six: they fit.
                 let _ = data.extend_from_slice(&head.to_le_bytes());
                 let _ = data.extend_from_slice(piece);
                 CanFrame::new(CanId::Standard(id::COMPENSATED), &data).map(&mut *send);
@@ -61,14 +61,14 @@ impl CompensatedPacker {
     }
 }
 
-/// The host's end. A sample of which a frame is missing is not delivered; nothing is before the first clock, since its
-/// time is not known.
+/// The host's end. A sample with a missing frame is not delivered. Before the first clock no sample is delivered, since
+/// its time is not known.
 #[derive(Debug, Default)]
 pub(super) struct CompensatedUnpacker {
     rate_hz: u16,
-    /// Number, samples dropped.
+    /// Number of the sample, samples dropped.
     mark: Option<(u32, u32)>,
-    /// Number, samples dropped, board time.
+    /// Number of the sample, samples dropped, board time.
     clock: Option<(u32, u32, u64)>,
     number: u32,
     bytes: heapless::Vec<u8, COMPENSATED_SAMPLE>,
@@ -88,7 +88,7 @@ impl CompensatedUnpacker {
             }
             id::COMPENSATED_CLOCK => {
                 let time_us = u64::from_le_bytes(data.try_into().ok()?);
-                // Only the clock right behind its mark tells that sample's time.
+                // A clock is the time of the marked sample only if it follows that mark directly.
                 if let Some((number, dropped)) = self.mark.take() {
                     self.clock = Some((number, dropped, time_us));
                 }
@@ -99,7 +99,7 @@ impl CompensatedUnpacker {
     }
 
     fn piece(&mut self, data: &[u8]) -> Option<StreamFrame> {
-        // A mark without its clock: samples behind it would get the time of another one.
+        // This mark has no clock. Samples after it would get the time of another one.
         self.mark = None;
         let (head, piece) = data.split_first_chunk::<2>()?;
         let head = u32::from(u16::from_le_bytes(*head));
@@ -111,7 +111,7 @@ impl CompensatedUnpacker {
         let follows = number == self.number && self.bytes.len() == place * PIECE;
         if !follows || self.bytes.extend_from_slice(piece).is_err() {
             self.bytes.clear();
-            // No sample has this number, so that the rest of this one is passed over.
+            // No sample has this number, so the rest of this sample is skipped.
             self.number = u32::MAX;
             return None;
         }

@@ -1,8 +1,8 @@
-//! Both ends of the CAN link: frames of the conversation go in, CAN frames come out, and the other way.
+//! Both ends of the CAN link. Frames of the conversation go in and CAN frames come out, and the other way round.
 //!
-//! Signs of life and samples are raw frames; everything else travels by ISO-TP, as header, payload and checksum, in
-//! one of two channels: an urgent one for HELLO, MAKE_SAFE and ABORT with what answers them, and one for the rest, so
-//! that neither a long result nor a transfer that hangs holds up the stop.
+//! Signs of life and samples are raw frames. Everything else travels by ISO-TP, as header, payload and checksum, in one
+//! of two channels. The urgent one carries HELLO, MAKE_SAFE, ABORT and their answers; the other one carries the rest.
+//! So neither a long result nor a transfer that hangs delays the stop.
 
 use core::time::Duration;
 
@@ -18,23 +18,23 @@ use crate::stream::{StreamFrame, StreamId, stream_header};
 use crate::wire::Wire as _;
 use crate::{Call as _, Flags, Header, Kind, PROTOCOL_VERSION, Payload};
 
-/// Messages that wait for a channel: four requests that end at once and their forerunners.
+/// Messages that wait for a channel: four requests that end at once, and the messages before them.
 pub const QUEUE: usize = 16;
 /// First byte of the raw frames under [`id::BOARD_EVENTS`].
 const BEAT_WHO: u8 = 0;
 const BEAT_WHEN: u8 = 1;
 const WATCHDOG: u8 = 2;
-/// Where the nonce stands in the payload of the host's HELLO.
+/// The bytes of the nonce in the payload of the host's HELLO.
 const NONCE: core::ops::Range<usize> = 6..10;
 
 type Pdu = Vec<u8, MAX_FRAME>;
 
-/// Which end.
+/// The two ends of the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EndpointRole {
-    /// Commands.
+    /// The end that sends commands.
     Host,
-    /// Answers.
+    /// The end that sends answers.
     Board,
 }
 
@@ -45,7 +45,7 @@ struct Channel {
     sender: IsoTpSender<MAX_FRAME>,
     receiver: IsoTpReceiver<MAX_FRAME>,
     waiting: Deque<Pdu, QUEUE>,
-    /// Flow control to send; it goes before all else.
+    /// Flow control to send; it goes before everything else.
     flow: Option<Flow>,
     sequence: u16,
     expected: Option<u16>,
@@ -65,7 +65,7 @@ impl Channel {
         }
     }
 
-    /// Nothing that waits or is on its way is sent any more.
+    /// Drops all messages that wait or are on their way out.
     fn drop_outgoing(&mut self) {
         self.waiting.clear();
         self.sender.cancel();
@@ -78,7 +78,7 @@ impl Channel {
         if self.sender.is_idle()
             && let Some(pdu) = self.waiting.pop_front()
         {
-            // Idle, not empty and no longer than the sender's buffer: it cannot refuse.
+            // The sender is idle, and the message is not empty and fits its buffer, so the sender cannot refuse.
             let _ = self.sender.start(&pdu);
         }
         let data = self.sender.poll(now)?;
@@ -97,16 +97,16 @@ impl Channel {
     }
 }
 
-/// What went wrong with messages on their way.
+/// Counts of messages that went wrong on their way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TransferCounters {
-    /// Messages given up for want of flow control, or by the receiver's word.
+    /// Messages given up because flow control did not come, or because the receiver refused.
     pub not_sent: u32,
-    /// Messages of which a part is missing, or that took too long.
+    /// Messages with a missing part, or that took too long.
     pub not_received: u32,
     /// Messages for which no room was left.
     pub crowded_out: u32,
-    /// Frames under the ids of this protocol that mean nothing.
+    /// Frames under the ids of this protocol without a meaning.
     pub strange: u32,
 }
 
@@ -119,7 +119,7 @@ pub struct Endpoint {
     nonce: Option<[u8; 4]>,
     packer: Packer,
     unpacker: Unpacker,
-    /// Beat number, boot id and state, until its time has come too.
+    /// Beat number, boot id and state, until the frame with the time has come too.
     beat: Option<(u8, u32, u8)>,
     beats: u8,
     counters: LineCounters,
@@ -127,7 +127,7 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
-    /// The end of the host or of the board.
+    /// Makes the end of the host or of the board.
     #[must_use]
     pub fn new(role: EndpointRole) -> Self {
         let (urgent, work) = match role {
@@ -214,13 +214,13 @@ impl Endpoint {
         self.urgent.poll(now).or_else(|| self.work.poll(now))
     }
 
-    /// When [`Endpoint::poll`] has something to do, if nothing arrives before; it may lie in the past.
+    /// When [`Endpoint::poll`] has something to do, if no frame arrives before; it may lie in the past.
     #[must_use]
     pub fn next_due(&self) -> Option<Duration> {
         [self.urgent.next_due(), self.work.next_due()].into_iter().flatten().min()
     }
 
-    /// Takes a frame from the bus; `None` if it completes nothing or is none of this protocol's.
+    /// Takes a frame from the bus; `None` if it completes nothing or does not belong to this protocol.
     pub fn receive(&mut self, can: &CanFrame, now: Duration) -> Option<Result<Frame, FrameError>> {
         let CanId::Standard(number) = can.id() else { return None };
         match number {
@@ -301,7 +301,8 @@ impl Endpoint {
         self.counters.frames = self.counters.frames.wrapping_add(1);
     }
 
-    /// A HELLO opens the way: answers that nobody may have fetched are in it, and those of another session are lies.
+    /// Handles a HELLO: drops answers that block the channel because they were not fetched, and answers of another
+    /// session.
     fn greeted(&mut self, payload: &[u8]) {
         let nonce = payload.get(NONCE).and_then(|bytes| bytes.try_into().ok());
         if self.role == EndpointRole::Board || self.nonce != nonce {
@@ -314,7 +315,7 @@ impl Endpoint {
         }
     }
 
-    /// Both ends number the samples of a stream anew when it is asked for.
+    /// Restarts the numbers of a stream's samples at both ends when the host requests the stream.
     fn note_stream(&mut self, frame: &Frame) {
         if frame.header.message == StreamStart::ID
             && let Ok(start) = StreamStart::from_payload(&frame.payload)
@@ -372,7 +373,7 @@ impl Endpoint {
     }
 }
 
-/// HELLO, MAKE_SAFE, ABORT and what answers them; the answers carry the same message id.
+/// Whether the message is HELLO, MAKE_SAFE, ABORT or an answer to them. An answer carries the same message id.
 fn is_urgent(header: &Header) -> bool {
     header.kind == Kind::Hello || header.message == MakeSafe::ID || header.message == Abort::ID
 }

@@ -1,5 +1,5 @@
-//! The ids of the interface document. The lower, the sooner: signs of life and what makes the board safe go before
-//! everything, requests and results before samples, test frames last.
+//! The ids of the interface document. A lower id goes first: signs of life and messages that make the board safe before
+//! everything else, requests and results before samples, test frames last.
 
 use super::CanId;
 
@@ -7,7 +7,7 @@ use super::CanId;
 pub const KEEP_ALIVE: u16 = 0x010;
 /// Board: heartbeat and watchdog, raw frames.
 pub const BOARD_EVENTS: u16 = 0x011;
-/// Host, ISO-TP: HELLO, MAKE_SAFE, ABORT; flow control of what comes back.
+/// Host, ISO-TP: HELLO, MAKE_SAFE, ABORT; flow control for their answers.
 pub const URGENT_TO_BOARD: u16 = 0x020;
 /// Board, ISO-TP: the answers to those; flow control.
 pub const URGENT_TO_HOST: u16 = 0x021;
@@ -38,14 +38,14 @@ pub const COMPENSATED_MARK: u16 = 0x221;
 /// Board: board time of the compensated sample that follows.
 pub const COMPENSATED_CLOCK: u16 = 0x222;
 
-/// First standard id that the module echoes; sixteen of them.
+/// First standard id that the module echoes; there are sixteen.
 pub const ECHO_STANDARD: u16 = 0x700;
-/// First extended id that the module echoes; 65,536 of them.
+/// First extended id that the module echoes; there are 65,536.
 pub const ECHO_EXTENDED: u32 = 0x1abc_0000;
 const ECHO_STANDARD_COUNT: u16 = 0x10;
 const ECHO_EXTENDED_COUNT: u32 = 0x1_0000;
 
-/// The id under which the module sends a test frame back; `None` if it echoes no frames of this id.
+/// The id of the echo of a test frame with this id; `None` if the module echoes no frames of this id.
 #[must_use]
 pub const fn echo_of(id: CanId) -> Option<CanId> {
     match id {
@@ -59,7 +59,7 @@ pub const fn echo_of(id: CanId) -> Option<CanId> {
     }
 }
 
-/// Whether a frame is one that the module sends back.
+/// Whether a frame has an id under which the module sends test frames back.
 #[must_use]
 pub const fn is_echo(id: CanId) -> bool {
     match id {

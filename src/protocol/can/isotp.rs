@@ -1,7 +1,7 @@
 //! ISO 15765-2 (ISO-TP) over classic CAN, normal addressing: one message of up to 4095 bytes in frames of eight.
 //!
-//! [`IsoTpSender`] and [`IsoTpReceiver`] are the two state machines for one id in one direction; link time is passed in. Any
-//! frames may come: they never panic, and every wait has an end.
+//! [`IsoTpSender`] and [`IsoTpReceiver`] are the two state machines for one id in one direction; link time is passed
+//! in. They take any frames without a panic, and every wait has an end.
 
 mod receiver;
 mod sender;
@@ -13,11 +13,11 @@ pub use sender::{IsoTpSender, SendError, StartError};
 
 /// Longest message whose length fits into the twelve bits of a first frame.
 pub const MAX_PDU: usize = 4095;
-/// N_Bs: the sender waits so long for flow control.
+/// N_Bs: how long the sender waits for flow control.
 pub const N_BS: Duration = Duration::from_millis(1000);
-/// N_Cr: the receiver waits so long for the next consecutive frame.
+/// N_Cr: how long the receiver waits for the next consecutive frame.
 pub const N_CR: Duration = Duration::from_millis(1000);
-/// N_WFTmax: flow control that says "wait" is taken so many times in a row; without an end to it a sender would hang.
+/// N_WFTmax: how often in a row flow control may say "wait". Without this bound a sender would hang.
 pub const MAX_WAITS: u8 = 10;
 
 /// Upper four bits of the first byte.
@@ -33,16 +33,16 @@ const IN_FIRST: usize = 6;
 /// Bytes of a message in a consecutive frame, at most.
 const IN_CONSECUTIVE: usize = 7;
 
-/// Whether the data of a frame is flow control, which goes to the sender; all else goes to the receiver.
+/// Whether the data of a frame is flow control, which is for the sender; all other frames are for the receiver.
 #[must_use]
 pub fn is_flow_control(data: &[u8]) -> bool {
     data.first().is_some_and(|first| first >> 4 == FLOW)
 }
 
-/// What a receiver asks of the sender.
+/// The flow control that a receiver sends to the sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// Go on: so many consecutive frames (0: all), at least so far apart.
+    /// Go on: this many consecutive frames (0: all), with at least this separation.
     Continue {
         /// Frames up to the next flow control; 0: no more flow control.
         block_size: u8,
@@ -79,7 +79,7 @@ impl Flow {
 }
 
 /// The time that an STmin byte stands for: 0..0x7F milliseconds, 0xF1..0xF9 for 100..900 microseconds. Reserved bytes
-/// stand for the longest, 127 ms.
+/// stand for the longest time, 127 ms.
 #[must_use]
 pub fn separation(st_min: u8) -> Duration {
     match st_min {

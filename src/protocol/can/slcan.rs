@@ -1,7 +1,7 @@
 //! slcan (LAWICEL): CAN over a serial port in ASCII lines, as USB adapters and the Linux `slcand` speak it.
 //!
 //! One decoder reads both directions: frames, commands to the adapter, and its answers. Answers are optional: adapters
-//! differ in what they acknowledge, so nothing here waits for one.
+//! differ in what they acknowledge, so this module does not wait for an answer.
 
 use super::{CanFrame, CanId};
 
@@ -11,18 +11,18 @@ pub const MAX_LINE: usize = 30;
 pub const MAX_ENCODED: usize = 27;
 /// Ends a line.
 const END: u8 = b'\r';
-/// Stands for a whole line: the adapter refused.
+/// A whole line in one byte: the adapter refused.
 const BELL: u8 = 7;
 
 /// A frame as a line.
 pub type SlcanLine = heapless::Vec<u8, MAX_ENCODED>;
 
-/// What opens an adapter at 500 kbit/s: an end for whatever half line was sent before, close, rate, open.
+/// The bytes that open an adapter at 500 kbit/s: the end of a line that may be half sent, close, rate, open.
 pub const OPEN_500K: &[u8] = b"\rC\rS6\rO\r";
-/// Closes it.
+/// The bytes that close it.
 pub const CLOSE: &[u8] = b"C\r";
 
-/// A line that means something.
+/// A line with a meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SlcanEvent {
     /// A data frame.
@@ -39,20 +39,20 @@ pub enum SlcanEvent {
     Rate(u8),
     /// Another command or answer, by its first letter.
     Other(u8),
-    /// The adapter refused what it was told.
+    /// The adapter refused a command.
     Refused,
 }
 
-/// What the decoder has seen.
+/// Counts of the decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
     /// Data frames.
     pub frames: u32,
-    /// Lines that are none of slcan.
+    /// Lines that are not slcan.
     pub bad_lines: u32,
 }
 
-/// Value of a hexadecimal digit; 0xff for all else.
+/// Value of a hexadecimal digit; 0xff for other characters.
 static DIGITS: [u8; 256] = digits();
 
 const fn digits() -> [u8; 256] {
@@ -66,18 +66,18 @@ const fn digits() -> [u8; 256] {
     table
 }
 
-/// Finds lines in whatever arrives. Holds at most one line; never stalls.
+/// Finds lines in arbitrary bytes. Holds at most one line and never stalls.
 #[derive(Debug, Default)]
 pub struct SlcanDecoder {
-    /// A line that came in pieces, as far as it came.
+    /// The received part of a line that comes in pieces.
     pending: heapless::Vec<u8, MAX_LINE>,
     overflowed: bool,
     counters: Counters,
 }
 
 impl SlcanDecoder {
-    /// Takes bytes up to and including the next line that means something off the front of `bytes`. Empty lines mean
-    /// nothing; bad ones are counted. `None`: all bytes are consumed.
+    /// Takes bytes from the front of `bytes`, up to and including the next line with a meaning. Empty lines are
+    /// skipped; bad ones are counted. `None` if all bytes are consumed.
     #[inline]
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<SlcanEvent> {
         loop {
@@ -89,13 +89,13 @@ impl SlcanDecoder {
             let (chunk, terminator, rest) = (&bytes[..end], bytes[end], &bytes[end + 1..]);
             *bytes = rest;
             if terminator == BELL {
-                // A line that it cuts off is lost.
+                // A line that the bell cuts off is lost.
                 self.counters.bad_lines += u32::from(!chunk.is_empty() || !self.pending.is_empty());
                 self.pending.clear();
                 self.overflowed = false;
                 return Some(SlcanEvent::Refused);
             }
-            // A line that came in one piece is read where it lies.
+            // A line that came in one piece is read without a copy.
             let item = if self.pending.is_empty() && !self.overflowed {
                 self.close(chunk)
             } else {
@@ -109,7 +109,7 @@ impl SlcanDecoder {
         }
     }
 
-    /// What was seen so far.
+    /// The counts so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.counters
@@ -124,9 +124,9 @@ impl SlcanDecoder {
 
     #[inline]
     fn close(&mut self, line: &[u8]) -> Option<SlcanEvent> {
-        // Too long is too long, in pieces or not.
+        // A line that is too long is refused whether it came in pieces or not.
         let too_long = line.len() > MAX_LINE;
-        // Some adapters end lines with CR LF, so that the next one begins with the LF.
+        // Some adapters end lines with CR LF, so the next line begins with the LF.
         let line = line.strip_prefix(b"\n").unwrap_or(line);
         let overflowed = core::mem::take(&mut self.overflowed) || too_long;
         if line.is_empty() && !overflowed {
@@ -166,7 +166,7 @@ fn parse(line: &[u8]) -> Option<SlcanEvent> {
     }
 }
 
-/// `COUNT` hexadecimal digits off the front.
+/// Reads `COUNT` hexadecimal digits from the front.
 #[inline]
 fn number<const COUNT: usize>(text: &[u8]) -> Option<u32> {
     let text = text.first_chunk::<COUNT>()?;
@@ -179,7 +179,7 @@ fn number<const COUNT: usize>(text: &[u8]) -> Option<u32> {
     (wrong < 0x10).then_some(value)
 }
 
-/// Length and data; adapters may add a timestamp of four digits.
+/// Reads length and data; adapters may add a timestamp of four digits.
 #[inline]
 fn frame(id: CanId, rest: &[u8]) -> Option<SlcanEvent> {
     let (length, rest) = length(rest)?;
@@ -219,7 +219,7 @@ fn has_timestamp(rest: &[u8], at: usize) -> bool {
 pub fn encode(frame: &CanFrame) -> SlcanLine {
     const HEX: &[u8; 16] = b"0123456789ABCDEF";
     let mut line = SlcanLine::new();
-    // The buffer holds the longest line, so that no push can fail.
+    // The buffer holds the longest line, so no push can fail.
     let mut put = |byte| {
         let _ = line.push(byte);
     };

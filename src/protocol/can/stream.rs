@@ -1,8 +1,8 @@
-//! Streams as raw frames with a number in each, so that a loss is seen whichever frame it hits.
+//! Streams as raw frames. Each frame has a number, so the host sees the loss of any frame.
 //!
 //! An IMU sample is exactly three frames: gyroscopes, accelerometers, magnetometer, each a counter of ten bits and
-//! three values of 18 bits. [`Packer`] takes the STREAM frames of a board apart, [`Unpacker`] makes STREAM frames of
-//! what arrives.
+//! three values of 18 bits. [`Packer`] splits the STREAM frames of a board, [`Unpacker`] makes STREAM frames from the
+//! raw frames.
 
 use crate::message::StreamStart;
 use crate::stream::{Format, ImuSample, PpsCapture, SATURATION, StreamFrame, StreamHead, StreamId};
@@ -12,25 +12,24 @@ pub use super::compensated::compensated_bits;
 use super::{BIT_RATE, CanFrame, CanId, MAX_DATA, bits, compensated, id, worst_bits};
 
 /// A mark (whole number, temperatures) and the clock go before each sample whose number is a multiple of this, and
-/// before the first one after a loss on the board: often enough to find the way again after a loss of samples, for
-/// less than 1 % of the bus.
+/// before the first sample after a loss on the board. This is often enough to recover after a loss of samples, and
+/// takes less than 1 % of the bus.
 pub const MARK_EVERY: u32 = 64;
 /// Values of the sensors travel as the upper 18 of their 24 bits.
 const SHIFT: u32 = 6;
-/// The other end of saturation.
+/// The lower end of the range: the negative saturation.
 const LOWEST: i32 = -SATURATION - 1;
 /// Largest value of 18 bits; it and its opposite stand for saturation.
 const LARGEST: i32 = (1 << 17) - 1;
 const COUNTER_BITS: u32 = 10;
 const COUNTER_MASK: u32 = (1 << COUNTER_BITS) - 1;
-/// Bytes of the receiver in a frame, behind two bytes of number.
+/// Bytes of the receiver in a frame, after two bytes of number.
 const GNSS_BYTES: usize = MAX_DATA - 2;
 /// Bytes a second and bursts a second of the receiver, as on RS-422.
 const GNSS_BYTES_A_SECOND: u32 = 3_500;
 const GNSS_BURSTS_A_SECOND: u32 = 5;
 
-/// Bits that an IMU stream of `rate_hz` puts on the bus in a second: without stuffing, and with as much as there can
-/// be.
+/// Bits that an IMU stream of `rate_hz` puts on the bus in a second: without stuffing, and with the most stuff bits.
 #[must_use]
 pub const fn imu_bits(rate_hz: u32) -> (u32, u32) {
     let frames = 3 * rate_hz + 2 * rate_hz.div_ceil(MARK_EVERY);
@@ -50,14 +49,14 @@ pub const fn pps_bits() -> (u32, u32) {
     (bits(false, 8), worst_bits(false, 8))
 }
 
-/// Mean share of the bus in thousandths, rounded down: the bits without stuffing and 30 % of the most stuff bits that
-/// there can be, which is about what a module at rest needs.
+/// Mean share of the bus in thousandths, rounded down: the bits without stuffing and 30 % of the largest possible
+/// number of stuff bits. This is about what a module at rest needs.
 #[must_use]
 pub const fn load_permille((plain, worst): (u32, u32)) -> u32 {
     (plain + (worst - plain) * 3 / 10) / (BIT_RATE / 1000)
 }
 
-/// 24 bits to 18: rounded down; saturation stays what it is.
+/// Shortens 24 bits to 18, rounded down; saturation stays saturation.
 fn shorten(counts: i32) -> u64 {
     let value = match counts {
         SATURATION.. => LARGEST,
@@ -67,7 +66,7 @@ fn shorten(counts: i32) -> u64 {
     u64::from(value.cast_unsigned()) & 0x3_ffff
 }
 
-/// 18 bits to 24: the middle of the step, so that the mean is not shifted.
+/// Extends 18 bits to 24: the middle of the step, so that the mean does not shift.
 fn lengthen(value: u64) -> i32 {
     let value = ((value as u32) << 14).cast_signed() >> 14;
     match value {
@@ -87,12 +86,12 @@ fn unpack(data: [u8; MAX_DATA]) -> (u32, [i32; 3]) {
     (word as u32 & COUNTER_MASK, [10, 28, 46].map(|shift| lengthen(word >> shift & 0x3_ffff)))
 }
 
-/// The lower 48 bits of a time and 16 more.
+/// The lower 48 bits of a time and 16 bits of `more`.
 fn clock(time_us: u64, more: u32) -> [u8; MAX_DATA] {
     (time_us & 0xffff_ffff_ffff | u64::from(more & 0xffff) << 48).to_le_bytes()
 }
 
-/// The board's end: from STREAM frames to raw ones.
+/// The board's end: from STREAM frames to raw frames.
 #[derive(Debug, Default)]
 pub struct Packer {
     /// The next IMU sample, if it follows the last one.
@@ -104,7 +103,7 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// A stream begins.
+    /// Starts a stream.
     pub fn start(&mut self, start: &StreamStart) {
         match StreamId::from_number(start.stream) {
             Some(StreamId::Imu) => {
@@ -117,7 +116,7 @@ impl Packer {
         }
     }
 
-    /// Takes a STREAM frame apart.
+    /// Splits a STREAM frame into raw frames.
     pub fn pack(&mut self, frame: &StreamFrame, send: &mut impl FnMut(CanFrame)) {
         let head = &frame.head;
         match Format::from_number(head.format) {
@@ -134,7 +133,7 @@ impl Packer {
                 for (at, piece) in frame.samples.chunks(GNSS_BYTES).enumerate() {
                     let first = head.first.wrapping_add((at * GNSS_BYTES) as u32) as u16;
                     let mut data = super::Data::new();
-                    // Two and at most six.
+                    // Two bytes and at most six: they fit.
                     let _ = data.extend_from_slice(&first.to_le_bytes());
                     let _ = data.extend_from_slice(piece);
                     CanFrame::new(CanId::Standard(id::GNSS_BYTES), &data).map(&mut *send);
@@ -173,7 +172,7 @@ impl Packer {
 struct Mark {
     number: u32,
     temperatures: (i16, i16),
-    /// Worked out from the mark before until its own clock comes.
+    /// Computed from the mark before until this mark's own clock comes.
     time_us: u64,
     clocked: bool,
     dropped: u32,
@@ -181,8 +180,8 @@ struct Mark {
 
 /// The host's end: from raw frames to STREAM frames of one sample, one piece of bytes or one capture each.
 ///
-/// A sample of which a frame is missing is not delivered, so that the gap in `first` counts it as lost; nothing is
-/// delivered before the first mark, since its number is not known.
+/// A sample with a missing frame is not delivered, so the gap in `first` counts it as lost. Before the first mark no
+/// sample is delivered, since its number is not known.
 #[derive(Debug, Default)]
 pub struct Unpacker {
     rate_hz: u16,
@@ -196,7 +195,7 @@ pub struct Unpacker {
 }
 
 impl Unpacker {
-    /// The host asks for a stream: its numbers begin anew.
+    /// Starts a stream that the host requests: its numbers begin anew.
     pub fn start(&mut self, start: &StreamStart) {
         match StreamId::from_number(start.stream) {
             Some(StreamId::Imu) => {
@@ -210,7 +209,7 @@ impl Unpacker {
         }
     }
 
-    /// Takes a raw frame of a stream; gives a STREAM frame when one is whole.
+    /// Takes a raw frame of a stream; returns a STREAM frame when one is whole.
     pub fn receive(&mut self, can: u16, data: &[u8]) -> Option<StreamFrame> {
         match can {
             id::GNSS_BYTES => return self.bytes(data),
@@ -231,7 +230,7 @@ impl Unpacker {
             }
             id::IMU_CLOCK => {
                 let word = u64::from_le_bytes(data);
-                // Only the clock right behind its mark tells that sample's time.
+                // A clock is the time of the marked sample only if it follows that mark directly.
                 if let Some(mark) = self.mark.as_mut().filter(|mark| !mark.clocked) {
                     mark.time_us = word & 0xffff_ffff_ffff;
                     mark.clocked = true;
@@ -316,12 +315,12 @@ impl Unpacker {
     }
 }
 
-/// Microseconds from one sample to that which is so many behind it, cut once: the errors of periods do not add up.
+/// Microseconds from one sample to the one `samples` later, rounded down once: the errors of periods do not add up.
 pub(super) fn after_us(samples: u32, rate_hz: u16) -> u64 {
     u64::from(samples) * 1_000_000 / u64::from(rate_hz.max(1))
 }
 
-/// The number of which the lower 16 bits are given, at or after `from`.
+/// The number with these lower 16 bits, at or after `from`.
 fn extend(from: u32, low: u64) -> u32 {
     from.wrapping_add(u32::from((low as u16).wrapping_sub(from as u16)))
 }

@@ -1,4 +1,4 @@
-//! Every frame with one or two flipped bits is caught, before stuffing and on the wire, where a flipped bit can
+//! Every frame with one or two flipped bits is detected, before stuffing and on the wire. On the wire a flipped bit can
 //! create or destroy a delimiter.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a helper of a test fails as the test does")]
 
@@ -16,7 +16,7 @@ fn short() -> Frame {
     frame(Kind::Result, &[0x47, 0, 0xff, 1, 0, 0x12])
 }
 
-/// Zeros here and there, and one full run.
+/// A long frame with some zeros and one full run.
 fn long() -> Frame {
     let payload: Vec<u8> =
         (0..MAX_PAYLOAD).map(|at| if at % 53 == 0 && at < 230 { 0 } else { (at % 256) as u8 | 1 }).collect();
@@ -31,7 +31,7 @@ fn reads(bytes: &[u8]) -> bool {
     Frame::from_bytes(bytes).is_ok()
 }
 
-/// Two different bits below `bits`.
+/// Two different bit numbers below `bits`.
 fn pair(random: &mut Xorshift32, bits: usize) -> (usize, usize) {
     let first = random.next().unwrap() as usize % bits;
     (first, (first + 1 + random.next().unwrap() as usize % (bits - 1)) % bits)
@@ -55,7 +55,7 @@ fn all_pairs_in_a_short_frame() {
 }
 
 /// The checksum is linear: flipping bit i changes "computed exclusive-or received" by a fixed word, whatever else is
-/// flipped. Two flips go unseen exactly if their words are equal, so that 4,192 different words prove all 8,784,336
+/// flipped. Two flips stay undetected only if their words are equal. So 4,192 different words prove all 8,784,336
 /// pairs.
 #[test]
 fn all_pairs_in_the_longest_frame() {
@@ -80,7 +80,7 @@ fn all_pairs_in_the_longest_frame() {
     assert_eq!((bits, words.len()), (4192, 4192));
 }
 
-/// And all of them once more, one by one: it takes three seconds.
+/// All pairs again, one by one: this takes three seconds.
 #[test]
 fn all_pairs_in_the_longest_frame_one_by_one() {
     let mut bytes = long().to_bytes();
@@ -97,7 +97,7 @@ fn all_pairs_in_the_longest_frame_one_by_one() {
     assert!(reads(&bytes));
 }
 
-/// A line that fails for up to 32 bits in a row.
+/// The line fails for up to 32 bits in a row.
 #[test]
 fn bursts_in_the_longest_frame() {
     let original = long().to_bytes();
@@ -112,8 +112,8 @@ fn bursts_in_the_longest_frame() {
     }
 }
 
-/// A good frame, the damaged one, a good frame: the neighbours arrive, and the one between as it was or not at all.
-/// (As it was: a delimiter that turns into the code 01 behind a full run changes nothing.)
+/// A good frame, the damaged one, a good frame. Both neighbours arrive; the middle one arrives unchanged or not at all.
+/// (Unchanged: a delimiter that turns into the code 01 after a full run changes nothing.)
 struct Line {
     before: Frame,
     damaged: Frame,

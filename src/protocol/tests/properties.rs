@@ -1,4 +1,4 @@
-//! What holds for any bytes, any chunks and any values.
+//! Properties that hold for any bytes, any pieces and any values.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a helper of a test fails as the test does")]
 
 use std::fmt::Debug;
@@ -14,7 +14,7 @@ use proptest::prelude::*;
 
 type Outcome = Result<Frame, FrameError>;
 
-/// Everything that comes out of `bytes` handed over in pieces of the given lengths (the last one again and again).
+/// Everything that the decoder gives for `bytes` in pieces of the given lengths (the last length again and again).
 fn decode(bytes: &[u8], pieces: &[usize]) -> (Vec<Outcome>, LineCounters) {
     let (mut decoder, mut outcomes, mut rest, mut at) = (FrameDecoder::default(), Vec::new(), bytes, 0);
     while !rest.is_empty() {
@@ -38,7 +38,7 @@ fn good(outcomes: &[Outcome]) -> Vec<Frame> {
     outcomes.iter().flatten().cloned().collect()
 }
 
-/// Bytes as a wire carries them: often zero, often like codes.
+/// Bytes as on a wire: often zero, often like codes.
 fn any_byte() -> impl Strategy<Value = u8> {
     prop_oneof![3 => any::<u8>(), 2 => Just(0_u8), 1 => Just(1_u8), 1 => Just(0xff_u8), 1 => 2..20_u8]
 }
@@ -87,7 +87,7 @@ proptest! {
         prop_assert_eq!(counters, LineCounters { frames: 1, ..LineCounters::default() });
     }
 
-    /// Every good frame is found after any rubbish, since each begins with a delimiter.
+    /// Every good frame is found after any rubbish, since each frame begins with a delimiter.
     #[test]
     fn resynchronises(parts in proptest::collection::vec((rubbish(), any_frame()), 1..6)) {
         let mut wire = Vec::new();
@@ -118,12 +118,12 @@ proptest! {
         prop_assert_eq!(&decode(&wire, &[1]), &at_once);
     }
 
-    /// A write that was cut off and then the next frame.
+    /// A write that was cut off, and then the next frame.
     #[test]
     fn half_a_frame_costs_no_other(cut in any_frame(), whole in any_frame(), share in 0.0..1.0_f64) {
         let mut wire = serial::encode(&cut).to_vec();
         let kept = (wire.len() as f64 * share) as usize;
-        // Only its delimiter missing, the first frame is whole as well.
+        // If only its delimiter is missing, the first frame is whole as well.
         let lost = kept < wire.len() - 1;
         wire.truncate(kept);
         wire.extend_from_slice(&serial::encode(&whole));
@@ -143,7 +143,7 @@ proptest! {
     }
 }
 
-/// Frames missing by their numbers, over the wrap; a step back and a HELLO count nothing.
+/// Frames missing by their numbers, over the wrap of the number. A step back and a HELLO count nothing.
 #[test]
 fn missing_frames_are_counted_by_their_numbers() {
     let frame = |kind, sequence| {
@@ -164,14 +164,14 @@ fn missing_frames_are_counted_by_their_numbers() {
     assert_eq!(missing(&[(Kind::Event, 40_000), (Kind::Hello, 0), (Kind::Event, 3)]), 2);
 }
 
-/// A field of a layout, as the interface document gives it.
+/// A field of a layout, as in the interface document.
 #[derive(Clone, Copy)]
 enum Field {
-    /// So many bytes, any of them.
+    /// This many arbitrary bytes.
     Bytes(usize),
-    /// A text of at most so many bytes.
+    /// A text of at most this many bytes.
     Text(usize),
-    /// At most so many elements of so many bytes.
+    /// At most this many elements of this many bytes each.
     List(usize, usize),
 }
 use Field::{Bytes, List, Text};
@@ -185,7 +185,7 @@ fn longest(layout: &[Field]) -> usize {
     layout.iter().map(length).sum()
 }
 
-/// Bytes after the layout, with lists and texts as long as `choose` says.
+/// Bytes of the layout, with lists and texts as long as `choose` says.
 fn fill(layout: &[Field], choose: &mut impl FnMut(usize) -> usize, byte: &mut impl FnMut() -> u8) -> Vec<u8> {
     let mut bytes = Vec::new();
     for field in layout {
@@ -206,7 +206,7 @@ fn fill(layout: &[Field], choose: &mut impl FnMut(usize) -> usize, byte: &mut im
     bytes
 }
 
-/// Every value of the layout reads and writes back to the same bytes; cut or lengthened it is refused.
+/// Every value of the layout is read and written back to the same bytes. A shorter or longer payload is refused.
 fn round_trip<M: Wire>(name: &str, layout: &[Field]) {
     let mut random = gnc_protocol::pattern::Xorshift32::new(0xC0FFEE);
     for round in 0..200 {
@@ -244,7 +244,7 @@ fn round_trip<M: Wire>(name: &str, layout: &[Field]) {
     }
 }
 
-/// A request and its result, whose longest body fits behind the head of a RESULT.
+/// A request and its result. The longest body of the result fits after the head of a RESULT.
 fn call<C: Call>(seen: &mut Vec<u16>, request: &[Field], reply: &[Field])
 where
     C::Reply: Debug,

@@ -15,7 +15,7 @@ use gnc_protocol::wire::{FieldReader, Wire, text};
 use gnc_protocol::{Call, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, Request, timing};
 use proptest::prelude::*;
 
-/// Notes what it is asked and does what the test puts into its fields.
+/// A board that notes its requests and acts as the test sets its fields.
 #[derive(Default)]
 struct Scripted {
     started: Vec<u16>,
@@ -75,7 +75,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// With a session, and the first heartbeat gone.
+    /// A bench with a session, after the first heartbeat.
     fn in_session() -> Self {
         let mut bench = Self::default();
         bench.hello(1, 1, 1);
@@ -223,7 +223,7 @@ fn a_running_request_is_started_once() {
     assert_eq!(bench.board.started, [7]);
 }
 
-/// Else the host would wait for the result of a request that was never started.
+/// Otherwise the host would wait for the result of a request that was never started.
 #[test]
 fn the_id_of_a_running_request_serves_no_other_message() {
     let mut bench = Bench::in_session();
@@ -263,7 +263,7 @@ fn the_last_eight_results_are_replayed_and_not_the_ninth() {
     assert_eq!(brief(&bench.ask(1, &ModulePower { on: 1 })), [(Kind::Accept, 1, ModulePower::ID)]);
 }
 
-/// What must not happen twice because an answer was lost includes the commands that end at once.
+/// Commands that end at once must also not run twice because an answer was lost.
 #[test]
 fn make_safe_and_abort_are_replayed_too() {
     let mut bench = Bench::in_session();
@@ -275,7 +275,7 @@ fn make_safe_and_abort_are_replayed_too() {
     bench.ask(3, &MakeSafe {});
     assert_eq!(brief(&bench.ask(3, &MakeSafe {})), [(Kind::Result, 3, MakeSafe::ID)]);
     assert_eq!(bench.board.made_safe, 1);
-    // And so is the result of what was aborted.
+    // The result of an aborted request is replayed too.
     assert_eq!(status(&bench.ask(1, &RAM)[0]), FaultCode::Aborted);
 }
 
@@ -296,7 +296,7 @@ fn refusals() {
         assert_eq!(nak_code(&sent), code);
         assert_eq!(Nak::from_payload(&sent[0].payload).unwrap().text, "why");
     }
-    // A refusal is not remembered: the same request may be possible a moment later.
+    // The board does not remember a refusal: the same request may be possible a moment later.
     assert_eq!(brief(&bench.ask(2, &RAM)), [(Kind::Accept, 2, RamTest::ID)]);
 }
 
@@ -324,7 +324,7 @@ fn abort_ends_one_request() {
     assert_eq!(status(&sent[0]), FaultCode::Aborted);
     assert_eq!(AbortReply::from_payload(&sent[2].payload[6..]).unwrap(), AbortReply { was_running: 1 });
     assert_eq!(bench.board.aborted, [1]);
-    // What the board finished a moment too late does not answer a second time.
+    // A result that the board finishes a moment too late gives no second answer.
     assert_eq!(bench.finish(1, &MismatchReply::default()), []);
     let sent = bench.ask(4, &Abort { request: 1 });
     assert_eq!(AbortReply::from_payload(&sent[1].payload[6..]).unwrap(), AbortReply { was_running: 0 });
@@ -388,7 +388,7 @@ fn the_watchdog_bites_at_its_exact_time() {
     }
 }
 
-/// A simulator that stood still together with its host; the host's silence counts on behind that, and never from later
+/// A simulator that stood still together with its host. Excused time is not silence, and silence never begins later
 /// than now.
 #[test]
 fn excused_time_is_no_silence() {
@@ -407,7 +407,7 @@ fn excused_time_is_no_silence() {
     }
 }
 
-/// A line whose ends are joined, or a second board: whatever a board sends must not look like a living host.
+/// A line with joined ends, or a second board: frames of a board must not count as a living host.
 #[test]
 fn its_own_echo_does_not_feed_the_watchdog() {
     let mut bench = Bench::in_session();
@@ -437,7 +437,7 @@ fn frames_of_another_version_do_not_feed_the_watchdog() {
     }
 }
 
-/// Within a version a keep-alive may grow; a HELLO is one by its kind, whatever else its header says.
+/// Within a version a keep-alive may grow. A HELLO is a HELLO by its kind, whatever else its header says.
 #[test]
 fn what_may_change_in_a_sign_of_life_still_feeds_the_watchdog() {
     let hello = HostHello { magic: MAGIC, lowest: 1, highest: 1, nonce: 1 }.to_payload().unwrap().to_vec();
@@ -451,7 +451,7 @@ fn what_may_change_in_a_sign_of_life_still_feeds_the_watchdog() {
     }
 }
 
-/// Driven by [`Slave::next_due`] alone, as a board's loop would.
+/// Only [`Slave::next_due`] drives the slave, as in a board's loop.
 #[test]
 fn progress_comes_often_enough_until_the_result() {
     let mut bench = Bench::in_session();
@@ -535,7 +535,7 @@ fn wire_of(vector: &str) -> Vec<u8> {
     (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
 }
 
-/// From wire to wire: the bytes of the interface document go in, its bytes come out.
+/// From wire to wire: the request bytes of the interface document give its answer bytes.
 #[test]
 fn the_board_answers_a_hello_with_the_bytes_of_the_vector() {
     let mut bench = Bench {
@@ -584,8 +584,8 @@ fn step() -> impl Strategy<Value = Step> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Any order of anything: every request is answered at once by exactly one ACCEPT, NAK or replayed RESULT
-    /// (MAKE_SAFE and ABORT: with results behind), nothing runs twice at a time, frames count without gaps.
+    /// Any requests in any order. Every request is answered at once by exactly one ACCEPT, NAK or replayed RESULT
+    /// (MAKE_SAFE and ABORT: results follow). No request runs twice at a time, and frames count without gaps.
     #[test]
     fn storms(steps in proptest::collection::vec(step(), 1..200)) {
         let mut bench = Bench::default();

@@ -1,7 +1,7 @@
 //! The frozen wire vectors of `tests/vectors/`: each decodes to the expected value and encodes to the exact bytes.
 //!
-//! A failure means that this crate no longer speaks the protocol of the boards in the field. The vectors are not to
-//! be changed.
+//! A failure means that this crate no longer speaks the protocol of the boards in the field. The vectors must not
+//! change.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a helper of a test fails as the test does")]
 
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use gnc_protocol::stream::*;
 use gnc_protocol::wire::{FieldReader, List, Wire, text};
 use gnc_protocol::{Call, Flags, Frame, Header, Kind, NakCode, Payload, Request};
 
-/// A vector as it stands in the file.
+/// A vector as written in the file.
 struct Vector {
     frame: Frame,
     unstuffed: Vec<u8>,
@@ -181,7 +181,7 @@ fn record(index: u16, request: u16, message: u16, kind: ErrorKind) -> ErrorRecor
     ErrorRecord { index, request, message, kind: kind as u16, ..ErrorRecord::default() }
 }
 
-/// The coefficients of the vectors, written down a third time.
+/// The coefficients of the vectors, written a third time.
 fn calibration() -> Calibration {
     Calibration {
         id: 7001,
@@ -397,7 +397,7 @@ fn compensated_samples() {
     list.all_seen();
 }
 
-/// A coefficient outside its range is found and named; NaN lies in none.
+/// A coefficient outside its range is found and named; NaN is in no range.
 #[test]
 fn coefficients_have_ranges() {
     assert_eq!(calibration().bad_field(), None);
@@ -419,7 +419,7 @@ fn coefficients_have_ranges() {
     }
 }
 
-/// Encoders disagree on whether a full run at the very end is followed by a 01; receivers take both.
+/// Encoders differ: some add a 01 after a full run at the very end. Receivers take both forms.
 #[test]
 fn a_full_run_at_the_end_may_be_followed_by_a_code_of_its_own() {
     for length in [242, 496] {
@@ -441,7 +441,7 @@ fn icd() -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/ICD.md")).unwrap()
 }
 
-/// Frames that the interface document shows are vectors, so that a slip of the pen there cannot stand.
+/// The frames shown in the interface document are vectors, so that a mistake there is found.
 #[test]
 fn frames_in_the_interface_document_are_vectors() {
     let wires: Vec<Vec<u8>> =
@@ -468,7 +468,7 @@ fn frames_in_the_interface_document_are_vectors() {
     }
 }
 
-/// Every message, code and kind has its row.
+/// Every message, code and kind has a row.
 #[test]
 fn the_interface_document_names_everything() {
     let document = icd();
@@ -489,7 +489,7 @@ fn the_interface_document_names_everything() {
     assert_eq!(kinds.matches("\n| ").count(), ErrorKind::ALL.len() + 2, "a kind too many");
 }
 
-/// Written out, since a board in the field has these numbers and not our names for them.
+/// The numbers are written out, since a board in the field has these numbers and not our names for them.
 #[test]
 fn the_numbers_of_the_interface_document() {
     use gnc_protocol::{frame, slave, timing};

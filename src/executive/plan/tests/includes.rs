@@ -101,7 +101,7 @@ fn includes_that_are_refused() {
 
 #[test]
 fn includes_are_bounded() {
-    // A chain that never ends, and a fan that never ends.
+    // The first plan is a chain of includes without end. The second one has more includes than allowed.
     let mut asked = 0;
     let mut chain = |name: &str| {
         asked += 1;

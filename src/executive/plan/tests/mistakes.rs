@@ -1,8 +1,8 @@
-//! What a plan may get wrong, each as its writer reads it.
+//! Mistakes in plans, each as the writer sees it.
 
 use super::*;
 
-/// The mistakes that plans really have, each as its writer reads it.
+/// The mistakes that plans really have, each as the writer sees it.
 #[test]
 fn all_mistakes_of_meaning_at_once() {
     let text = r#"name = "Functional Test"
@@ -248,7 +248,7 @@ gyro_x = "<= 1 deg/s"
     "#);
 }
 
-/// What cannot be read must not make mistakes of what depends on it.
+/// An unreadable item must not cause mistakes in items that depend on it.
 #[test]
 fn one_slip_is_one_mistake() {
     let text = FUNCTIONAL.replace("id = \"identity\"", "id = \"idnetity\"");
@@ -390,7 +390,7 @@ fn what_is_no_plan_at_all() {
     "#);
 }
 
-/// A list that is there and empty is no plan either: its run would have nothing to judge.
+/// An empty list is no plan either: its run would have nothing to judge.
 #[test]
 fn a_plan_without_an_item_is_refused() {
     for text in ["item = []\n", "include = []\n"] {

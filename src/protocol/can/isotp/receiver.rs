@@ -1,4 +1,4 @@
-//! Puts a message together.
+//! Assembles a message from its frames.
 
 use core::time::Duration;
 
@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use super::{CONSECUTIVE, FIRST, Flow, IN_CONSECUTIVE, IN_FIRST, IN_SINGLE, N_CR, SINGLE};
 
-/// What a receiver asks of senders.
+/// What a receiver asks of a sender by flow control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FlowSettings {
     /// Consecutive frames up to the next flow control; 0: all.
@@ -15,42 +15,42 @@ pub struct FlowSettings {
     pub st_min: u8,
 }
 
-/// Why a message, or a frame, came to nothing.
+/// Why a message or a frame is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Failure {
     /// No consecutive frame within [`N_CR`].
     #[error("no consecutive frame in {} ms", N_CR.as_millis())]
     Timeout,
-    /// A consecutive frame with another number than the next one: one was lost, doubled or overtaken.
+    /// A consecutive frame has another number than expected: a frame was lost, doubled or overtaken.
     #[error("consecutive frame {got} instead of {expected}")]
     Sequence {
-        /// The next one.
+        /// The expected number.
         expected: u8,
-        /// What came.
+        /// The number that came.
         got: u8,
     },
-    /// Longer than the receiver's buffer.
+    /// The message is longer than the receiver's buffer.
     #[error("a message of {length} bytes is too long")]
     TooLong {
-        /// As announced.
+        /// Its announced length.
         length: usize,
     },
-    /// Too few bytes for what the frame says it is, or a length that it must not have. A frame like that is passed
-    /// over; a message that runs goes on.
+    /// The frame has too few bytes for its kind, or a forbidden length. The receiver skips it; a message under way goes
+    /// on.
     #[error("a frame that is none of ISO-TP")]
     Malformed,
 }
 
-/// What a frame led to.
+/// The result of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum IsoTpReceived {
     /// Nothing yet.
     Nothing,
     /// Flow control to send, at once.
     Flow(Flow),
-    /// A message is there: [`IsoTpReceiver::pdu`].
+    /// A message is complete: [`IsoTpReceiver::pdu`].
     Complete,
-    /// A message or a frame is lost; where the message was too long, the sender must be told ([`Flow::Overflow`]).
+    /// A message or a frame is lost; if the message was too long, the sender must be told ([`Flow::Overflow`]).
     Failed(Failure),
 }
 
@@ -58,7 +58,7 @@ pub enum IsoTpReceived {
 struct Running {
     length: usize,
     sequence: u8,
-    /// Consecutive frames up to the next flow control; `None` without bound.
+    /// Consecutive frames up to the next flow control; `None` if there is no bound.
     left: Option<u8>,
     until: Duration,
 }
@@ -79,19 +79,19 @@ impl<const N: usize> Default for IsoTpReceiver<N> {
 }
 
 impl<const N: usize> IsoTpReceiver<N> {
-    /// A receiver with its wishes.
+    /// Makes a receiver with its settings.
     #[must_use]
     pub const fn new(settings: FlowSettings) -> Self {
         Self { settings, pdu: Vec::new(), running: None, interrupted: 0 }
     }
 
-    /// The message, once [`IsoTpReceived::Complete`] said that it is whole; up to the next frame.
+    /// The message after [`IsoTpReceived::Complete`]; it is valid up to the next frame.
     #[must_use]
     pub fn pdu(&self) -> &[u8] {
         &self.pdu
     }
 
-    /// Whether a message has begun and not ended.
+    /// Whether no message is under way.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.running.is_none()
@@ -103,7 +103,7 @@ impl<const N: usize> IsoTpReceiver<N> {
         self.interrupted
     }
 
-    /// Forgets what has begun.
+    /// Drops the message under way.
     pub fn cancel(&mut self) {
         self.running = None;
     }
@@ -119,7 +119,7 @@ impl<const N: usize> IsoTpReceiver<N> {
         }
     }
 
-    /// Looks at the time.
+    /// Checks the time.
     ///
     /// # Errors
     /// [`Failure::Timeout`] once, when the wait for a consecutive frame is over.
@@ -153,7 +153,7 @@ impl<const N: usize> IsoTpReceiver<N> {
             return IsoTpReceived::Failed(Failure::Malformed);
         };
         let length = match usize::from(high) << 8 | usize::from(low) {
-            // The escape to lengths of 32 bits: more than any buffer here.
+            // This is the escape to lengths of 32 bits, which are more than any buffer here.
             0 => match content {
                 &[a, b, c, d, ..] => u32::from_be_bytes([a, b, c, d]) as usize,
                 _ => return IsoTpReceived::Failed(Failure::Malformed),
@@ -173,7 +173,7 @@ impl<const N: usize> IsoTpReceiver<N> {
     }
 
     fn consecutive(&mut self, sequence: u8, content: &[u8], now: Duration) -> IsoTpReceived {
-        // Nobody waits for it: the rest of a message that was given up, or somebody else's.
+        // The receiver expects no such frame: it belongs to a message that was given up, or to another sender.
         let Some(running) = self.running.as_mut() else { return IsoTpReceived::Nothing };
         let wanted = (running.length - self.pdu.len()).min(IN_CONSECUTIVE);
         if content.len() < wanted {
@@ -208,7 +208,7 @@ impl<const N: usize> IsoTpReceiver<N> {
         self.pdu.clear();
     }
 
-    /// Lengths are checked against the buffer before anything is kept.
+    /// Keeps bytes. Their length is checked against the buffer before.
     fn keep(&mut self, content: &[u8]) {
         let _ = self.pdu.extend_from_slice(content);
     }

@@ -1,4 +1,4 @@
-//! Takes a message apart.
+//! Splits a message into frames.
 
 use core::time::Duration;
 
@@ -10,16 +10,16 @@ use crate::can::Data;
 /// Why a message cannot be sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StartError {
-    /// Another one is on its way.
+    /// Another message is on its way.
     #[error("another message is on its way")]
     Busy,
     /// ISO-TP has no message without bytes.
     #[error("a message without bytes")]
     Empty,
-    /// Longer than the sender's buffer or than 4095 bytes.
+    /// The message is longer than the sender's buffer or than 4095 bytes.
     #[error("a message of {length} bytes is too long")]
     TooLong {
-        /// Bytes.
+        /// Bytes of the message.
         length: usize,
     },
 }
@@ -30,7 +30,7 @@ pub enum SendError {
     /// No flow control within [`N_BS`].
     #[error("no flow control in {} ms", N_BS.as_millis())]
     FlowTimeout,
-    /// The receiver has no room for it.
+    /// The receiver has no room for the message.
     #[error("the receiver has no room for the message")]
     Overflow,
     /// The receiver said "wait" once too often.
@@ -44,13 +44,13 @@ pub enum SendError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Idle,
-    /// Nothing is sent yet.
+    /// The first frame is not sent yet.
     Ready,
     WaitFlow {
         until: Duration,
         waits: u8,
     },
-    /// The next frame may go at `at`; `left` frames up to the next flow control, `None` without bound.
+    /// The next frame may go at `at`; `left` frames up to the next flow control, `None` if there is no bound.
     Go {
         at: Duration,
         gap: Duration,
@@ -63,7 +63,7 @@ enum State {
 pub struct IsoTpSender<const N: usize> {
     pdu: Vec<u8, N>,
     sent: usize,
-    /// Of the next consecutive frame; the first one has 1.
+    /// The number of the next consecutive frame; the first one has 1.
     sequence: u8,
     state: State,
 }
@@ -75,10 +75,10 @@ impl<const N: usize> Default for IsoTpSender<N> {
 }
 
 impl<const N: usize> IsoTpSender<N> {
-    /// Takes a message on.
+    /// Takes a message to send.
     ///
     /// # Errors
-    /// [`StartError`]; then nothing changed.
+    /// [`StartError`]; nothing has changed then.
     pub fn start(&mut self, pdu: &[u8]) -> Result<(), StartError> {
         if self.state != State::Idle {
             return Err(StartError::Busy);
@@ -90,19 +90,19 @@ impl<const N: usize> IsoTpSender<N> {
             return Err(StartError::TooLong { length: pdu.len() });
         }
         self.pdu.clear();
-        // The length was checked.
+        // The length is checked above, so this cannot fail.
         let _ = self.pdu.extend_from_slice(pdu);
         (self.sent, self.sequence, self.state) = (0, 1, State::Ready);
         Ok(())
     }
 
-    /// Whether nothing is on its way.
+    /// Whether no message is on its way.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.state == State::Idle
     }
 
-    /// Gives up what is on its way.
+    /// Gives up the message on its way.
     pub fn cancel(&mut self) {
         self.state = State::Idle;
     }
@@ -137,7 +137,7 @@ impl<const N: usize> IsoTpSender<N> {
         }
     }
 
-    /// Takes flow control; when nobody waits for it, it means nothing.
+    /// Takes flow control; ignores it if the sender does not wait for it.
     ///
     /// # Errors
     /// [`SendError`] if the message is given up.
@@ -161,7 +161,7 @@ impl<const N: usize> IsoTpSender<N> {
         Err(error)
     }
 
-    /// Looks at the time.
+    /// Checks the time.
     ///
     /// # Errors
     /// [`SendError::FlowTimeout`] once, when the wait for flow control is over.
@@ -187,7 +187,7 @@ impl<const N: usize> IsoTpSender<N> {
     }
 }
 
-/// One or two bytes of head and what follows; the callers keep to eight in all.
+/// Makes a frame of one or two head bytes and the content; the callers keep to eight bytes in all.
 fn frame(head: &[u8], content: &[u8]) -> Data {
     head.iter().chain(content).copied().take(crate::can::MAX_DATA).collect()
 }

@@ -31,7 +31,7 @@ fn post(endpoint: &mut Endpoint, frame: &Frame) {
     endpoint.send(frame, &mut |raw| panic!("a raw frame: {raw:?}"));
 }
 
-/// Frames go back and forth until nobody has any more to say; `keep` says which of them get through.
+/// Frames go back and forth until both ends have no more to send; `keep` says which frames get through.
 fn settle(host: &mut Endpoint, board: &mut Endpoint, now: Duration, keep: &mut impl FnMut() -> bool) -> Vec<Frame> {
     let mut heard = Vec::new();
     loop {
@@ -50,7 +50,7 @@ fn ends() -> (Endpoint, Endpoint) {
     (Endpoint::new(EndpointRole::Host), Endpoint::new(EndpointRole::Board))
 }
 
-/// What makes the board safe overtakes a long request that is on its way.
+/// A message that makes the board safe overtakes a long request on its way.
 #[test]
 fn make_safe_overtakes() {
     let (mut host, mut board) = ends();
@@ -64,7 +64,7 @@ fn make_safe_overtakes() {
     assert_eq!(host.poll(ZERO).unwrap().id(), CanId::Standard(0x20));
 }
 
-/// An answer that nobody fetches does not hold up the HELLO of the next host.
+/// An unfetched answer does not delay the HELLO of the next host.
 #[test]
 fn a_hello_opens_the_way() {
     let (_, mut board) = ends();
@@ -97,7 +97,7 @@ fn messages_are_numbered_channel_by_channel() {
     assert_eq!((board.counters().frames, board.counters().missing), (6, 0));
 }
 
-/// A message that is lost is missing by its number when the next one comes.
+/// A lost message is counted as missing when the next one comes.
 #[test]
 fn lost_messages_are_counted() {
     let (mut host, mut board) = ends();
@@ -120,7 +120,7 @@ fn what_waits_is_bounded() {
 }
 
 proptest! {
-    /// Losses cost messages and never alter one; when the line is good again, the next message arrives.
+    /// Losses cost messages and never alter one. When the line is good again, the next message arrives.
     #[test]
     fn losses_cost_messages_only(pattern in proptest::collection::vec(any::<bool>(), 1..200)) {
         let (mut host, mut board) = ends();

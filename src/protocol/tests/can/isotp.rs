@@ -174,7 +174,7 @@ fn what_breaks_a_message() {
     }
 }
 
-/// Sends a message over a line that loses the frames of which the number is in `lost`; gives what arrived.
+/// Sends a message over a line that loses the frames with the numbers in `lost`; returns what arrived.
 fn over_a_line(message: &[u8], settings: FlowSettings, lost: &[usize]) -> Option<Vec<u8>> {
     let mut sender = IsoTpSender::<MAX_PDU>::default();
     let mut receiver = IsoTpReceiver::<MAX_PDU>::new(settings);
@@ -217,7 +217,7 @@ proptest! {
         prop_assert_eq!(over_a_line(&message, FlowSettings { block_size, st_min }, &[]), Some(message));
     }
 
-    /// A loss costs the message; it never yields another one and never hangs.
+    /// A loss costs the message. It never gives another message and never blocks.
     #[test]
     fn losses_end_in_nothing_or_the_message(length in 1..300_usize, block_size in 0..9_u8, lost in proptest::collection::vec(1..60_usize, 0..4)) {
         let message = counting(length);
@@ -238,7 +238,7 @@ proptest! {
                 prop_assert!((1..=128).contains(&receiver.pdu().len()));
             }
         }
-        // Whatever came, both end by themselves.
+        // After any frames, both ends stop by themselves.
         let end = now + N_BS + N_CR + Duration::from_secs(60);
         for _ in 0..300 {
             let _ = (sender.poll(end), sender.expire(end), receiver.expire(end));

@@ -83,7 +83,7 @@ fn bad_lines_are_counted_and_harm_nothing_else() {
     }
 }
 
-/// Too long is too long, however it arrives; the next line is read.
+/// A line that is too long is dropped, whole or in pieces; the next line is read.
 #[test]
 fn a_line_without_end_is_dropped() {
     let (mut decoder, mut seen) = (SlcanDecoder::default(), Vec::new());
@@ -95,7 +95,7 @@ fn a_line_without_end_is_dropped() {
     assert_eq!(decoder.counters(), Counters { frames: 1, bad_lines: 1 });
 }
 
-/// Found by fuzzing: in one piece it was taken for a line of set-up, in two it was dropped.
+/// Found by fuzzing: in one piece this line counted as a line of set-up, in two pieces it was dropped.
 #[test]
 fn a_line_that_is_too_long_is_dropped_however_it_is_cut() {
     let line = [&b"s"[..], &[b'0'; 40], b"\r"].concat();

@@ -45,7 +45,7 @@ fn received(frames: &[CanFrame]) -> Vec<StreamFrame> {
     frames.iter().filter_map(|frame| unpacker.receive(number(frame), frame.data())).collect()
 }
 
-/// Three frames a sample, two more for each 64 samples.
+/// A sample takes three frames; each 64 samples take two more.
 #[test]
 fn frames_of_a_stream() {
     assert_eq!(sent(1).len(), 5);
@@ -53,7 +53,7 @@ fn frames_of_a_stream() {
     assert_eq!(sent(65).len(), 65 * 3 + 4);
 }
 
-/// More than the ten bits of the counter count.
+/// The numbers go beyond the ten bits of the counter.
 #[test]
 fn numbers_and_times_go_on() {
     let got = received(&sent(3000));
@@ -66,7 +66,7 @@ fn numbers_and_times_go_on() {
     }
 }
 
-/// Whichever of its frames is lost, a sample is missing and its number says so.
+/// If any of its frames is lost, a sample is missing, and its number shows this.
 #[test]
 fn a_lost_frame_costs_its_sample() {
     let all = sent(100);
@@ -98,13 +98,14 @@ fn what_fits_on_the_bus() {
     assert_eq!(loads, [716, 358, 143]);
     assert_eq!((load_permille(gnss_bits()), load_permille(pps_bits())), (140, 0));
     assert_eq!(imu_bits(1000), (3032 * 111, 3032 * 135));
-    // Seven frames of 8 bytes and one of 6 a sample, two more for each 64; a frame of 6 bytes has 95 to 115 bits.
+    // A sample takes seven frames of 8 bytes and one of 6; each 64 samples take two more. A frame of 6 bytes has 95 to
+    // 115 bits.
     assert_eq!(compensated_bits(200), (1408 * 111 + 200 * 95, 1408 * 135 + 200 * 115));
     assert_eq!([200, 483, 484].map(|rate_hz| load_permille(compensated_bits(rate_hz))), [373, 900, 902]);
 }
 
-/// Whichever of its eight frames is lost or comes twice, a compensated sample is missing or whole, never mixed; and
-/// its time and number are right also where marks and clocks are lost.
+/// If any of its eight frames is lost or comes twice, a compensated sample is missing or whole, never mixed. Its time
+/// and number are right even if marks and clocks are lost.
 #[test]
 fn a_compensated_sample_is_whole_or_missing() {
     let start = StreamStart { stream: 4, rate_hz: 200, count: 0, samples_per_frame: 1 };
@@ -150,7 +151,7 @@ fn a_compensated_sample_is_whole_or_missing() {
 }
 
 proptest! {
-    /// Losses anywhere: what arrives is true, in order, and the rest is missing.
+    /// Losses anywhere: the samples that arrive are right and in order, and the rest is missing.
     #[test]
     fn what_arrives_is_true(lost in proptest::collection::hash_set(0..1000_usize, 0..200)) {
         let all = sent(300);

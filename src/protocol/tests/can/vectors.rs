@@ -1,4 +1,4 @@
-//! The frozen vectors of `tests/vectors/v1-can.txt` and `v1-can-compensated.txt`, which are not to be changed.
+//! The frozen vectors of `tests/vectors/v1-can.txt` and `v1-can-compensated.txt`, which must not change.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -58,7 +58,8 @@ fn read_file(file: &str) -> BTreeMap<String, Vector> {
     vectors
 }
 
-/// Sends a frame of the conversation from one end to the other; gives what the bus saw and what arrived.
+/// Sends a frame of the conversation from one end to the other. Returns the frames on the bus and the frames that
+/// arrived.
 fn carry(frame: &Frame, from_host: bool) -> (Bus, Vec<Frame>) {
     let (mut host, mut board) = (Endpoint::new(EndpointRole::Host), Endpoint::new(EndpointRole::Board));
     let (mut bus, mut arrived) = (Bus::new(), Vec::new());
@@ -150,7 +151,7 @@ fn unpacked(stream: StreamId, bus: &Bus) -> Vec<StreamFrame> {
     bus.iter().filter_map(|(_, frame)| unpacker.receive(number(frame), frame.data())).collect()
 }
 
-/// 18 bits: what arrives is the middle of the step of 64 counts that was sent; saturation stays saturation.
+/// 18 bits: the received value is the middle of the sent step of 64 counts; saturation stays saturation.
 #[test]
 fn imu_samples() {
     let bus = &read()["imu"].bus;
@@ -188,7 +189,7 @@ fn imu_samples() {
     assert_eq!(heads, [(1088, 1_088_000, 3), (1089, 1_089_000, 3)]);
 }
 
-/// Bytes 40 and 41 of the two samples are what saturated: 0 and 17.
+/// Bytes 40 and 41 of the two samples hold the saturated channels: 0 and 17.
 #[test]
 fn compensated_samples() {
     let bus = &read_file("v1-can-compensated.txt")["compensated"].bus;
